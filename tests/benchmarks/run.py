@@ -421,7 +421,7 @@ def peers_said(chart: FieldChart) -> str:
         motions = list(dict.fromkeys(one.motion for one in chart.measured))
         gap = {(one.name, one.motion): one.peer_gap for one in chart.measured}
         left_out = {
-            one.name: one.peer_note.removeprefix("left out: ")
+            one.name: one.peer_note.removeprefix("omitted: ")
             for one in chart.measured
             if one not in given
         }

@@ -57,7 +57,7 @@ def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
     result = fit_table(table(tmp_path, im, lost), FragilityRequest(thresholds=(OVER,)))
     (warning,) = result.warnings
     assert warning.startswith(
-        f"{tmp_path / 'runs.csv'}: 3 of 48 runs have no result and are left out, which leans"
+        f"{tmp_path / 'runs.csv'}: 3 of 48 runs have no result and are omitted, which biases"
     )
     known = lost != "diverged"
     (found,) = result.functions
@@ -111,7 +111,7 @@ def test_stripes_of_a_type_need_three_motions_at_each_of_several_levels(
     assert isinstance(found, Fragility) and found.fit == fit
     at_one = replace(runs, im=np.ones(level.size))
     for refused in [at_one] + [runs] * (fit == "cloud"):
-        with pytest.raises(UsageError, match="do not stand at common levels"):
+        with pytest.raises(UsageError, match="no common intensity levels"):
             _fitted(refused, FragilityRequest(fit="stripes"))
 
 
@@ -126,7 +126,7 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
         pytest.approx(same.beta),
     )
     with pytest.raises(
-        UsageError, match="the runs do not stand at common levels of intensity; use --fit cloud"
+        UsageError, match="the runs have no common intensity levels; use --fit cloud"
     ):
         fit_table(table(tmp_path, im), FragilityRequest("stripes", (OVER,)))
     # Three runs make a level, two do not.
@@ -184,8 +184,8 @@ def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -
     file.write_text("im,edp\n0.1,0.01\n0.2,0.02\n0.3,0.029\n")
     result = fit_table(str(file), FragilityRequest(thresholds=(0.001, 0.025, 0.03, 2.0)))
     assert result.disagreements == [
-        "no run is beyond threshold 0.03, threshold 2: the median is extrapolated",
-        "every run is beyond threshold 0.001: the median is extrapolated",
+        "no run exceeds threshold 0.03, threshold 2: the median is extrapolated",
+        "every run exceeds threshold 0.001: the median is extrapolated",
     ]
 
 
@@ -268,7 +268,7 @@ def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
     rare, usual = result.functions
     assert math.isnan(rare.theta_error) and math.isnan(rare.beta_error) and usual.theta_error > 0.0
     assert result.disagreements == [
-        f"less than 10 % of the runs are beyond threshold {high:g}: the median is extrapolated"
+        f"less than 10 % of the runs exceed threshold {high:g}: the median is extrapolated"
     ]
     low = im < float(np.quantile(im, 0.2))
     cells = "\n".join(
@@ -281,7 +281,7 @@ def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
         result.functions[0].theta_error
     )
     assert result.disagreements == [
-        f"every intensity lies below the median of threshold {eighth:g}: the median is extrapolated"
+        f"every intensity is below the median of threshold {eighth:g}: the median is extrapolated"
     ]
 
 

@@ -263,8 +263,8 @@ def test_what_parts_most_from_the_counts_is_told():
     beside = SURE.beside_counts(im, np.ones(200))
     assert beside.counted.apart == pytest.approx([(0.5 - 0.005) / 0.05, 0.0])
     text = (
-        "at im 1 100 % of 100 runs are beyond, the cloud function has 50 %: more apart than their "
-        "scatter allows"
+        "at im 1 100 % of 100 runs exceed, the cloud function gives 50 %: the difference exceeds "
+        "the random scatter"
     )
     assert beside.disagreement == text
     assert beside.named(0.02, "Sa", "g").disagreement == "threshold 0.02: " + text.replace(
@@ -311,9 +311,9 @@ def test_empirical_points_are_the_middles_of_steps():
     ("arguments", "message"),
     [
         (([0.5, 1.0], [10, 10], [10, 10]), "every record exceeds"),
-        (([0.5, 1.0, 2.0], [0, 0, 10], [10, 10, 10]), "add levels between them"),
-        (([0.5, 1.0, 2.0], [0, 4, 10], [10, 10, 10]), "add levels between them"),
-        (([0.5, 1.0, 2.0], [9, 5, 1], [10, 10, 10]), "more frequent with intensity"),
+        (([0.5, 1.0, 2.0], [0, 0, 10], [10, 10, 10]), "add intensity levels in between"),
+        (([0.5, 1.0, 2.0], [0, 4, 10], [10, 10, 10]), "add intensity levels in between"),
+        (([0.5, 1.0, 2.0], [9, 5, 1], [10, 10, 10]), "does not increase with intensity"),
     ],
 )
 def test_stripes_that_tell_nothing(arguments, message):
@@ -324,8 +324,8 @@ def test_stripes_that_tell_nothing(arguments, message):
 @pytest.mark.parametrize(
     ("capacity", "censored", "message"),
     [
-        ([1.0], None, "median and dispersion need two"),
-        ([1.0, 2.0, 2.0], [False, True, True], "need two"),
+        ([1.0], None, "median and dispersion require at least two"),
+        ([1.0, 2.0, 2.0], [False, True, True], "require at least two"),
         ([1.0, 1.0, 1.0], None, "all capacities are equal"),
     ],
 )
@@ -335,14 +335,14 @@ def test_capacities_that_tell_nothing(capacity, censored, message):
 
 
 def test_clouds_that_tell_nothing():
-    with pytest.raises(AnalysisError, match="do not grow"):
+    with pytest.raises(AnalysisError, match="do not increase"):
         fit_cloud([1.0, 2.0, 3.0, 4.0], [4.0, 3.1, 2.0, 1.0], [2.0])
-    with pytest.raises(AnalysisError, match="three different"):
+    with pytest.raises(AnalysisError, match="three different intensities"):
         fit_cloud([1.0, 1.0, 2.0], [1.0, 2.0, 3.0], [2.0])
     with pytest.raises(AnalysisError, match="on one line"):
         fit_cloud([1.0, 2.0, 4.0], [1.0, 2.0, 4.0], [2.0])
     with pytest.raises(
-        AnalysisError, match=r"do not tell the median: it is exp\(.* \+- .*\), with a dispersion of"
+        AnalysisError, match=r"do not determine the median: exp\(.* \+- .*\), with a dispersion of"
     ):
         fit_cloud([1.0, 2.0, 4.0, 8.0], [1.0, 3.0, 1.0, 2.2], [1e-9])  # a slope of 0.18, by chance
 
@@ -354,21 +354,24 @@ SQUARE = [[0.5, 1.0], [2.0, 4.0]]
     ("call", "message"),
     [
         (lambda: fit_stripes([0.0, 1.0], [0, 1], [2, 2]), "levels of intensity"),
-        (lambda: fit_stripes([0.5, 1.0], [0, 3], [2, 2]), "no more exceedances than records"),
-        (lambda: fit_stripes([0.5, 1.0], [0, -1], [2, 2]), "no more exceedances than records"),
-        (lambda: fit_stripes([0.5, 1.0], [0, 0], [2, 0]), "there must be records"),
-        (lambda: fit_stripes([0.5, 1.0], [0], [2, 2]), "as many levels as"),
-        (lambda: fit_stripes([0.5, 1.0], [0, 1], [2]), "as many levels as"),
-        (lambda: fit_stripes(SQUARE, SQUARE, SQUARE), "as many levels as"),
-        (lambda: fit_stripes([], [], []), "as many levels as"),
+        (lambda: fit_stripes([0.5, 1.0], [0, 3], [2, 2]), "exceedances must not exceed"),
+        (lambda: fit_stripes([0.5, 1.0], [0, -1], [2, 2]), "exceedances must not exceed"),
+        (lambda: fit_stripes([0.5, 1.0], [0, 0], [2, 0]), "number of records must be"),
+        (lambda: fit_stripes([0.5, 1.0], [0], [2, 2]), "arrays of the same length"),
+        (lambda: fit_stripes([0.5, 1.0], [0, 1], [2]), "arrays of the same length"),
+        (lambda: fit_stripes(SQUARE, SQUARE, SQUARE), "arrays of the same length"),
+        (lambda: fit_stripes([], [], []), "arrays of the same length"),
         (lambda: fit_capacities([1.0, -1.0]), "capacities"),
         (lambda: fit_capacities([1.0, math.nan]), "capacities"),
-        (lambda: fit_capacities([1.0, 2.0, 3.0], [False, True]), "as many marks"),
-        (lambda: fit_capacities(SQUARE, np.zeros((2, 2))), "a row of numbers"),
+        (lambda: fit_capacities([1.0, 2.0, 3.0], [False, True]), "arrays of the same length"),
+        (lambda: fit_capacities(SQUARE, np.zeros((2, 2))), "arrays of the same length"),
         (lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0]), "thresholds"),
-        (lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0], [1.0]), "as many demands"),
-        (lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0], [True]), "as many demands"),
-        (lambda: fit_cloud(SQUARE, SQUARE, [1.0]), "as many demands"),
+        (lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0], [1.0]), "arrays of the same length"),
+        (
+            lambda: fit_cloud([1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [1.0], [True]),
+            "arrays of the same length",
+        ),
+        (lambda: fit_cloud(SQUARE, SQUARE, [1.0]), "arrays of the same length"),
     ],
 )
 def test_numbers_that_make_no_sense(call, message):

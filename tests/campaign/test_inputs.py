@@ -74,7 +74,7 @@ def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
         (HALF, "roof_drift_ratio"),
     ):
         with pytest.raises(
-            ModelError, match=f"test: damage by {demand} needs the heights of the stories"
+            ModelError, match=f"test: damage by {demand} requires the heights of the stories"
         ):
             type_of_model(bare, demand)
 

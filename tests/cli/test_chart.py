@@ -173,7 +173,7 @@ def test_lines_by_tolerance(folder, tdint):
         (
             (),
             [
-                "largest error of a story's peak drift",
+                "maximum error of the peak drifts of the stories",
                 "the record's own step, 0.01 s",
                 "time of the thread in the compiled loop (s)",
             ],
@@ -301,7 +301,7 @@ def test_peers_in_the_chart(folder, tdint, monkeypatch):
         others["scipy/RK45:rtol=0.001"]["outcome"],
     ) == ("", "done")
     assert any("openseespy" in name for name in others) == (
-        "openseespy is left out" not in result.stderr
+        "openseespy is omitted" not in result.stderr
     )
     picture = (folder / "x.svg").read_text(encoding="utf-8")
     assert "scipy/RK45" in picture and f"scipy {version('scipy')}" in picture
@@ -384,7 +384,7 @@ def test_a_model_that_nothing_moves(folder, tdint):
         "stories: [{mass: 1, stiffness: 1}]\nanalysis: {dt: 0.1, duration: 1}\n", encoding="utf-8"
     )
     for arguments in (("still.yaml",), ("shaken.yaml", "--pad", "5:0", "--duration", "1")):
-        tdint.refused("nothing moves this building", "chart", *arguments, code=5)
+        tdint.refused("the building has no excitation", "chart", *arguments, code=5)
 
 
 def test_the_targets_are_those_of_the_library():
@@ -457,7 +457,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
     )
     result = tdint(*words, "peak-absolute-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
-        r"two stories, near: openseespy: (left out: it is not installed|\S+ from the reference, "
+        r"two stories, near: openseespy: (omitted: it is not installed|\S+ from the reference, "
         r"extrapolated)",
         result.stderr,
     )

@@ -261,7 +261,7 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
         (["--require", "correlation=much"], 2, "correlation must be a positive number"),
         (["--plot"], 2, "--plot without a file name requires -o"),
         (["-o", "{folder}/recorded.csv"], 6, "recorded.csv"),
-        (["--dt", "0.04"], 2, "longer than the recording's sampling interval"),
+        (["--dt", "0.04"], 2, "must not exceed the sampling interval of the recording"),
     ],
 )
 def test_wrong_use(recorded, tdint, arguments, code, message):

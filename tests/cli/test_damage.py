@@ -311,8 +311,8 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("out", "--threshold", "1%"), "omit --threshold"),
-        (("out", "--fit", "ida"), "--fit stripes or cloud"),
+        (("out", "--threshold", "1%"), "remove --threshold"),
+        (("out", "--fit", "ida"), "--fit stripes or --fit cloud"),
         (("out", "--openquake", "f.xml", "--states", "a,b"), "--states is not for --by type"),
         (("out", "--im", "cav"), "no measure cav"),
         ((".",), "no campaign in this directory"),
@@ -329,11 +329,11 @@ def test_refusals_of_functions_by_type(
     [
         (
             "{dispersion: 0.3}",
-            "damage.thresholds: is missing; give the demand of each state, hazus, capacity",
+            "damage.thresholds: is missing; specify the demand of each state, hazus, capacity",
         ),
         (
             "{thresholds: {slight: 1%}}",
-            "damage.dispersion: is missing; give 0 for exact thresholds",
+            "damage.dispersion: is missing; ",
         ),
         (
             "{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}",
@@ -349,11 +349,11 @@ def test_refusals_of_functions_by_type(
         ),
         (
             "{thresholds: hazus}",
-            "hazus has thresholds of buildings of an inventory by the rules mdof-lu",
+            "hazus provides thresholds for inventories with the rules mdof-lu",
         ),
         (
             "{thresholds: other.csv, dispersion: 0}",
-            "damage.demand: is missing; give one of drift_ratio",
+            "damage.demand: is missing; specify one of drift_ratio",
         ),
         (
             "{thresholds: {slight: 1%}, dispersion: 0, losses: {complete: 1}}",
@@ -365,7 +365,7 @@ def test_refusals_of_functions_by_type(
         ),
         (
             "{demand: drift_ratio, states: [a, a], thresholds: t.csv, dispersion: 0}",
-            "damage.states: must be names",
+            "damage.states: must be different names",
         ),
     ],
 )
@@ -379,7 +379,7 @@ def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str
     ("classes", "said"),
     [
         ("class,slight_m\nA,0.1\n", "no column moderate_m"),
-        (CLASSES.replace("B,", "C,"), "has no damage thresholds of the class 'B'"),
+        (CLASSES.replace("B,", "C,"), "damage thresholds of the class 'B' not found"),
         (CLASSES.replace("0.003,", "0.02,"), "class A: the thresholds of damage states rise"),
         (
             CLASSES.replace("0.003,", "x,"),
@@ -388,7 +388,7 @@ def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str
         (CLASSES.replace(",0.4\n", ",\n"), "table.csv:2: beta is missing"),
         (
             CLASSES.replace("A,0.02,0.25,,,,,", "A,0.02,0.25,1,2,3,4,1"),
-            "class A has other numbers in a row above",
+            "class A has different values in a row above",
         ),
     ],
 )
@@ -412,7 +412,7 @@ def test_drift_ratios_need_heights(folder: Path, tdint: Command, words: tuple[st
     Path("own.yaml").write_text(Path("shaken.yaml").read_text() + damage)
     Path("study.yaml").write_text(STUDY + damage)
     tdint.refused(
-        "damage by drift_ratio needs the heights of the stories", *words, "-o", "out", code=3
+        "damage by drift_ratio requires the heights of the stories", *words, "-o", "out", code=3
     )
 
 
@@ -587,14 +587,14 @@ def test_functions_of_each_building(region: Path, tdint: Command) -> None:
         (region / f"{name}.yaml").write_text(f"buildings: {{models: {models}}}\n{lines}")
         tdint("campaign", f"{name}.yaml", "-o", name, code=0)
     tdint.refused(
-        "fit functions of each with --by building",
+        "with --by building",
         "fragility",
         "both",
         "--threshold",
         "0.5%",
         code=3,
     )
-    tdint.refused("says nothing of damage", "fragility", "both", "--by", "type")
+    tdint.refused("has no damage states", "fragility", "both", "--by", "type")
     call = (
         "--threshold",
         "0.5%,1%",

@@ -47,7 +47,11 @@ def test_fragility_in_other_units(folder, tdint, text, name, arguments):
 
 def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
     tdint.refused(
-        "give the table a column unit", "fragility", CONFIGS / "stripes.csv", "--output-units", "g"
+        "add a column unit to the table",
+        "fragility",
+        CONFIGS / "stripes.csv",
+        "--output-units",
+        "g",
     )
 
 
@@ -86,7 +90,7 @@ def test_runs_of_a_campaign(folder, tdint):
         "m/s^2",
         "3",
     )
-    assert "1 of 10 runs have no result and are left out" in result.stderr
+    assert "1 of 10 runs have no result and are omitted" in result.stderr
     assert row["failed"] == "1" and "counted as exceeding, and as not" in result.stderr
     assert (
         float(row["theta_failed_exceed"]) < float(row["theta"]) < float(row["theta_failed_stand"])
@@ -109,7 +113,7 @@ def test_runs_of_a_campaign(folder, tdint):
             2,
             "the runs have no measure pgv",
         ),
-        (None, (), 3, "this folder has no capacities.csv and no runs.csv"),
+        (None, (), 3, "this directory contains no capacities.csv and no runs.csv"),
     ],
 )
 def test_runs_that_make_no_fragility(folder, tdint, text, options, code, message):
@@ -125,8 +129,8 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     )
     result = tdint("fragility", "c.csv", code=0)
     assert [row["threshold"] for row in rows(result.stdout)] == ["0.01"]
-    assert "Warning: threshold 0.1: of 1 capacities none is known" in result.stderr
-    assert "1 row without a capacity left out" in result.stderr
+    assert "Warning: threshold 0.1: none of 1 capacities is not censored" in result.stderr
+    assert "omitted 1 row without a capacity" in result.stderr
     result = tdint("fragility", "c.csv", "--threshold", "10%")
     assert (result.exit_code, result.stdout) == (5, "")
 
@@ -145,7 +149,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             "capacity,im,edp\n1,1,1\n2,2,2\n",
             (),
             2,
-            "t.csv:1: this is a table of capacity and of im,edp; say which is",
+            "t.csv:1: this is a table of capacity and of im,edp; specify --fit",
         ),
         (
             "capacity\n1\n2\n3\n",
@@ -179,16 +183,16 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             "capacity\n1\n2\n",
             ("--threshold", "1%,2%"),
             2,
-            "has no column threshold: one --threshold at most",
+            "has no column threshold, so at most one --threshold",
         ),
         (
             "threshold,capacity\n0.1,1\n0.1,2\n",
             ("--threshold", "2%"),
             2,
-            "has no threshold 0.02; there are 0.1",
+            "threshold 0.02 not found; its thresholds are 0.1",
         ),
         ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name has several values, pga, pgv"),
-        ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "which demands are exceeded? Give --threshold"),
+        ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "a demand threshold is required; specify --threshold"),
         (
             "im,edp\n1,2\n2,3\n3,5\n",
             ("--threshold", "3", "--edp-range", "3:2"),
@@ -205,7 +209,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             "capacity,threshold\n1,\n2\n",
             (),
             3,
-            "t.csv: no row has a threshold; fill the column in or leave it out",
+            "t.csv: no row has a threshold; add thresholds or remove the column",
         ),
         ("", (), 3, "t.csv: is empty"),
         ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the column im is there twice"),

@@ -217,7 +217,7 @@ def test_a_study_in_other_units_and_back(studied, tdint):
     assert "pga_g" in about["records"][0] and about["settings"]["output_units"] == "kip,in,kg,g"
     # All motions are one, times a factor.
     tdint.refused(
-        "all capacities are equal: the dispersion cannot be told", "fragility", "out", code=5
+        "all capacities are equal: the dispersion cannot be estimated", "fragility", "out", code=5
     )
     assert "m/s^2" in tdint(*STUDY[:-1]).stderr
     assert [rows(studied / "out" / name)[0]["unit"] for name in names] == ["m/s^2"] * 2

@@ -292,7 +292,7 @@ def test_a_campaign_goes_on_where_it_stopped(study):
             UsageError,
             "unknown rule",
         ),
-        (lambda: package.scale([3.0], "pga", 1.0), RecordError, "a record is what"),
+        (lambda: package.scale([3.0], "pga", 1.0), RecordError, "a record must be"),
         (lambda: package.record_info("nowhere.mseed"), RecordError, "nowhere.mseed"),
         (lambda: package.inventory("buildings.csv", units="mile"), UsageError, "mile"),
         (lambda: package.fragility("buildings.csv"), ModelError, "columns"),

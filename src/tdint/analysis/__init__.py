@@ -1,1 +1,1 @@
-"""What is computed: runs, spectra, assessments of methods, time against accuracy."""
+"""Analyses: time integration, spectra, assessment of methods, and work-precision diagrams."""

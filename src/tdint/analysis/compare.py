@@ -1,4 +1,4 @@
-"""A result beside a recording: what both have in common on each floor, in numbers."""
+"""Comparison of a computed response with a recorded response, floor by floor."""
 
 from __future__ import annotations
 
@@ -29,26 +29,25 @@ from tdint.tabular import Tabular
 from tdint.units import GROUND_MOTION
 from tdint.written_numbers import how_many, parse_positive
 
-# ---- A recorded event on one clock: the ground motion that drives the model, and the floors'
-# motions at its times
+# ---- Recorded event with a common clock: the ground motion that drives the model, and the motions
+# of the floors at its sampling times
 
 _FEWEST = 10
-"""Samples that a comparison needs."""
+"""Minimum number of samples of a comparison."""
 
 
 @dataclass(frozen=True)
 class RecordedFloor:
-    """The motion that was recorded on a floor, without its offset and in the band of the
-    comparison.
+    """Recorded motion of a floor, without its offset and in the frequency band of the comparison.
 
     Attributes
     ----------
     floor : int
-        From 1 at the bottom.
+        Number of the floor, from 1 at the bottom.
     signal : Signal
         Absolute acceleration, m/s^2, or displacement relative to the base, m.
     first : float
-        Time of its first sample, s from the first one of the base.
+        Time of its first sample after the first sample of the base, s.
     """
 
     floor: int
@@ -61,28 +60,37 @@ class RecordedFloor:
         return self.signal.quantity
 
     def at(self, interval: float, count: int, shift: float) -> Array:
-        """The motion at so many times, an interval (s) apart, later by `shift` (s); nan where
-        nothing was recorded."""
+        """Return the motion at equally spaced times; nan outside the recording.
+
+        Parameters
+        ----------
+        interval : float
+            Interval of the times, s.
+        count : int
+            Number of times.
+        shift : float
+            Shift of the recording to later times, s.
+        """
         return at_times(self.signal.samples, self.signal.dt, self.first + shift, interval, count)
 
 
 @dataclass(frozen=True)
 class Event:
-    """An event as it was recorded.
+    """Recorded event.
 
     Attributes
     ----------
     recording : Recording
-        The file that says what was recorded.
+        File that describes the recording.
     base : Record
-        The ground motion that drives the model: the mean of the base's sensors, without an offset
-        that its samples tell, unfiltered.
+        Ground motion that drives the model: the mean of the sensors of the base, unfiltered. An
+        offset is removed if the samples show it.
     floors : tuple of RecordedFloor
-        From the ground up.
+        Recorded floors, from the bottom.
     notes, warnings : tuple of str
-        What the readers assumed or did.
+        Assumptions and changes of the readers.
     inputs : tuple of Input
-        The files of the recordings, each once.
+        Files of the recordings, without repetition.
     """
 
     recording: Recording
@@ -99,13 +107,13 @@ class Event:
         Raises
         ------
         RecordError
-            A file cannot be read, its quantity is another one than expected, the recordings do not
-            meet in time, or the band is out of reach of their samples.
+            A file cannot be read, its quantity differs from the expected quantity, the recordings
+            do not overlap in time, or their samples do not resolve the band.
         """
         base = [_read(sensor) for sensor in recording.base]
         floors = [[_read(sensor) for sensor in sensors] for _, sensors in recording.floors]
         notes: dict[str, None] = {}
-        # The ground motion, over the time that all sensors of the base have in common.
+        # Compute the ground motion over the common time of all sensors of the base.
         accelerations = []
         for signal in base:
             if signal.quantity != "acceleration":
@@ -120,30 +128,34 @@ class Event:
         if has_offset(motion):
             motion = without_offset(motion, mean.quantity)
             notes[
-                f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is "
+                f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (the median), is "
                 "removed"
             ] = None
         record = Record(motion, mean.dt, start="", id="", component="base", source=recording.source)
-        # The translation of each floor: the mean of its sensors, without what the floor turns.
+        # Compute the translation of each floor: the mean of its sensors, which excludes rotation.
         recorded = []
         for (number, _), signals in zip(recording.floors, floors, strict=True):
-            place = f"floor {number}"
+            label = f"floor {number}"
             quantities = sorted({signal.quantity for signal in signals})
             if len(quantities) > 1:
-                raise RecordError(f"{place}: its sensors are of {' and '.join(quantities)}")
-            signal, after = _common([signal.centered() for signal in signals], place, notes)
+                raise RecordError(
+                    f"{label}: all sensors must record the same quantity, got "
+                    f"{' and '.join(quantities)}"
+                )
+            signal, after = _common([signal.centered() for signal in signals], label, notes)
             if len(signals) > 1:
-                notes[f"{place}: the mean of {len(signals)} sensors is compared"] = None
+                notes[f"{label}: the mean of {len(signals)} sensors is compared"] = None
             signal = replace(signal, start=None if signal.start is None else signal.start + after)
             if signal.quantity == "velocity":
                 raise RecordError(
-                    f"{signal.label}: is a velocity; an acceleration or a displacement is compared"
+                    f"{signal.label}: must be an acceleration or a displacement to be compared, "
+                    "got a velocity"
                 )
             first = _later(signal, base[0], notes) - lead
             if first >= record.duration or first + (signal.samples.size - 1) * signal.dt <= 0.0:
                 raise RecordError(
-                    f"{signal.label}: recorded at another time than {base[0].label}; see their "
-                    "starts"
+                    f"{signal.label}: does not overlap in time with {base[0].label}; check their "
+                    "start times"
                 )
             centered = signal.centered()
             samples = in_band(
@@ -167,7 +179,7 @@ class Event:
 
     @property
     def count(self) -> int:
-        """Samples of the base."""
+        """Number of samples of the base."""
         return self.base.acceleration.size
 
     @cached_property
@@ -176,33 +188,34 @@ class Event:
         return self.filtered(self.base.acceleration, "acceleration")
 
     def filtered(self, samples: Array, quantity: str) -> Array:
-        """What was computed at the base's times made what the recordings are: without its offset,
-        in the band."""
+        """Return a computed motion without its offset and in the band, as the recordings are."""
         centered = without_offset(samples, quantity)
         return in_band(centered, self.base.dt, self.recording.band, self.base.source, quantity)
 
     @cached_property
     def base_displacement(self) -> Array:
-        """Displacement of the base in the band, m, shape (count,)."""
+        """Displacement of the base in the band of the comparison, m, shape (count,)."""
         velocity = cumulative_trapezoid(self.base.acceleration, dx=self.base.dt, initial=0.0)
         moved = cumulative_trapezoid(velocity, dx=self.base.dt, initial=0.0)
         return self.filtered(moved, "displacement")
 
     def window(self, recorded: Array, label: str) -> slice:
-        """The times at which a floor is compared: in the window, and where it was recorded (not
-        nan).
+        """Return the range of samples in the window for which a recording exists (is not nan).
 
         Raises
         ------
         RecordError
-            Next to nothing is left.
+            Fewer than 10 samples remain.
         """
         start, end = self.recording.window or (0.0, self.base.duration)
-        there = np.flatnonzero(np.isfinite(recorded))
+        available = np.flatnonzero(np.isfinite(recorded))
         first = max(
-            math.ceil(start / self.base.dt - 1e-6), int(there[0]) if there.size else self.count
+            math.ceil(start / self.base.dt - 1e-6),
+            int(available[0]) if available.size else self.count,
         )
-        last = min(math.floor(end / self.base.dt + 1e-6), int(there[-1]) if there.size else 0)
+        last = min(
+            math.floor(end / self.base.dt + 1e-6), int(available[-1]) if available.size else 0
+        )
         if last - first + 1 < _FEWEST:
             raise RecordError(
                 f"{label}: has fewer than {_FEWEST} samples in the window from {start:g} to "
@@ -212,37 +225,52 @@ class Event:
 
 
 def _read(sensor: Sensor) -> Signal:
-    """What a sensor recorded.
+    """Read the signal of a sensor.
 
     Raises
     ------
     RecordError
-        Its samples are another quantity than the file of the recording says.
+        The quantity of the samples differs from the quantity in the file of the recording.
     """
     if sensor.column is None:
         signal = read_signal(sensor.file, units=sensor.units, component=sensor.component)
     else:
         signal = read_column(sensor.file, sensor.column, sensor.units)
     if sensor.quantity and signal.quantity != sensor.quantity:
-        # Units that were given have been judged with the quantity: what differs is a file's own, or
-        # a column's name.
-        cure = "correct the quantity, or give its units"
+        # Specified units have already been compared with the quantity. Here the units of the data
+        # file, or the name of a column, differ.
+        remedy = "correct the quantity, or specify the units"
         if sensor.column is not None:
-            cure = (
-                "if the end of the column's name is right, take `quantity` out; if not, give "
-                "`units` beside it, which count in place of the name: one of "
+            remedy = (
+                "if the suffix of the column is correct, remove `quantity`; otherwise specify "
+                "`units`, which override the suffix: one of "
                 f"{', '.join(GROUND_MOTION[sensor.quantity])}"
             )
         raise RecordError(
-            f"{signal.label}: its units say {signal.quantity}, its quantity says "
-            f"{sensor.quantity}; {cure}"
+            f"{signal.label}: its units specify {signal.quantity}, its quantity specifies "
+            f"{sensor.quantity}; {remedy}"
         )
     return signal.times(sensor.sign)
 
 
-def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tuple[Signal, float]:
-    """The mean of signals over the time that they have in common, as the first one with other
-    samples; and where that begins, s from the first one's first sample."""
+def _common(signals: Sequence[Signal], label: str, notes: dict[str, None]) -> tuple[Signal, float]:
+    """Return the mean of signals over their common time, and the start of this time.
+
+    Parameters
+    ----------
+    signals : sequence of Signal
+        Signals of one quantity.
+    label : str
+        Name of the signals in messages.
+    notes : dict
+        Notes, to which assumptions about the clocks are added.
+
+    Returns
+    -------
+    tuple
+        Mean with the properties of the first signal, and the start of the common time after the
+        first sample of the first signal, s.
+    """
     first = signals[0]
     starts = [_later(signal, first, notes) for signal in signals]
     lead = max(starts)
@@ -252,7 +280,7 @@ def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tu
     ]
     count = math.floor((min(ends) - lead) / first.dt + 1e-6) + 1
     if count < _FEWEST:
-        raise RecordError(f"{place}: its sensors recorded at different times")
+        raise RecordError(f"{label}: the recordings of its sensors do not overlap in time")
     rows = [
         at_times(signal.samples, signal.dt, start - lead, first.dt, count)
         for start, signal in zip(starts, signals, strict=True)
@@ -261,36 +289,39 @@ def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tu
 
 
 def _later(signal: Signal, than: Signal, notes: dict[str, None]) -> float:
-    """How much later a recording begins than another, s; 0 where their clocks cannot be compared,
-    which is noted."""
+    """Return the time from the start of another recording to the start of a recording, s.
+
+    The result is 0 if the clocks cannot be compared; this assumption is added to `notes`.
+    """
     if signal.start is None or than.start is None or signal.clock != than.clock:
         if signal.label != than.label:
             notes[
-                f"{signal.label}: taken to begin with {than.label}: the files do not tell on one "
-                "clock"
+                f"{signal.label}: assumed to start together with {than.label}, because the files "
+                "have no common clock"
             ] = None
         return 0.0
     return signal.start - than.start
 
 
 def _named(signal: Signal, texts: Sequence[str]) -> list[str]:
+    """Return texts with the label of a signal."""
     return [f"{signal.label}: {text}" for text in texts]
 
 
 # ---- Compare
 
 _LONGEST_SHIFT = 10.0
-"""s; clocks that are further apart are no matter of a shift."""
+"""Maximum shift, s; a larger difference of clocks is not a matter of synchronization."""
 
-_ROUNDING = 1e-6  # of a step: steps of files are written with six digits
+_ROUNDING = 1e-6  # relative error of a time step; steps in files are written with six digits
 
 _BETTER = 0.05
-"""By how much a correlation must rise to say that a displacement seems to be absolute."""
+"""Increase of the correlation above which a displacement is reported as probably absolute."""
 
 _SHORT = 0.25
-"""omega dt of a step that is short for a mode: errors of the fourth order are below 1e-4 there."""
+"""Product omega dt of a step that is short for a mode: fourth-order errors are below 1e-4."""
 
-_MOST_PARTS = 64  # halvings of the sampling interval for short periods: six
+_MOST_PARTS = 64  # maximum number of steps per sampling interval for short periods (six halvings)
 
 _MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
     "correlation": (lambda value, limit: value >= limit, "at least {limit:g}"),
@@ -300,24 +331,22 @@ _MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
     ),
     "rms_difference": (lambda value, limit: value <= limit, "at most {limit:g}"),
 }
-"""By name, whether a value meets its limit, and what that is in words."""
+"""Condition that a value meets its limit, and the text of the condition, by name of the value."""
 
 
 @dataclass(frozen=True)
 class FloorComparison:
-    """A floor's motion as it was computed and as it was recorded, over the times at which both are
-    compared.
+    """Computed and recorded motion of a floor over the compared times.
 
     Attributes
     ----------
-    floor : int
+        Number of the floor, from 1 at the bottom.
         From 1 at the bottom.
     quantity : str
         `acceleration` (absolute, m/s^2) or `displacement` (relative to the base, m).
-    time, computed, recorded : ndarray, shape (samples,)
-        s from the first sample of the base, and the motions in their band.
+        Times after the first sample of the base, s, and the motions in the band.
     base : ndarray, shape (samples,)
-        Acceleration of the base in the same band, m/s^2.
+        Acceleration of the base in the band, m/s^2.
     """
 
     floor: int
@@ -329,27 +358,35 @@ class FloorComparison:
 
     @property
     def correlation(self) -> float:
-        """Pearson's coefficient; nan where one of both is at rest."""
+        """Pearson's correlation coefficient; nan if one of the motions is constant."""
         a, b = self.computed - np.mean(self.computed), self.recorded - np.mean(self.recorded)
         return _ratio(float(a @ b), float(np.linalg.norm(a) * np.linalg.norm(b)))
 
     @property
     def peak_ratio(self) -> float:
-        """Largest absolute value computed over that recorded; nan where nothing was recorded."""
+        """Ratio of the computed to the recorded maximum absolute value; nan if no motion."""
         return _ratio(float(np.max(np.abs(self.computed))), float(np.max(np.abs(self.recorded))))
 
     @property
     def rms_difference(self) -> float:
-        """Root mean square of the difference over that of the recording; nan where nothing was
-        recorded."""
+        """Root mean square of the difference over the recording's; nan if no motion."""
         difference = float(np.sqrt(np.mean((self.computed - self.recorded) ** 2)))
         return _ratio(difference, float(np.sqrt(np.mean(self.recorded**2))))
 
 
 @dataclass(frozen=True)
 class FloorSpectra:
-    """Response spectra of a floor's absolute acceleration, computed and recorded, m/s^2, shape
-    (k,)."""
+    """Response spectra of a floor's absolute acceleration.
+
+    Attributes
+    ----------
+    floor : int
+        Number of the floor, from 1 at the bottom.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    computed, recorded : ndarray, shape (k,)
+        Spectral accelerations, m/s^2.
+    """
 
     floor: int
     periods: Array
@@ -359,18 +396,18 @@ class FloorSpectra:
 
 @dataclass(frozen=True, repr=False)
 class Comparison(Tabular):
-    """A result beside a recording.
+    """Computed response compared with a recording.
 
     Attributes
     ----------
     event : Event
-        What was recorded.
+        Recorded event.
     response : Response
-        What was computed under the motion of its base, with its history.
+        Response computed under the motion of the base, with its time history.
     shift : float
-        What was added to the times of the floors' recordings, s.
+        Time added to the times of the floors' recordings, s.
     floors : tuple of FloorComparison
-        From the ground up.
+        Compared floors, from the bottom.
     """
 
     event: Event
@@ -386,9 +423,16 @@ class Comparison(Tabular):
         return f"of {self.response.model.name!r}: {floors}, correlations of {least:.3f} and more"
 
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
-        """Response spectra of the floors' absolute accelerations, of the part that is compared.
+        """Return response spectra of the floors' absolute accelerations, for the compared times.
 
-        A displacement is differentiated for it, and the base's acceleration added.
+        A displacement is differentiated, and the acceleration of the base is added.
+
+        Parameters
+        ----------
+        periods : ndarray
+            Periods, s.
+        damping : float
+            Damping ratio.
         """
 
         def largest(floor: FloorComparison, motion: Array) -> Array:
@@ -408,8 +452,11 @@ class Comparison(Tabular):
 
 
 def absolute_displacements(comparison: Comparison) -> list[str]:
-    """A sentence for each floor whose recorded displacement agrees much better once the base's is
-    subtracted."""
+    """Return a message for each displacement that probably is absolute.
+
+    The recorded displacement of these floors agrees much better with the computed displacement
+    after the displacement of the base is subtracted.
+    """
     event, curves = comparison.event, []
     for floor in comparison.floors:
         if floor.quantity != "displacement":
@@ -422,10 +469,10 @@ def absolute_displacements(comparison: Comparison) -> list[str]:
             and relative.rms_difference < floor.rms_difference
         ):
             curves.append(
-                f"floor {floor.floor}: less the base's displacement the recording has a "
-                f"correlation of {relative.correlation:.3f} instead of {floor.correlation:.3f}: it "
-                "seems to be absolute, and a displacement is compared relative to the base; "
-                "subtract the base's from it in the file"
+                f"floor {floor.floor}: without the displacement of the base the recording has a "
+                f"correlation of {relative.correlation:.3f} instead of {floor.correlation:.3f}. It "
+                "probably is absolute, but displacements are compared relative to the base; "
+                "subtract the displacement of the base in the file"
             )
     return curves
 
@@ -438,31 +485,31 @@ def compare(
     dt: float | None = None,
     shift: float | None = None,
 ) -> Comparison:
-    """Integrate a model under the base's motion of an event, and set the floors beside what was
-    recorded.
+    """Integrate a model under the recorded base motion, and compare the motions of the floors.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes.
+        Model, as in `run`.
     event : Event, str or Path
-        What was recorded, or the YAML file that says so.
+        Recorded event, or the YAML file that describes it.
     method, dt : optional
-        As in `run`; the step is the base's sampling interval or a whole part of it.
+        As in `run`; the time step must be the sampling interval of the base divided by a whole
+        number.
     shift : float, optional
-        In place of what the recording says, s.
+        Shift of the recordings, s; default is the shift in the file.
 
     Returns
     -------
     Comparison
-        Peaks, correlations and differences of each floor; `floor_spectra` of both.
+        Peaks, correlations and differences of each floor; `spectra` returns response spectra.
 
     Raises
     ------
     UsageError
-        No method, an unknown one, or a step that does not fit.
+        The method is missing or unknown, or the time step is invalid.
     AnalysisError
-        The run has no result, or ends before the recording (`FailedRun`).
+        The run fails, or ends before the recording (`FailedRun`).
     """
     model = model_of(model)
     if not isinstance(event, Event):
@@ -476,9 +523,16 @@ def compare(
 
 
 def case_under(model: Model, event: Event, method: str | None = None) -> Case:
-    """The model under the base's motion, in place of the record that it names.
+    """Prepare a model under the base motion instead of its own record.
 
-    Where neither the method nor the model's is given, a linear building is integrated by `exact`.
+    Parameters
+    ----------
+    model : Model
+        Model of the building.
+    event : Event
+        Recorded event.
+    method : str, optional
+        Method; default is the method of the model, otherwise `exact` for a linear building.
     """
     bare = replace(model, excitation=Excitation(None, model.excitation.forces))
     specification = method or model.analysis.method or ("exact" if is_linear(model) else None)
@@ -486,7 +540,7 @@ def case_under(model: Model, event: Event, method: str | None = None) -> Case:
 
 
 def is_linear(model: Model) -> bool:
-    """Whether `exact` integrates the model without error under a ground motion alone."""
+    """Return True if `exact` integrates the model without error under ground motion only."""
     linear = all(
         story.law.name == "linear" and story.power_dashpot is None for story in model.stories
     )
@@ -494,10 +548,17 @@ def is_linear(model: Model) -> bool:
 
 
 def respond(case: Case, dt: float | None, band: tuple[float, float] | None = None) -> Response:
-    """The response over the whole of the base's motion, with its history.
+    """Return the response over the complete base motion, with its time history.
 
-    Without a step it is the base's sampling interval, or a part of it that is short for all modes
-    within the band: what the method errs is not to be seen beside the recording.
+    Parameters
+    ----------
+    case : Case
+        Model under the base motion.
+    dt : float or None
+        Time step, s. By default it is the sampling interval of the base, or a fraction of it that
+        is short for all modes in the band, so that the discretization error is negligible.
+    band : tuple of two floats, optional
+        Band of the comparison, Hz.
     """
     record = case.record
     assert record is not None
@@ -509,14 +570,14 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
     steps = case.steps(dt, record.duration)
     if steps.h > record.dt * (1.0 + _ROUNDING):
         raise UsageError(
-            f"dt {steps.h:.6g} s is longer than the recording's sampling interval, {record.dt:.6g} "
-            "s; a comparison needs a result at every sample: use that or a whole part of it"
+            f"dt {steps.h:.6g} s must not exceed the sampling interval of the recording, "
+            f"{record.dt:.6g} s; use this interval or divide it by a whole number"
         )
     return case.integrate(steps, history=True)
 
 
 def computed_floors(response: Response, event: Event) -> list[Array]:
-    """The motions of the recorded floors at the base's times, in the band of the comparison.
+    """Return the motions of the recorded floors at the times of the base, in the band.
 
     Raises
     ------
@@ -529,7 +590,7 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
     if history.time[::every].size < event.count:
         raise AnalysisError(
             f"{response.model.name}: the building collapsed after {history.time[-1]:.6g} s, before "
-            "the recording ends; there is nothing to compare"
+            "the end of the recording; a comparison requires the complete response"
         )
     motions = {"acceleration": history.acceleration, "displacement": history.displacement}
     return [
@@ -543,7 +604,17 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
 def compared_floors(
     event: Event, computed: Sequence[Array], shift: float
 ) -> tuple[FloorComparison, ...]:
-    """The floors where and when both motions are known."""
+    """Return the compared floors over the times at which both motions are available.
+
+    Parameters
+    ----------
+    event : Event
+        Recorded event.
+    computed : sequence of ndarray
+        Motions of the recorded floors.
+    shift : float
+        Shift of the recordings, s.
+    """
     result = []
     time = np.arange(event.count, dtype=np.float64) * event.base.dt
     for floor, motion in zip(event.floors, computed, strict=True):
@@ -563,10 +634,10 @@ def compared_floors(
 
 
 def best_shift(event: Event, computed: Sequence[Array]) -> float:
-    """What added to the times of the recordings (s) brings the floors' correlation with the result
-    to its largest sum.
+    """Return the shift of the recordings (s) that maximizes the sum of the correlations.
 
-    The best whole number of samples first (by the cross-correlation), then parts of one.
+    The shift is first determined as a whole number of samples, by cross-correlation, and then
+    refined to fractions of a sample.
     """
     dt, most = event.base.dt, min(event.count - 1, round(_LONGEST_SHIFT / event.base.dt))
     total = np.zeros(2 * most + 1)
@@ -577,42 +648,44 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
             product = np.fft.rfft(floor.computed, size) * np.conj(np.fft.rfft(floor.recorded, size))
             lags = np.fft.irfft(product, size)
             total += np.concatenate([lags[size - most :], lags[: most + 1]]) / scale
-    whole = int(np.argmax(total)) - most
+    samples = int(np.argmax(total)) - most
 
-    def apart(parts: float) -> float:
+    def negative_sum(parts: float) -> float:
         return -sum(
             compared.correlation for compared in compared_floors(event, computed, parts * dt)
         )
 
-    return float(minimize_scalar(apart, bounds=(whole - 1.0, whole + 1.0), method="bounded").x) * dt
+    bounds = (samples - 1.0, samples + 1.0)
+    return float(minimize_scalar(negative_sum, bounds=bounds, method="bounded").x) * dt
 
 
 def _ratio(above: float, below: float) -> float:
+    """Return the ratio of two values; nan if the denominator is not positive."""
     return above / below if below > 0.0 else float("nan")
 
 
 def parse_requirement(text: str) -> tuple[str, float]:
-    """Name and number of a requirement such as `correlation=0.9`.
+    """Return name and limit of a requirement such as `correlation=0.9`.
 
     Raises
     ------
     UsageError
-        Another form, an unknown name, or a number that is not positive.
+        The text has another form, the name is unknown, or the number is not positive.
     """
     name, _, number = (part.strip() for part in text.partition("="))
     if name not in _MET:
         hint = did_you_mean(name, _MET) or f"; known: {', '.join(_MET)}"
-        raise UsageError(f"{text!r}: write NAME=NUMBER, such as correlation=0.9{hint}")
+        raise UsageError(f"{text!r}: must have the form NAME=NUMBER, such as correlation=0.9{hint}")
     return name, parse_positive(name, number)
 
 
 def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> list[str]:
-    """A sentence for each floor and requirement that it does not meet."""
+    """Return a message for each requirement that a floor does not meet."""
     return [
         f"{comparison.event.recording.source}: floor {floor.floor}: {name} is {value:.12g}, "
-        "required is " + words.format(limit=limit)
+        "required is " + condition.format(limit=limit)
         for floor in comparison.floors
         for name, limit in requirements
-        for meets, words in [_MET[name]]
+        for meets, condition in [_MET[name]]
         if not meets(value := float(getattr(floor, name)), limit)
     ]

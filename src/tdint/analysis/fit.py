@@ -1,9 +1,9 @@
-"""The stiffnesses and damping ratios with which a model comes closest to a recorded event.
+"""Estimation of stiffnesses and damping ratios of a model from a recorded event.
 
-Least squares on the floors' histories have many minima: a mode that is off by a few percent loses
-step with the recording. So the floors' smoothed Fourier spectra are fitted first, in logarithms,
-which lead from far away; from there the histories are fitted (Levenberg 1944, Marquardt 1963, by
-trust regions: Branch, Coleman and Li 1999).
+The sum of squared differences of the floors' histories has many minima: a mode with a frequency
+error of a few percent loses phase with the recording. Therefore the logarithms of the smoothed
+Fourier spectra are fitted first, which converges from distant start values. The histories are
+fitted from the result (Levenberg 1944, Marquardt 1963; trust regions: Branch, Coleman and Li 1999).
 """
 
 from __future__ import annotations
@@ -35,25 +35,24 @@ FITTED = ("stiffness", "stiffness-factor", "damping")
 _STIFFNESS, _COMMON = "stiffness_N_m", "stiffness_factor"
 _UNITS = {_STIFFNESS: "N/m"}
 
-_FACTOR = 10.0  # by which a stiffness may change, either way
+_FACTOR = 10.0  # maximum factor by which a stiffness may increase or decrease
 _RATIOS = (1e-4, 0.5)
-_DIFFERENCE_STEP = (
-    1e-4  # change of the logarithm of a value for a numerical derivative, so relative to the value
-)
-_SCAN = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses to start from
+# Change of the logarithm of a value (relative change of the value) for a numerical derivative
+_DIFFERENCE_STEP = 1e-4
+_SCAN = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses as start values
 _STARTS, _CANDIDATES = 3, 2
-_BANDWIDTH = 0.1  # of the smoothing, in the logarithm of frequency, either side
-_FREQUENCIES = 120  # places of the smoothed spectrum, in equal ratios
-_LOWEST_CYCLES = 5  # periods of the lowest frequency of a spectrum that the recording holds
-_UNTOLD = 0.1  # relative standard error from which a value is not told by the recording
-_AT = 1e-2  # of a bound, on which a value lies
-_STANDARD_ERRORS = 0.01  # of a value: so near its minimum a fit ends
-_FAILED = 10.0  # rms difference of a run without result
+_BANDWIDTH = 0.1  # half width of the smoothing, in the logarithm of frequency
+_FREQUENCIES = 120  # number of frequencies of the smoothed spectrum, in equal ratios
+_LOWEST_CYCLES = 5  # periods of the lowest frequency of a spectrum within the recording
+_UNTOLD = 0.1  # relative standard error above which a value is reported as poorly determined
+_AT = 1e-2  # relative distance from a bound within which a value is on the bound
+_STANDARD_ERRORS = 0.01  # distance from the minimum, in standard errors, at which a fit ends
+_FAILED = 10.0  # rms difference assigned to a run without result
 
 
 @dataclass(frozen=True)
 class FittedValue:
-    """A value before and after the fit.
+    """Value before and after the fit.
 
     Attributes
     ----------
@@ -61,14 +60,14 @@ class FittedValue:
         `stiffness_N_m`, `stiffness_factor`, `damping_ratio`, or a Rayleigh coefficient:
         `mass_coefficient_1_s`, `stiffness_coefficient_s`.
     place : int or None
-        The story or mode, from 1; None for a value that is common to all.
+        Number of the story or mode, from 1; None for a value common to all of them.
     start, value : float
-        Before and after.
+        Value before and after the fit.
     low, high : float
-        The bounds of the fit.
+        Bounds of the fit.
     standard_error : float
-        Of the value, if what remains of the difference were independent from sample to sample; inf
-        where the recording does not tell the value.
+        Standard error of the value, if the residuals are independent from sample to sample; inf if
+        the recording does not determine the value.
     """
 
     name: str
@@ -81,19 +80,18 @@ class FittedValue:
 
     @property
     def on_bound(self) -> bool:
-        """Whether the fit ended on one of its bounds."""
+        """True if the fit ended on one of its bounds."""
         return self.value <= self.low * (1.0 + _AT) or self.value >= self.high * (1.0 - _AT)
 
     @property
     def unit(self) -> str:
-        """Of the value, in SI, as far as it has one that other units stand for; else 1."""
+        """SI unit of the value if it can be converted to other units, otherwise 1."""
         return _UNITS.get(self.name, "1")
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to an event: its values, the runs that it took, and what there is to say of
-    it."""
+    """Model fitted to an event, with its values, the number of runs, and notes."""
 
     model: Model
     values: tuple[FittedValue, ...]
@@ -103,7 +101,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Free:
-    """A value that may change: its bounds, and the model with another one."""
+    """Value that may change, with its bounds and a function that sets it in a model."""
 
     name: str
     place: int | None
@@ -123,16 +121,20 @@ def fit(
 
     Parameters
     ----------
+    model : Model
+        Model of the building.
+    event : Event
+        Recorded event.
     names : sequence of str
-        What may change, of `FITTED`: the stiffness of each story (yield forces stay), or one factor
-        on all of them; the values of `damping` as the model has them.
+        Values to be fitted, from `FITTED`: the stiffness of each story (yield forces do not
+        change), or one factor on all stiffnesses; and the values of `damping` of the model.
     progress : callable
-        Told the number of runs so far.
+        Callback with the number of completed runs.
 
     Raises
     ------
     UsageError
-        Nothing or something unknown to fit, or a model that has no such values of its own.
+        No value or an unknown value is to be fitted, or the model has no such values.
     AnalysisError
         No run with such values has a result.
     """
@@ -149,17 +151,17 @@ def fit(
     best = None
     for _, first in sorted(candidates, key=lambda candidate: float(candidate[0]))[:_CANDIDATES]:
         problem.settle_shift(first)
-        # Within d standard errors of its minimum a sum of n squares is d^2 / n of itself above it.
+        # A sum of n squares within d standard errors of its minimum exceeds it by d^2 / n.
         close = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
-        # The gradient ends nothing: beside a recording without noise it is small long before the
-        # minimum.
+        # The gradient is not used as a criterion: for a recording without noise it is small long
+        # before the minimum.
         solution = _minimize(problem.temporal, first, bounds, xtol=1e-12, ftol=close, gtol=None)
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None
     if not best.cost < 0.5 * _FAILED:
         raise AnalysisError(
-            "the fit found no values with which the model has a result; start from other ones"
+            "no values were found for which the model has a result; start from other values"
         )
     errors = _standard_errors(best)
     values = tuple(
@@ -169,14 +171,14 @@ def fit(
         for value, x, error in zip(free, best.x, errors, strict=True)
     )
     notes = [
-        f"{_called(value)} is hardly told by the recording: its standard error is "
-        + (f"{100.0 * error:.0f} %" if math.isfinite(error) else "beyond measure")
+        f"{_label(value)} is poorly determined by the recording: its standard error is "
+        + (f"{100.0 * error:.0f} %" if math.isfinite(error) else "infinite")
         for value, error in zip(values, errors, strict=True)
         if error > _UNTOLD
     ]
     notes += [
-        f"{_called(value)} ended on a bound of the fit, {value.low:.4g} to {value.high:.4g}: the "
-        "best value may lie beyond, or the model is another one"
+        f"{_label(value)} ended on a bound of the fit, {value.low:.4g} to {value.high:.4g}: the "
+        "best value may be outside the bounds, or the model may be unsuitable"
         for value in values
         if value.on_bound
     ]
@@ -184,7 +186,7 @@ def fit(
 
 
 class _Problem:
-    """Differences between an event and the model with other values, given by their logarithms."""
+    """Differences between an event and the model as functions of the logarithms of the values."""
 
     def __init__(
         self, model: Model, event: Event, free: Sequence[_Free], progress: Callable[[int], None]
@@ -197,14 +199,14 @@ class _Problem:
         self.runs = 0
 
     def model(self, logarithms: Array) -> Model:
-        """The model with these values."""
+        """Return the model with these values."""
         model = self._start
         for value, logarithm in zip(self.free, logarithms, strict=True):
             model = value.put(model, math.exp(logarithm))
         return model
 
     def computed(self, logarithms: Array) -> list[Array] | None:
-        """The floors' motions; None if the run has no result."""
+        """Return the motions of the floors; None if the run has no result."""
         self.runs += 1
         self._progress(self.runs)
         try:
@@ -216,14 +218,16 @@ class _Problem:
             return None
 
     def settle_shift(self, logarithms: Array) -> None:
-        """Find the shift of the recordings, if it is to be found."""
+        """Compute the shift of the recordings, if it is automatic."""
         computed = self.computed(logarithms) if self._auto else None
         if computed is not None:
             self._shift = compare.best_shift(self._event, computed)
 
     def temporal(self, logarithms: Array) -> Array:
-        """Differences of the histories over the recording's rms; their squares sum to the mean over
-        the floors."""
+        """Return differences of the histories over the rms of the recordings.
+
+        The sum of their squares is the mean over the floors.
+        """
         computed = self.computed(logarithms)
         if computed is None:
             return np.full(self._event.count, _FAILED / math.sqrt(self._event.count))
@@ -233,11 +237,14 @@ class _Problem:
             for floor in floors
         ]
         return np.concatenate(
-            [(floor.computed - floor.recorded) / of for floor, of in zip(floors, size, strict=True)]
+            [
+                (floor.computed - floor.recorded) / scale
+                for floor, scale in zip(floors, size, strict=True)
+            ]
         )
 
     def spectral(self, logarithms: Array) -> Array:
-        """Differences of the logarithms of the smoothed Fourier spectra."""
+        """Return differences of the logarithms of the smoothed Fourier spectra."""
         computed = self.computed(logarithms)
         if computed is None:
             return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED)
@@ -291,12 +298,23 @@ def _minimize(
 
 
 def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> list[Array]:
-    """Values to begin with: those given and, where stiffnesses are fitted, the best common factors
-    on them."""
+    """Return start values: the values of the model, and the best common factors on stiffnesses.
+
+    Parameters
+    ----------
+    problem : _Problem
+        Differences to be minimized.
+    start : ndarray, shape (n,)
+        Logarithms of the values of the model.
+    bounds : ndarray, shape (2, n)
+        Bounds of the logarithms.
+    stiffness : bool
+        True if stiffnesses are fitted.
+    """
     if not stiffness:
         return [start]
-    # The spectral misfit has several minima along a common factor: each low point of a scan is a
-    # start.
+    # The spectral difference has several minima along a common factor. Each local minimum of a scan
+    # is a start.
     stiff = np.array([value.name in (_STIFFNESS, _COMMON) for value in problem.free])
     points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
     costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
@@ -305,8 +323,17 @@ def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> 
 
 
 def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Array:
-    """Logarithm of the smoothed Fourier amplitude at frequencies in equal ratios, shape
-    (_FREQUENCIES,)."""
+    """Return the logarithm of the smoothed Fourier amplitude, shape (_FREQUENCIES,).
+
+    Parameters
+    ----------
+    samples : ndarray
+        Samples of a motion.
+    dt : float
+        Sampling interval, s.
+    band : tuple of two floats or None
+        Range of the frequencies, Hz.
+    """
     low, high = band or (0.0, math.inf)
     low, high = max(low, _LOWEST_CYCLES / (samples.size * dt)), min(high, 0.4 / dt)
     power = np.abs(np.fft.rfft(samples)) ** 2
@@ -321,21 +348,24 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
 
 
 def _standard_errors(solution: object) -> Array:
-    """Relative standard errors from the Jacobian at the minimum, shape (values,); inf where it
-    tells nothing."""
+    """Return relative standard errors from the Jacobian at the minimum, shape (values,).
+
+    The standard error is inf if the Jacobian does not determine a value.
+    """
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
     rows, count = jacobian.shape
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
-    # Directions whose singular value is nothing but rounding are not told by the recording.
-    told = singular > 1e-10 * singular[0]
+    # The recording does not determine directions with singular values at the level of rounding.
+    determined = singular > 1e-10 * singular[0]
     variance = 2.0 * float(solution.cost) / max(1, rows - count)  # type: ignore[attr-defined]
     with np.errstate(divide="ignore"):
-        weights = np.where(told, variance / singular**2, 0.0)
+        weights = np.where(determined, variance / singular**2, 0.0)
     errors = np.sqrt(np.sum(directions**2 * weights[:, None], axis=0))
-    return np.where(np.sum(directions[~told] ** 2, axis=0) > 1e-6, math.inf, errors)
+    return np.where(np.sum(directions[~determined] ** 2, axis=0) > 1e-6, math.inf, errors)
 
 
 def _free_values(model: Model, names: Sequence[str]) -> list[_Free]:
+    """Return the values of a model that may change, with their bounds."""
     unknown = [name for name in names if name not in FITTED]
     if unknown or not names:
         raise UsageError(
@@ -348,7 +378,7 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_Free]:
             "of them"
         )
     if "stiffness-factor" in names:
-        # One factor on the stiffnesses of all stories.
+        # A single factor applies to the stiffnesses of all stories.
         every = [_stiffness(model, i) for i in range(len(model.stories))]
 
         def put(model: Model, value: float) -> Model:
@@ -365,6 +395,7 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_Free]:
 
 
 def _stiffness(model: Model, i: int) -> _Free:
+    """Return the stiffness of story `i` (from 0) as a value that may change."""
     story = model.stories[i]
     if LAWS[story.law.name].initial_stiffness is not None:
         raise UsageError(
@@ -382,17 +413,17 @@ def _stiffness(model: Model, i: int) -> _Free:
 
 
 def _damping(damping: Damping) -> list[_Free]:
-    """The values of the damping as the model has them; zeros (modes without damping) stay."""
+    """Return the values of the damping of a model; zeros (modes without damping) are not fitted."""
     if damping is None:
         raise UsageError(
-            "the model has no damping to be fitted; write one, such as damping: {modal: 0.02}"
+            "the model has no damping to be fitted; add damping, such as damping: {modal: 0.02}"
         )
-    # Coefficients have no natural size: they may change by three decades either way.
+    # Coefficients have no typical size: they may change by three decades in both directions.
     if isinstance(damping, RayleighCoefficients):
         names = {"mass": "mass_coefficient_1_s", "stiffness": "stiffness_coefficient_s"}
         return [
-            _Free(called, None, value, (value * 1e-3, value * 1e3), _set(name))
-            for name, called in names.items()
+            _Free(label, None, value, (value * 1e-3, value * 1e3), _set(name))
+            for name, label in names.items()
             if (value := getattr(damping, name)) > 0.0
         ]
     modes = (
@@ -410,10 +441,13 @@ def _damping(damping: Damping) -> list[_Free]:
 
 
 def _set(name: str) -> Callable[[Model, float], Model]:
+    """Return the function that sets a coefficient of Rayleigh damping in a model."""
     return lambda model, value: replace(model, damping=replace(model.damping, **{name: value}))  # type: ignore[type-var]
 
 
 def _set_ratio(i: int) -> Callable[[Model, float], Model]:
+    """Return the function that sets the damping ratio `i` in a model."""
+
     def put(model: Model, value: float) -> Model:
         assert isinstance(model.damping, ModalDamping | RayleighRatio)
         ratios = list(model.damping.ratios)
@@ -423,7 +457,8 @@ def _set_ratio(i: int) -> Callable[[Model, float], Model]:
     return put
 
 
-def _called(value: FittedValue) -> str:
+def _label(value: FittedValue) -> str:
+    """Return the name of a value with its story or mode, for messages."""
     if value.place is None:
         return value.name
     return f"{value.name} of {'story' if value.name == _STIFFNESS else 'mode'} {value.place}"

@@ -1,5 +1,4 @@
-"""What callers give in the place of a model, a record or a number: taken as it is meant, or refused
-in words."""
+"""Conversion of arguments to models, records and numbers, with an error for invalid arguments."""
 
 from __future__ import annotations
 
@@ -23,81 +22,77 @@ if TYPE_CHECKING:
 
 
 class AnyTrace(Protocol):
-    """A Trace of ObsPy."""
+    """Trace of ObsPy."""
 
     stats: Any
 
 
 class AnyStream(Protocol):
-    """A Stream of ObsPy."""
+    """Stream of ObsPy."""
 
     traces: Any
 
 
 AnyModel: TypeAlias = "Model | str | Path | TextIO | Mapping[str, Any]"
-"""A building: what `load_model` gives, or what that takes."""
+"""Building: a result of `load_model`, or an argument of `load_model`."""
 
 AnyRecord: TypeAlias = Record | str | Path | AnyTrace | AnyStream
-"""A ground motion: what `read_record` gives, a file that tells its units and has one component, or
-a trace."""
+"""Ground motion: a result of `read_record`, a file with units and one component, or a trace."""
 
 AnyMotion: TypeAlias = "AnyRecord | Horizontals | tuple[AnyRecord, AnyRecord]"
-"""A record, or a pair of components."""
+"""Record, or pair of components."""
 
 
 def model_of(given: Any) -> Model:
-    """A model, or that of what `load_model` takes.
+    """Return a model, or load it from an argument of `load_model`.
 
     Raises
     ------
     ModelError
-        It is neither, or the file has faults.
+        The argument is invalid, or the file contains errors.
     """
     if isinstance(given, Model):
         return given
-    from tdint.model.config.model_file import (
-        load_model,
-    )  # YAML, which a model of Python does without
+    # The import of YAML is not needed for a model that is built in Python.
+    from tdint.model.config.model_file import load_model
 
     return load_model(given)
 
 
 def record_of(given: Any) -> Record:
-    """A record, or that of a file or of an ObsPy Trace or Stream.
+    """Return a record, or read it from a file or an ObsPy Trace or Stream.
 
     Raises
     ------
     RecordError
-        It is none of these, or cannot be read.
+        The argument is invalid, or the record cannot be read.
     UsageError
-        Its units are unknown.
+        The units of the record are unknown.
     """
     if isinstance(given, Record):
         return given
-    from tdint.ground_motion.reading.read import (
-        make_record,
-        read_record,
-    )  # not where only drifts are given
+    # The import is not needed if only drifts are used.
+    from tdint.ground_motion.reading.read import make_record, read_record
 
     if isinstance(given, str | os.PathLike):
         return read_record(Path(given) if given != "-" else given)
     if hasattr(given, "stats") or hasattr(given, "traces"):
         return make_record(given)
     raise RecordError(
-        f"a record is what read_record gives, a path or a trace, got {_kind(given)}; of samples "
-        "make_record(samples, dt=0.01, units='m/s^2') makes one"
+        f"a record must be a result of read_record, a path or a trace, got {_type_name(given)}; "
+        "make_record(samples, dt=0.01, units='m/s^2') creates a record from samples"
     )
 
 
 def model_record(model: Model) -> Record | None:
-    """The ground motion that the model names, processed and scaled; None if it names none."""
+    """Return the processed and scaled ground motion of a model; None if it has no record."""
     source = model.excitation.record
     if source is None:
         return None
     from tdint.ground_motion.processing_steps import processed
     from tdint.ground_motion.reading.read import read_record
 
-    if isinstance(source.choice.units, Mapping):  # by file: they must fit it
+    if isinstance(source.choice.units, Mapping):  # units by file, which must match the file
         from tdint.ground_motion.reading.suites import records_of
 
         records_of([source.file], source.choice)
@@ -106,19 +101,23 @@ def model_record(model: Model) -> Record | None:
 
 
 def horizontals_of(given: Any) -> Horizontals:
-    """A pair of components, or that of a sequence of two records or paths. Errors are those of
-    `record_of`, and of `find_horizontals`."""
+    """Return a pair of components, or combine a sequence of two records or paths.
+
+    Errors are raised as by `record_of` and `find_horizontals`.
+    """
     from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 
     if isinstance(given, Horizontals):
         return given
     if isinstance(given, tuple | list):
         return find_horizontals([record_of(motion) for motion in given])
-    raise RecordError(f"a pair is what read_horizontals gives, or two records, got {_kind(given)}")
+    raise RecordError(
+        f"a pair must be a result of read_horizontals, or two records, got {_type_name(given)}"
+    )
 
 
 def motion_of(given: Any) -> Record | Horizontals:
-    """A record, or the pair of two. Errors are those of `record_of` and `horizontals_of`."""
+    """Return a record or a pair of components; errors as by `record_of` and `horizontals_of`."""
     from tdint.ground_motion.horizontals import Horizontals
 
     return (
@@ -127,12 +126,12 @@ def motion_of(given: Any) -> Record | Horizontals:
 
 
 def number_of(given: Any, name: str) -> float | None:
-    """A number, or nothing.
+    """Return a number, or None.
 
     Raises
     ------
     UsageError
-        It is neither.
+        The argument is neither a number nor None.
     """
     if given is None:
         return None
@@ -148,8 +147,24 @@ def number_of(given: Any, name: str) -> float | None:
 def between(
     given: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False
 ) -> float:
-    """A finite number from `low` (with `above`, larger than it) to `high`. UsageError as
-    `number_of`."""
+    """Return a finite number between limits.
+
+    Parameters
+    ----------
+    given : object
+        Argument.
+    name : str
+        Name of the argument in messages.
+    low, high : float
+        Limits; default 0 and infinity.
+    above : bool
+        True if the number must be larger than `low`; default False.
+
+    Raises
+    ------
+    UsageError
+        The argument is not a number between the limits.
+    """
     number = number_of(given, name)
     if (
         number is None
@@ -166,26 +181,26 @@ def between(
 
 
 def ratio_of(given: Any, name: str) -> float | None:
-    """A number or a text such as `0.1%`, or nothing. UsageError as `number_of`."""
+    """Return a number, a ratio from a text such as `0.1%`, or None; errors as by `number_of`."""
     return parse_ratio(given) if isinstance(given, str) else number_of(given, name)
 
 
 def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
-    """Numbers as an array of one axis. UsageError as `number_of`."""
+    """Return numbers as an array with one axis; errors as by `number_of`."""
     try:
-        masked = np.any(getattr(given, "mask", False))  # what is masked stands for no number
+        masked = np.any(getattr(given, "mask", False))  # a masked entry is not a number
         numbers = np.empty((0, 0)) if masked else np.atleast_1d(np.asarray(given, dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty((0, 0))
     if numbers.ndim != 1:
         raise UsageError(
-            f"{name} must be numbers in a row, got {' '.join(repr(given).split()):.60}"
+            f"{name} must be a sequence of numbers, got {' '.join(repr(given).split()):.60}"
         )
     return numbers
 
 
 def damping_of(given: Any) -> float:
-    """A damping ratio in [0, 1). UsageError as `number_of`."""
+    """Return a damping ratio in [0, 1); errors as by `number_of`."""
     ratio = ratio_of(given, "damping")
     if ratio is None or not 0.0 <= ratio < 1.0:
         raise UsageError(f"damping must be a ratio in [0, 1), got {given!r:.60}")
@@ -193,12 +208,15 @@ def damping_of(given: Any) -> float:
 
 
 def drift_of(given: Any) -> DriftSize:
-    """A drift, of a text as `parse_drift` has it, or of a number, a drift ratio. UsageError as by
-    both."""
+    """Return a drift from a text (see `parse_drift`) or a number (drift ratio).
+
+    Errors are raised as by `parse_drift` and `number_of`.
+    """
     if isinstance(given, DriftSize):
         return given
     return parse_drift(given if isinstance(given, str) else str(number_of(given, "drift")))
 
 
-def _kind(given: Any) -> str:
-    return "nothing" if given is None else f"a {type(given).__name__}"
+def _type_name(given: Any) -> str:
+    """Return the type of an argument for messages."""
+    return "None" if given is None else f"a {type(given).__name__}"

@@ -1,14 +1,15 @@
-"""Ground motions matched to a target spectrum by the least change.
+"""Spectral matching of ground motions by the smallest change.
 
-A response of an oscillator is linear in the samples of the motion. Wanted is the change d of least
-norm d' P^-1 d by which the largest response at each period is the target, while its other extremes
-above `_NEAR` of it do not exceed it: a small quadratic program in multipliers, d = P H' lambda. The
-rows of H are the derivatives of the extremes with respect to the samples, the oscillators' impulse
-responses reversed in time from the extreme's own moment. P = F E^2 F: E is the record's own
-envelope, so that nothing is added where it is quiet, F a band of the periods. Two more rows keep
-the last velocity and displacement of the ground. Far from the target each round solves for the
-whole change from the scaled seed, then stepwise; periods between those that are matched join where
-they are worst (after Hancock et al. 2006; Al Atik and Abrahamson 2010; Grant and Diaferia 2013).
+The response of an oscillator is linear in the samples of the motion. The change d with the minimum
+norm d' P^-1 d is computed for which the maximum response at each period equals the target, and the
+other extremes above `_NEAR` times the target do not exceed it. This is a small quadratic program in
+multipliers, d = P H' lambda. The rows of H are the derivatives of the extremes with respect to the
+samples: the impulse responses of the oscillators, reversed in time from the time of the extreme.
+P = F E^2 F, with the envelope E of the record, so that quiet parts remain quiet, and a band-pass
+filter F for the periods. Two more rows preserve the final velocity and displacement of the ground.
+Far from the target each round computes the complete change from the scaled seed; close to the
+target rounds add to the change. Periods between the matched periods are added where the misfit is
+largest (after Hancock et al. 2006; Al Atik and Abrahamson 2010; Grant and Diaferia 2013).
 """
 
 from __future__ import annotations
@@ -39,44 +40,45 @@ from tdint.tabular import Tabular
 Bools: TypeAlias = NDArray[np.bool_]
 
 CHECKED = 1000
-"""Periods in equal ratios at which a match is judged."""
+"""Number of periods, in equal ratios, at which a match is judged."""
 
 _FIRST, _STAGES, _ROUNDS = 130, 4, (12, 6, 6, 8, 8)
-"""Periods matched at first, how often the worst of those judged join, and rounds of each stage at
-most."""
+"""Number of periods matched at first, number of times that the worst judged periods are added, and
+maximum number of rounds of each stage."""
 
 _SHOWN, _RESOLVED = 200, 5.0
 """Number of periods of a figure; shortest period of a figure in sampling intervals, below which the
 motion between samples determines the spectrum."""
 
 _ENOUGH = 0.008
-"""Misfit up to which a period does not join, nor a stage begins."""
+"""Misfit below which a period is not added and no further stage is started."""
 
 _NEAR, _MOST = 0.8, 3.0
-"""Extremes above this part of the target are held, three for each period in all at most."""
+"""Fraction of the target above which extremes are controlled, and maximum mean number of controlled
+extremes per period."""
 
 _CLIP, _STEPWISE = 0.3, 0.1
-"""The largest relative step of a response in a round; and the misfit from which rounds add to the
+"""Maximum relative change of a response in a round, and misfit below which rounds add to the
 change."""
 
 _DAMPED, _POLISHED, _LEAST = 1e-2, 1e-4, 1e-6
-"""Levenberg and Marquardt's damping over the Gram matrix's diagonal: at first, when polishing, at
-least."""
+"""Levenberg-Marquardt damping relative to the diagonal of the Gram matrix: initial, for refinement,
+and minimum."""
 
 _WINDOW = 2.0
-"""Half of the window of the envelope, s."""
+"""Half width of the window of the envelope, s."""
 
 _UNEVEN = 0.03, 10.0
-"""Damping of a row over the others' in steps: the less the farther it is from what is asked, within
-these bounds."""
+"""Limits of the relative damping of a row in added changes. Rows with a larger misfit have less
+damping."""
 
 _POWERS = 2.0, 4.0
-"""What is to fall is the sum of these powers of ln of responses over the target: far from it, and
-in steps."""
+"""Exponents of |ln(response / target)| in the sum to be reduced: far from the target, and for added
+changes."""
 
 _OF_MEAN = 4.0
-"""Weight of the mean misfit beside the largest one, which is about four times as large, where the
-best is chosen."""
+"""Weight of the mean misfit relative to the maximum misfit, which is about four times as large, for
+the selection of the best motion."""
 
 _DECAYED = 1e-6
 """Amplitude of a free vibration, relative to its start, after which it is not stored. The rows are
@@ -86,34 +88,34 @@ _TOGETHER = 16
 """Number of oscillators whose free vibrations are filtered at a time: 60 MB at 60 000 samples."""
 
 _BLOCK = 4096
-"""Samples over which the products of rows are summed at a time: 16 MB for 1000 rows."""
+"""Number of samples per block in the products of rows: 16 MB for 1000 rows."""
 
 _GROWING = 0.5
-"""Part of the periods without a peak of the response above which a motion is refused; earthquakes
-have peaks at all periods up to about their duration."""
+"""Maximum fraction of periods without a peak of the response. Motions with a larger fraction are
+rejected; earthquakes have peaks at all periods up to about their duration."""
 
 _TRIES = 6
-"""Times that a step is damped more, fourfold each."""
+"""Maximum number of times that the damping of a step is increased, by a factor of four each."""
 
 _ORDER, _CORNER = 8, 1.0
-"""Order of the band's edges; frequency (Hz) below which changes weigh more, for they move the
-ground far."""
+"""Order of the band-pass filter; frequency (Hz) below which changes have a larger weight, because
+they cause large ground displacements."""
 
 
 @dataclass(frozen=True, repr=False)
 class Match(Tabular):
-    """A motion whose spectrum was brought to a target.
+    """Ground motion with a spectrum that was matched to a target.
 
     Attributes
     ----------
     record, seed : Record or Horizontals
-        The matched motion; the one that it was made of, as it was read.
+        Matched motion; original motion.
     factor : float
-        What the seed was scaled by before.
+        Scale factor of the seed.
     target : TargetSpectrum
-        The target.
+        Target spectrum.
     periods, psa, seed_psa : ndarray, shape (CHECKED,)
-        Periods, s; pseudo-accelerations of the match and of the scaled seed, of pairs RotD100,
+        Periods, s; pseudo-accelerations of the match and of the scaled seed (RotD100 for pairs),
         m/s^2.
     damping : float
         Damping ratio.
@@ -130,22 +132,22 @@ class Match(Tabular):
 
     @property
     def misfit(self) -> Array:
-        """Pseudo-acceleration over the target less 1, at the periods."""
+        """Pseudo-acceleration over the target minus 1, at each period."""
         return np.asarray(self.psa / self.target.at(self.periods) - 1.0)
 
     @property
     def largest_misfit(self) -> float:
-        """The largest of all periods."""
+        """Maximum absolute misfit over the periods."""
         return float(np.max(np.abs(self.misfit)))
 
     @property
     def mean_misfit(self) -> float:
-        """The mean of all periods."""
+        """Mean absolute misfit over the periods."""
         return float(np.mean(np.abs(self.misfit)))
 
     @property
     def change(self) -> float:
-        """Root mean square of the change over that of the scaled seed."""
+        """Root mean square of the change relative to the scaled seed."""
         after, before = (
             np.array([record.acceleration for record in components(motion)])
             for motion in (self.record, self.seed)
@@ -155,7 +157,7 @@ class Match(Tabular):
 
     @property
     def parts(self) -> tuple[Match, ...]:
-        """Of each component by itself, with the spectra of the pair: itself if it is of one."""
+        """Match of each component with the spectra of the pair; the match of a single component."""
         if isinstance(self.record, Record):
             return (self,)
         each = zip(components(self.record), components(self.seed), strict=True)
@@ -163,28 +165,30 @@ class Match(Tabular):
 
     @property
     def after(self) -> Record:
-        """The matched motion, of a part."""
+        """Matched motion of a single component."""
         return components(self.record)[0]
 
     @cached_property
     def before(self) -> Record:
-        """The scaled seed, of a part."""
+        """Scaled seed of a single component."""
         return components(self.seed)[0].scaled(self.factor)
 
     @cached_property
     def measures(self) -> tuple[Measures, Measures]:
-        """Of a part, and of its scaled seed."""
+        """Intensity measures of a single component and of its scaled seed."""
         return measure(self.after), measure(self.before)
 
     @cached_property
     def motions(self) -> tuple[Motion, Motion]:
-        """Velocities and displacements of the ground, of a part and of its scaled seed."""
+        """Velocities and displacements of the ground, for a component and its scaled seed."""
         return integrate(self.after), integrate(self.before)
 
     @cached_property
     def directions(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
-        """Of a pair and of its seed: the mean ratio of RotD100 to RotD50, and the correlation of
-        the accelerations."""
+        """Mean ratio of RotD100 to RotD50 and correlation of the accelerations.
+
+        The values are those of a pair and of its seed; None for a single component.
+        """
         result = []
         for motion in (self.record, self.seed):
             if isinstance(motion, Record):
@@ -206,8 +210,10 @@ class Match(Tabular):
         return np.geomspace(resolved, 2.0 * self.periods[-1], _SHOWN)
 
     def spectra_at(self, periods: Array) -> list[tuple[Array, Array]]:
-        """Return pseudo-accelerations after the match and of the scaled seed, m/s^2: of the motion,
-        of a pair RotD100, and then of each component of a pair."""
+        """Return pseudo-accelerations after the match and of the scaled seed, m/s^2.
+
+        The first entry is the motion (RotD100 for a pair); the components of a pair follow.
+        """
         motions = [(self.record, self.seed)]
         if not isinstance(self.record, Record):
             motions += zip(components(self.record), components(self.seed), strict=True)
@@ -220,18 +226,18 @@ class Match(Tabular):
         ]
 
     def _headline(self) -> str:
-        words = (
+        text = (
             f"of {self.seed.source} {self.seed.component}: largest misfit "
             f"{100.0 * self.largest_misfit:.2g} %, mean {100.0 * self.mean_misfit:.2g} %, change "
             f"{self.change:.2g} of the motion"
         )
         if self.directions:
             (ratio, correlation), (ratio_before, correlation_before) = self.directions
-            words += (
+            text += (
                 f", RotD100 over RotD50 {ratio_before:.3g} before and {ratio:.3g} after, "
                 f"correlation of the components {correlation_before:.2f} and {correlation:.2f}"
             )
-        return words
+        return text
 
 
 def match(
@@ -241,33 +247,33 @@ def match(
     periods: tuple[float, float] = (0.05, 4.0),
     damping: float = SA_DAMPING,
 ) -> Match:
-    """Bring the spectrum of a motion, of a pair its RotD100, to a target by the least change.
+    """Match the spectrum of a motion (RotD100 for a pair) to a target by the smallest change.
 
     Parameters
     ----------
     motion : Record, Horizontals, str, Path, ObsPy trace, or tuple of two of them
-        The seed. Both components of a pair are changed together, with one factor.
+        Seed. Both components of a pair are changed together, with a common factor.
     target : TargetSpectrum or str
-        A file of a spectrum, or the text of a design spectrum
+        File of a spectrum, or text of a design spectrum
         (`tdint.analysis.spectra.target.read_target`).
     periods : tuple of two floats
-        The range over which it is matched, s.
+        Range of periods to be matched, s; default 0.05 to 4.
     damping : float
-        Damping ratio of the spectra.
+        Damping ratio of the spectra; default 0.05.
 
     Returns
     -------
     Match
-        The scaled seed itself where no change is nearer to the target.
+        The motion is the scaled seed if no change reduces the misfit.
 
     Raises
     ------
     UsageError
-        A range that is none, or beyond the target's; a motion that is too short.
+        The range is invalid or exceeds the range of the target, or the motion is too short.
     AnalysisError
-        Periods that the sampling interval does not resolve; a motion without any acceleration.
+        The sampling interval does not resolve the periods, or the motion has no acceleration.
     RecordError
-        The record is none, or cannot be read.
+        The record is invalid or cannot be read.
     """
     seed, damping = motion_of(motion), damping_of(damping)
     aim, checked = _aim(target, periods, damping)
@@ -282,38 +288,40 @@ def match_suite(
     damping: float = SA_DAMPING,
     factors: Sequence[float] | None = None,
 ) -> list[Match]:
-    """Bring the mean spectrum of motions to a target, each by the least change to its own scaled
-    spectrum times target over mean: their scatter is kept.
+    """Match the mean spectrum of a suite to a target, and preserve the scatter.
+
+    Each motion is matched to its own scaled spectrum times the ratio of the target to the mean.
 
     Parameters
     ----------
     motions : sequence
-        The seeds, each as of `match`.
+        Seeds, as in `match`.
     target, periods, damping
-        As of `match`.
+        As in `match`.
     factors : sequence of float, optional
-        The factor of each seed in the suite, as `tdint.scale` returns it; by default least squares
-        of ln Sa.
+        Scale factor of each seed, as returned by `tdint.scale`; default by least squares of ln Sa.
 
     Returns
     -------
     list of Match
-        One for each seed, in order; its target is its own.
+        One match per seed, in order, with the target of the seed.
 
     Raises
     ------
     UsageError, AnalysisError, RecordError
-        As of `match`; there are no motions.
+        As in `match`; or the suite is empty.
     """
     if not motions:
-        raise UsageError("a suite has one motion at least")
+        raise UsageError("a suite must contain at least one motion")
     seeds, damping = [motion_of(motion) for motion in motions], damping_of(damping)
     aim, checked = _aim(target, periods, damping)
     wanted, before = aim.at(checked), [_judged(seed, checked, damping) for seed in seeds]
     if factors is None:
         factors = [float(np.exp(np.mean(np.log(wanted / psa)))) for psa in before]
     if len(factors) != len(seeds):
-        raise UsageError(f"factors: one for each of {len(seeds)} motions, got {len(factors)}")
+        raise UsageError(
+            f"factors must contain one factor for each of {len(seeds)} motions, got {len(factors)}"
+        )
     scaled = [abs(factor) * psa for factor, psa in zip(factors, before, strict=True)]
     part = wanted / np.mean(scaled, axis=0)
     name = f"{aim.source} in the mean of {len(seeds)}"
@@ -326,7 +334,17 @@ def match_suite(
 def _aim(
     target: TargetSpectrum | str, periods: tuple[float, float], damping: float
 ) -> tuple[TargetSpectrum, Array]:
-    """A target, and the periods at which a match with it is judged."""
+    """Return a target, and the periods at which a match with it is judged.
+
+    Parameters
+    ----------
+    target : TargetSpectrum or str
+        Target, as in `match`.
+    periods : tuple of two floats
+        Range of periods, s.
+    damping : float
+        Damping ratio.
+    """
     aim = read_target(target) if isinstance(target, str) else target
     shortest, longest = periods
     if not 0.0 < shortest < longest < math.inf:
@@ -336,20 +354,20 @@ def _aim(
         )
     aim.check_damping(damping, "of the motion")
     checked = np.geomspace(shortest, longest, CHECKED)
-    aim.at(checked)  # refused where it has no value
+    aim.at(checked)  # raises an error outside the range of the target
     return aim, checked
 
 
 def _judged(motion: GroundMotion, periods: Array, damping: float) -> Array:
-    """Pseudo-accelerations, m/s^2, shape (k,): of a pair RotD100."""
-    fit = all(
+    """Return pseudo-accelerations, m/s^2, shape (k,); RotD100 for a pair."""
+    is_suitable = all(
         np.any(record.acceleration) and record.acceleration.size >= 100
         for record in components(motion)
     )
-    if not (fit and damping > 0.0):
+    if not (is_suitable and damping > 0.0):
         raise UsageError(
-            "a motion is matched that has some acceleration and 100 samples at least, with some "
-            "damping"
+            "a motion to be matched must have at least 100 samples, an acceleration that is not "
+            "zero, and a positive damping ratio"
         )
     if isinstance(motion, Record):
         return spectrum(motion, periods, damping).psa
@@ -359,12 +377,26 @@ def _judged(motion: GroundMotion, periods: Array, damping: float) -> Array:
 def _matched(
     seed: GroundMotion, aim: TargetSpectrum, checked: Array, damping: float, before: Array
 ) -> Match:
-    """The match of a seed whose spectrum at the periods is `before`."""
+    """Return the match of a seed.
+
+    Parameters
+    ----------
+    seed : Record or Horizontals
+        Motion to be matched.
+    aim : TargetSpectrum
+        Target.
+    checked : ndarray, shape (CHECKED,)
+        Periods at which the match is judged, s.
+    damping : float
+        Damping ratio.
+    before : ndarray, shape (CHECKED,)
+        Spectrum of the seed, m/s^2.
+    """
     wanted = aim.at(checked)
     factor = float(np.exp(np.mean(np.log(wanted / before))))
     records = components(seed)
     start = factor * np.array([record.acceleration for record in records])
-    # Match at the first periods, then let those join that are worst in between, until all are near.
+    # Match at the first periods. Then add periods with the largest misfits until all are small.
     places = np.geomspace(checked[0], checked[-1], _FIRST)
     samples, multiplied, best, least = start, np.zeros(start.size, np.float32), start, np.inf
     for stage in range(_STAGES + 1):
@@ -382,15 +414,15 @@ def _matched(
             period for period in checked[worst] if np.min(np.abs(np.log(places / period))) > 0.003
         ]
         places = np.sort(np.concatenate([places, joining]))
-    # Never a motion that is worse than its seed
-    as_it_was = np.abs(factor * before / wanted - 1.0)
-    if not least < np.max(as_it_was) + _OF_MEAN * np.mean(as_it_was):
+    # Return the scaled seed if it is better than the matched motion.
+    unchanged = np.abs(factor * before / wanted - 1.0)
+    if not least < np.max(unchanged) + _OF_MEAN * np.mean(unchanged):
         best = start
-    words = (
+    description = (
         f"matched to {aim.source} from {checked[0]:g} to {checked[-1]:g} s, {100.0 * damping:g} % "
         "damping"
     )
-    matched = _with_samples(seed, best, words)
+    matched = _with_samples(seed, best, description)
     return Match(
         matched,
         seed,
@@ -404,13 +436,13 @@ def _matched(
 
 
 def _check_peaks(problem: _Problem, seed: GroundMotion, samples: Array) -> None:
-    """Refuse a motion under which most oscillators have no largest peak before its end.
+    """Raise an error if most oscillators have no maximum before the end of the motion.
 
     Raises
     ------
     RecordError
-        The response grows until the end of the record at more than half of the periods, as under a
-        ramp. There is no peak then that a change could bring to the target.
+        The response increases until the end of the record at more than half of the periods, as
+        under a ramp. A change cannot bring such a response to the target.
     """
     largest = problem.extremes(samples, _NEAR * problem.wanted)[1]
     level = np.minimum(_NEAR * problem.wanted, 0.9999 * largest[0])
@@ -426,7 +458,7 @@ def _check_peaks(problem: _Problem, seed: GroundMotion, samples: Array) -> None:
 
 
 def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMotion:
-    """A motion with other samples, shape (components, n), and what was done to it."""
+    """Return a motion with other samples, shape (components, n), and more processing notes."""
     records = [
         replace(
             record,
@@ -446,18 +478,18 @@ def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMo
 
 @dataclass(frozen=True)
 class _SparseRows:
-    """Rows of a matrix over the samples of all components, each stored where it is not zero.
+    """Sparse rows of a matrix over the samples of all components.
 
     Attributes
     ----------
     size : int
         Number of samples of a component.
     starts : ndarray of int, shape (rows,)
-        The first sample of each line.
+        First sample of each line.
     lines : list of ndarray
-        The values of each row over the samples, before the factors of the components.
+        Values of each row over the samples, before the factors of the components.
     directions : ndarray, shape (rows, components)
-        The factor of each row for each component.
+        Factor of each row for each component.
     """
 
     size: int
@@ -466,8 +498,7 @@ class _SparseRows:
     directions: Array
 
     def products(self) -> Array:
-        """Return the scalar products of all rows, shape (rows, rows), summed over blocks of
-        samples."""
+        """Return the scalar products of all rows, shape (rows, rows), summed block by block."""
         from scipy.linalg.blas import ssyrk
 
         stops = self.starts + np.array([line.size for line in self.lines])
@@ -505,8 +536,7 @@ class _SparseRows:
 
 @dataclass
 class _Problem:
-    """A motion's components, the periods at which they are matched, and what a change may be made
-    of."""
+    """Components of a motion, periods to be matched, and filters of a change."""
 
     start: Array
     dt: float
@@ -527,7 +557,21 @@ class _Problem:
     def of(
         cls, start: Array, dt: float, periods: Array, *, wanted: Array, damping: float
     ) -> _Problem:
-        """Put it together."""
+        """Prepare the problem.
+
+        Parameters
+        ----------
+        start : ndarray, shape (components, n)
+            Samples of the scaled seed, m/s^2.
+        dt : float
+            Sampling interval, s.
+        periods : ndarray, shape (k,)
+            Periods to be matched, s.
+        wanted : ndarray, shape (k,)
+            Target, m/s^2.
+        damping : float
+            Damping ratio.
+        """
         from scipy.fft import irfft, next_fast_len, rfft
 
         n, omega = start.shape[1], 2.0 * np.pi / periods
@@ -537,7 +581,7 @@ class _Problem:
         window = np.hanning(2 * max(int(_WINDOW / dt), 1) + 1)
         mean_square = np.convolve(np.sum(start**2, axis=0), window / window.sum(), "same")
         envelope = np.sqrt(np.maximum(mean_square, 0.0))[:n]
-        # The band; its own response to one sample ends within `reach` samples to either side.
+        # The impulse response of the band-pass filter extends over `reach` samples to either side.
         low, high = 0.6 / periods[-1], min(1.5 / periods[0], 0.45 / dt)
         reach = int(3.0 / low / dt)
         size = next_fast_len(n + 2 * reach, real=True)
@@ -546,14 +590,12 @@ class _Problem:
             (1.0 + (low / f) ** _ORDER) * (1.0 + (f / high) ** _ORDER)
         )
         band[0] = 0.0
-        left = np.arange(
-            n - 1, -1, -1.0
-        )  # what a sample does to the last velocity and displacement
-        ends = np.stack([np.full(n, dt), dt * dt * left])
-        # Free vibrations, cosine and sine, over the samples since, from the latest back to `reach`
-        # before the moment.
-        # Only the part before it has decayed is kept, and few oscillators are computed at a time:
-        # at 60 000 samples all of them would need a gigabyte.
+        # Derivatives of the final velocity and displacement with respect to the samples
+        remaining = np.arange(n - 1, -1, -1.0)
+        ends = np.stack([np.full(n, dt), dt * dt * remaining])
+        # Compute free vibrations (cosine and sine) over the samples since their start, from the
+        # latest back to `reach` samples before it. Only the part that has not decayed is stored,
+        # and few oscillators are computed at a time: 60 000 samples of all would need a gigabyte.
         rate = omega * complex(-damping, math.sqrt(1.0 - damping**2))
         lasting = np.minimum(np.log(1.0 / _DECAYED) / (damping * omega * dt), n - 1).astype(int)
         band32, after = (
@@ -563,7 +605,7 @@ class _Problem:
         free: list[NDArray[np.float32]] = []
         for first in range(0, omega.size, _TOGETHER):
             vibrations = np.exp(rate[first : first + _TOGETHER, None] * dt * np.arange(n))
-            vibrations[:, 0] = 0.0  # the two samples about the moment are dealt with by themselves
+            vibrations[:, 0] = 0.0  # the two samples at the start are treated separately
             lines = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
             filtered = irfft(rfft(lines, size) * band32, size)[..., after]
             free += [
@@ -590,7 +632,7 @@ class _Problem:
         )
 
     def filtered(self, rows: Array) -> Array:
-        """Rows of samples, through the band."""
+        """Return rows of samples after the band-pass filter."""
         from scipy.fft import irfft, rfft
 
         return np.asarray(
@@ -598,9 +640,11 @@ class _Problem:
         )
 
     def extremes(self, samples: Array, level: Array) -> tuple[Array, Array]:
-        """Extremes above a level, rows OSCILLATOR, TIME and VALUE of each component; the largest
-        of each
-        oscillator, and its place among them."""
+        """Return extremes above a level, and the maximum of each oscillator.
+
+        The extremes have the rows OSCILLATOR, TIME and VALUE of each component. The maxima have
+        two rows: their value, and their index in the extremes.
+        """
         found, largest = (
             np.empty((VALUE + len(samples), 400 * level.size)),
             np.empty((2, level.size)),
@@ -608,24 +652,33 @@ class _Problem:
         kernel = (extremes if len(samples) == 1 else radii).variant(EVERYTHING)
         motions = np.array(samples[0] if len(samples) == 1 else samples)
         count = kernel(motions, self.dt, self.parts, self.table, level, found, largest)
-        largest[0] = np.maximum(
-            largest[0], np.finfo(float).tiny
-        )  # of what does not move: ln of nothing is none
+        # Oscillators at rest need a positive value for the logarithm.
+        largest[0] = np.maximum(largest[0], np.finfo(float).tiny)
         return found[:, :count], largest
 
     def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> _SparseRows:
-        """Derivatives of sizes of extremes with respect to the samples of all components, through
-        band and envelope, and below them those of the last velocity and displacement.
+        """Return derivatives of extremes with respect to the samples of all components.
 
-        A sample changes the ground by a hat, the second difference of a ramp. Once the hat is over,
-        the oscillator vibrates freely: what an earlier sample does to a moment is one vibration, by
-        its cosine and its sine.
+        The derivatives include the band-pass filter and the envelope. The last rows are the
+        derivatives of the final velocity and displacement. A sample changes the ground acceleration
+        by a hat function, the second difference of a ramp. After the hat, the oscillator is in
+        free vibration. The effect of earlier samples on an extreme is thus one vibration, with a
+        cosine and a sine part.
+
+        Parameters
+        ----------
+        who : ndarray of int
+            Oscillator of each extreme.
+        when : ndarray
+            Time of each extreme, s.
+        directions : ndarray, shape (components, extremes)
+            Direction of each extreme.
         """
         n, w, z, dt = self.envelope.size, self.omega[who], self.damping, self.dt
         before = np.minimum((when / dt).astype(int), n - 2)
         late = when - dt * before
-        # Displacement over -g for a ground acceleration t / dt: a particular solution, less the
-        # vibration from rest.
+        # Displacement over -g for a ground acceleration t / dt: a particular solution minus the
+        # free vibration from rest.
         rate = w * complex(-z, math.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         begun = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / rate.imag
@@ -640,8 +693,8 @@ class _Problem:
         starts, lines = [], list[NDArray[np.float32]]()
         envelope = self.envelope.astype(np.float32)
         for k, part, moment in zip(who, parts, before, strict=True):
-            # Samples from the decay of the vibration before the moment to the reach of the band
-            # after it; `free` ends there.
+            # Use samples from the decay of the vibration before the extreme to the reach of the
+            # filter after it, where `free` ends.
             free = self.free[k]
             start = max(moment + 1 + self.reach - free.shape[1], 0)
             stop = min(n, moment + 1 + self.reach)
@@ -666,15 +719,20 @@ class _Problem:
     def asked(
         self, found: Array, largest: Array
     ) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
-        """What a change is asked for, a row each: oscillator, moment, direction over the
-        components, how much is short of the target over it, and whether it is to be the target or
-        not to exceed it."""
+        """Return the conditions of a change, one per row.
+
+        Returns
+        -------
+        tuple
+            Oscillator, time, direction over the components, relative difference from the target,
+            and True for equality with the target (False for an upper limit).
+        """
         who, values = found[OSCILLATOR].astype(int), found[VALUE:]
         size = np.linalg.norm(values, axis=0)
-        # The largest of each period is to be the target, others above `_NEAR` of it no more than
-        # that.
+        # The maximum at each period must equal the target; other extremes above `_NEAR` times the
+        # target must not exceed it.
         equal = np.zeros(who.size, bool)
-        moved = largest[1] >= 0.0  # an oscillator that the motion does not move has none
+        moved = largest[1] >= 0.0  # an oscillator at rest has no maximum
         equal[largest[1, moved].astype(int)] = True
         relative = np.where(equal, np.inf, size / self.wanted[who])
         cut = max(_NEAR, np.sort(relative)[-min(int(_MOST * self.omega.size), relative.size)])
@@ -687,8 +745,19 @@ class _Problem:
     def rounds(
         self, samples: Array, multiplied: NDArray[np.float32], most: int, *, first: bool
     ) -> tuple[Array, NDArray[np.float32]]:
-        """The samples after some rounds, and what the band and the envelope make their change
-        of."""
+        """Return the samples after some rounds, and the multiplied rows that form their change.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (components, n)
+            Samples, m/s^2.
+        multiplied : ndarray
+            Sum of the rows times multipliers so far.
+        most : int
+            Maximum number of rounds.
+        first : bool
+            True in the first stage.
+        """
         damped, stepwise = _DAMPED if first else _POLISHED, not first
         ends = np.kron(np.eye(len(samples)), self.ends)
         found, largest = self.extremes(samples, _NEAR * self.wanted)
@@ -701,8 +770,7 @@ class _Problem:
                 found, largest = self.extremes(
                     samples, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0])
                 )
-            # The quadratic program: each row's derivatives, how much it is short of, all rows'
-            # products
+            # Set up the quadratic program: derivatives, differences and products of the rows.
             who, when, directions, short, equal = self.asked(found, largest)
             table = self.rows(who, when, directions)
             short = np.concatenate([short, -ends @ (samples - self.start).ravel()])
@@ -716,10 +784,10 @@ class _Problem:
             toward = short if stepwise else short + table.times(multiplied)
             uneven = np.ones(short.size)
             if stepwise:
-                far = np.abs(short) + 1e-4  # closer than a hundredth of a percent nobody asks
+                far = np.abs(short) + 1e-4  # differences below 0.01 % are not relevant
                 uneven = np.clip(np.median(far) / far, *_UNEVEN)
                 _exchange(gram, toward * scales, equal, damped * uneven, who, scales)
-            # The step, more damped until it is one towards the target
+            # Increase the damping of the step until it reduces the misfit.
             for tried in range(_TRIES):  # noqa: B007
                 multipliers = (
                     scales * program(gram, toward * scales, equal, damped * uneven)
@@ -738,8 +806,7 @@ class _Problem:
         return best
 
     def merits(self, largest: Array, stepwise: bool) -> tuple[float, float]:
-        """Sum of powers of ln of the largest extremes over the target; the largest of their
-        misfits."""
+        """Return the sum of powers of ln(maximum / target), and the maximum misfit."""
         part = largest[0] / self.wanted
         return float(np.sum(np.abs(np.log(part)) ** _POWERS[stepwise])), float(
             np.max(np.abs(part - 1.0))
@@ -749,8 +816,23 @@ class _Problem:
 def _exchange(
     gram: Array, short: Array, equal: Bools, damped: Array, who: NDArray[np.int64], scales: Array
 ) -> None:
-    """Where another extreme of a period comes nearer to its target than the largest one, it becomes
-    the equality."""
+    """Exchange the equality of a period if another extreme will be closer to the target.
+
+    Parameters
+    ----------
+    gram : ndarray
+        Scaled scalar products of the rows.
+    short : ndarray
+        Scaled differences from the targets.
+    equal : ndarray of bool
+        True for equalities; changed in place.
+    damped : ndarray
+        Damping of each row.
+    who : ndarray of int
+        Oscillator of each extreme.
+    scales : ndarray
+        Scale factor of each row.
+    """
     for _ in range(2):
         left = (short - gram @ program(gram, short, equal, damped)) / scales
         changed = False
@@ -763,10 +845,21 @@ def _exchange(
 
 
 def program(gram: Array, short: Array, equal: Bools, damped: Array) -> Array:
-    """Multipliers l of the least l' (G + diag(damped)) l / 2 - short' l, of inequalities (not
-    `equal`) none above 0.
+    """Return the multipliers l that minimize l' (G + diag(damped)) l / 2 - short' l.
 
-    A primal-dual active set: those above 0 leave it, those whose bound is passed join.
+    Multipliers of inequalities must not be positive. A primal-dual active set method is used:
+    inequalities with a positive multiplier become inactive, violated inequalities become active.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (n, n)
+        Scalar products of the rows.
+    short : ndarray, shape (n,)
+        Differences from the targets.
+    equal : ndarray of bool, shape (n,)
+        True for equalities, False for inequalities.
+    damped : ndarray, shape (n,)
+        Damping of each row.
     """
     from scipy.linalg import cho_factor, cho_solve
 

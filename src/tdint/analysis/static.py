@@ -1,11 +1,13 @@
-"""Pushover: the base shear of a building that is pushed slowly, over the displacement of its roof.
+"""Static analyses: cyclic test of a story, and pushover of a building.
 
-The forces on the floors keep one pattern and grow and fall together, by one factor. In a chain the
-shears of all stories follow from that factor; so a building is led along by the drift of one story,
-the softest at the time, and each other story takes the drift at which it carries its share:
-forwards while the factor grows, backwards while it falls. That goes through peaks and down falling
-branches, and needs no matrix. Where one story falls and the others spring back by more than it goes
-on, the roof comes back: the curve is a path, not a function of the roof's displacement.
+A pushover computes the base shear of a building that is pushed slowly, over its roof displacement.
+The forces on the floors have a constant pattern and one common factor. In a chain, this factor
+determines the shears of all stories. The analysis is therefore controlled by the drift of the
+softest story at the time. Each other story has the drift at which it carries its share of the
+shear: it is loaded while the factor increases, and unloaded while the factor decreases. This
+control passes through peaks and softening branches and does not need a matrix. If one story
+softens and the other stories unload by more than its increment, the roof displacement decreases
+(snap-back). The curve is thus a path and not a function of the roof displacement.
 """
 
 from __future__ import annotations
@@ -37,28 +39,28 @@ from tdint.tabular import Tabular
 from tdint.units import DriftSize
 from tdint.written_numbers import how_many
 
-# ---- Cyclic test of a story: its drift law along cycles of given amplitudes. The work behind
-# `tdint law`.
+# ---- Cyclic test of a story: its hysteretic law along cycles of specified amplitudes (command
+# `tdint law`)
 
 MOST_OF_CYCLES = 2_000_000
-"""Points that a test may have; it keeps a slip in the number of cycles from filling the memory."""
+"""Maximum number of points of a test; a mistyped number of cycles must not fill the memory."""
 
 _ROUNDING = 1e-13
-"""Energy of an elastic cycle over the energy stored in it."""
+"""Rounding error of the dissipated energy of an elastic cycle, over the energy stored in it."""
 
 
 @dataclass(frozen=True)
 class LawPath:
-    """A story's law along a path of drifts; arrays of shape (points,).
+    """Response of a story's law along a path of drifts; arrays of shape (points,).
 
     Attributes
     ----------
     drift, shear : ndarray
         Drift, m, and restoring force of the story, N, without dashpots, damping and P-delta.
     tangent : ndarray
-        Tangent stiffness of the law on the way to the point, N/m.
+        Tangent stiffness of the law at the arrival at each point, N/m.
     strain_energy, hysteretic_energy : ndarray
-        Energy that the law stores, and that it has dissipated so far, J.
+        Energy that the law stores, and energy that it has dissipated, J.
     """
 
     drift: Array
@@ -70,16 +72,16 @@ class LawPath:
 
 @dataclass(frozen=True)
 class Cycle:
-    """One cycle of a test.
+    """Result of one cycle of a test.
 
     Attributes
     ----------
     number : int
-        Counted from 1 over the whole test.
+        Number of the cycle in the test, from 1.
     amplitude : float
-        Largest drift on either side, m.
+        Maximum drift on either side, m.
     shear : tuple of float
-        Restoring force at the largest drift on the positive and on the negative side, N.
+        Restoring force at the maximum drift on the positive and on the negative side, N.
     hysteretic_energy : float
         Energy dissipated in the cycle, J.
     """
@@ -91,14 +93,18 @@ class Cycle:
 
     @property
     def secant_stiffness(self) -> float:
-        """Slope between the two points of largest drift, N/m (the effective stiffness of ASCE 7-16,
-        17.2-3)."""
+        """Slope between the two points of maximum drift, N/m.
+
+        This is the effective stiffness of ASCE 7-16, equation 17.2-3.
+        """
         return (self.shear[0] - self.shear[1]) / (2.0 * self.amplitude)
 
     @property
     def damping_ratio(self) -> float:
-        """Equivalent viscous damping ratio E_D / (4 pi E_S0), E_S0 = secant stiffness amplitude^2 /
-        2 (Chopra 2012, section 3.9); nan without a positive secant stiffness."""
+        """Equivalent viscous damping ratio E_D / (4 pi E_S0); nan without positive stiffness.
+
+        E_S0 = secant stiffness amplitude^2 / 2 (Chopra 2012, section 3.9).
+        """
         strain = 0.5 * self.secant_stiffness * self.amplitude**2
         return self.hysteretic_energy / (4.0 * math.pi * strain) if strain > 0.0 else math.nan
 
@@ -110,18 +116,18 @@ class CyclicTest(Tabular):
     Attributes
     ----------
     model : Model
-        The building.
+        Model of the building.
     story : int
-        The story, counted from 1.
+        Number of the story, from 1.
     points : int or None
-        Points of a quarter of a cycle; None for a path that is not made of cycles.
+        Number of points in a quarter of a cycle; None for a path without cycles.
     initial_stiffness, geometric_stiffness : float
-        Of the law, and of P-delta (0 without, else negative), N/m.
+        Initial stiffness of the law, and geometric stiffness of P-delta (negative, 0 without
+        P-delta), N/m.
     yield_drift : float
         Drift at first yield, m; nan for a law that does not yield.
     path : LawPath
-        From rest through all cycles, of which `cycle_numbers` tells that of each point; or the path
-        given.
+        Path from rest through all cycles (see `cycle_numbers`), or the specified path.
     """
 
     model: Model
@@ -140,7 +146,7 @@ class CyclicTest(Tabular):
 
     @property
     def height(self) -> float:
-        """Story height, m; nan where the model gives none."""
+        """Story height, m; nan if the model does not specify it."""
         height = self.model.stories[self.story - 1].drift_height
         return math.nan if height is None else height
 
@@ -151,27 +157,25 @@ class CyclicTest(Tabular):
 
     @property
     def cycle_numbers(self) -> NDArray[np.int64] | None:
-        """Cycle of each point, from 1; 0 for the start. None for a path that is not made of
-        cycles."""
+        """Number of the cycle of each point, from 1; 0 at the start. None for other paths."""
         if self.points is None:
             return None
         return -(-np.arange(self.path.drift.size) // (4 * self.points))
 
     @property
     def shear_with_p_delta(self) -> Array:
-        """Restoring force with the geometric stiffness, N: what holds the story against a
-        horizontal force."""
+        """Restoring force with the geometric stiffness, N: the horizontal force in equilibrium."""
         return self.path.shear + self.geometric_stiffness * self.path.drift
 
     @property
     def cycles(self) -> tuple[Cycle, ...]:
-        """The cycles one by one."""
+        """All cycles of the test."""
         if self.points is None:
             return ()
         path, points = self.path, self.points
         cycles: list[Cycle] = []
         for first in range(0, path.drift.size - 1, 4 * points):
-            # Its largest drifts are at a quarter and at three quarters.
+            # The maximum drifts are at a quarter and at three quarters of the cycle.
             high, low, last = first + points, first + 3 * points, first + 4 * points
             dissipated = float(path.hysteretic_energy[last] - path.hysteretic_energy[first])
             stored = float(np.max(np.abs(path.strain_energy[first : last + 1])))
@@ -194,32 +198,33 @@ def cyclic_test(
     cycles: int = 1,
     points: int = 200,
 ) -> CyclicTest:
-    """Impose cycles of drift on the law of one story, as in a slow test in a laboratory.
+    """Impose cycles of drift on the law of one story, as in a quasi-static laboratory test.
 
-    A cycle goes 0, amplitude, 0, -amplitude, 0 in straight lines. There are `cycles` of each
-    amplitude, in the order given.
+    A cycle consists of straight lines from 0 to the amplitude, to 0, to the negative amplitude and
+    to 0. Each amplitude is repeated `cycles` times, in the specified order.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes.
+        Model, as in `run`.
     story : int
-        Counted from 1.
+        Number of the story, from 1.
     sizes : sequence of DriftSize, str or float
-        Amplitudes, such as `0.02`, `2%`, `20mm` or `4dy`; of a number, a drift ratio.
+        Amplitudes, such as `0.02`, `2%`, `20mm` or `4dy`. A number is a drift ratio.
     cycles, points : int
-        Cycles of each amplitude; points of a quarter of a cycle.
+        Number of cycles of each amplitude (default 1), and number of points in a quarter of a cycle
+        (default 200).
 
     Returns
     -------
     CyclicTest
-        Drifts and forces along the path, and the energy of each cycle.
+        Drifts and forces along the path, and energy of each cycle.
 
     Raises
     ------
     UsageError
-        The story does not exist, an amplitude needs what it does not have, or there are too many
-        points.
+        The story does not exist, the unit of an amplitude is not available for it, or there are too
+        many points.
     AnalysisError
         The law has no finite force along the path.
     """
@@ -227,10 +232,10 @@ def cyclic_test(
     _check_story(model, story)
     if len(sizes) * cycles * 4 * points > MOST_OF_CYCLES:
         raise UsageError(
-            f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_OF_CYCLES:,} "
-            "points"
+            f"{len(sizes) * cycles} cycles of {4 * points} points exceed the maximum of "
+            f"{MOST_OF_CYCLES:,} points; reduce the cycles or the points"
         )
-    # Damping has no part in a slow test, and may be impossible where P-delta takes all stiffness.
+    # Omit damping. A slow test does not need it, and P-delta may leave no stiffness to compute it.
     building = assemble(replace(model, damping=None))
     amplitudes = [amplitude(drift_of(size), building, story) for size in sizes]
     return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
@@ -239,13 +244,18 @@ def cyclic_test(
 def path_test(
     model: Model, story: int, drifts: Sequence[float], *, in_yield_drifts: bool = False
 ) -> CyclicTest:
-    """Impose any path of drifts on the law of one story (from 1), straight from rest to the first
-    and on to each next.
+    """Impose any path of drifts on the law of one story, with straight lines from rest.
 
     Parameters
     ----------
+    model : Model
+        Model of the building.
+    story : int
+        Number of the story, from 1.
     drifts : sequence of float
-        The drifts, m, or multiples of the yield drift.
+        Drifts, m, or multiples of the yield drift.
+    in_yield_drifts : bool
+        True if the drifts are multiples of the yield drift; default False.
 
     Raises
     ------
@@ -256,13 +266,15 @@ def path_test(
     """
     _check_story(model, story)
     if not 1 <= len(drifts) <= MOST_OF_CYCLES:
-        raise UsageError(f"a path has from 1 to {MOST_OF_CYCLES:,} drifts, got {len(drifts):,}")
+        raise UsageError(
+            f"a path must have from 1 to {MOST_OF_CYCLES:,} drifts, got {len(drifts):,}"
+        )
     building = assemble(replace(model, damping=None))
     unit = float(building.yield_drift[story - 1]) if in_yield_drifts else 1.0
     if math.isnan(unit):
         raise UsageError(
-            f"multiples of the yield drift: the law of story {story} does not yield; give drifts "
-            "in m"
+            f"multiples of the yield drift: the law of story {story} does not yield; specify "
+            "drifts in m"
         )
     return _test(model, building, story, unit * np.asarray(drifts, float), None)
 
@@ -270,6 +282,21 @@ def path_test(
 def _test(
     model: Model, building: Building, story: int, drifts: Array, points: int | None
 ) -> CyclicTest:
+    """Return the result of a test along a path.
+
+    Parameters
+    ----------
+    model : Model
+        Model of the building.
+    building : Building
+        Building without damping.
+    story : int
+        Number of the story, from 1.
+    drifts : ndarray
+        Path, m.
+    points : int or None
+        Number of points in a quarter of a cycle; None for a path without cycles.
+    """
     return CyclicTest(
         model=model,
         story=story,
@@ -282,21 +309,22 @@ def _test(
 
 
 def _check_story(model: Model, story: int) -> None:
+    """Raise UsageError if the model does not have the story."""
     if not 1 <= story <= len(model.stories):
         raise UsageError(
-            f"story {story}: the model has {how_many(len(model.stories), 'story')}, counted from 1 "
-            "at the bottom"
+            f"story {story}: the model has {how_many(len(model.stories), 'story')}, numbered from "
+            "1 at the bottom"
         )
 
 
 def amplitude(size: DriftSize, building: Building, story: int) -> float:
-    """A drift of one story (from 1) in m.
+    """Return a drift of one story (from 1) in m.
 
     Raises
     ------
     UsageError
-        A drift ratio without a height, or a multiple of the yield drift of a law that does not
-        yield.
+        The size is a drift ratio and the story has no height, or it is a multiple of the yield
+        drift and the law does not yield.
     """
     scales = {
         "length": 1.0,
@@ -309,13 +337,22 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
             "yield drift": f"is a multiple of the yield drift, and the law of story {story} does "
             "not yield",
         }
-        raise UsageError(f"drift {size.text} {missing[size.kind]}; give a length, such as 20mm")
+        raise UsageError(f"drift {size.text} {missing[size.kind]}; specify a length, such as 20mm")
     return size.value * float(scales[size.kind])
 
 
 def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
-    """Drifts of `cycles` cycles of each amplitude with `points` points in each quarter, from 0 to
-    0, shape (1 + len(amplitudes) cycles 4 points,)."""
+    """Return the drifts of a cyclic test, shape (1 + len(amplitudes) cycles 4 points,).
+
+    Parameters
+    ----------
+    amplitudes : sequence of float
+        Amplitudes.
+    cycles : int
+        Number of cycles of each amplitude.
+    points : int
+        Number of points in each quarter of a cycle.
+    """
     up = np.arange(1, points + 1) / points
     down = np.arange(points - 1, -1, -1) / points
     cycle = np.concatenate([up, down, -up, -down])
@@ -323,12 +360,12 @@ def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
 
 
 def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
-    """A story's law (from 1) from rest to the first of some drifts (m) and from each to the next.
+    """Return the response of a story's law (from 1) along drifts (m), in straight lines from rest.
 
     Raises
     ------
     AnalysisError
-        The law has no finite force somewhere on the way.
+        The law has no finite force at some point of the path.
     """
     springs = law_state_table(building.law_parameters)
     result = np.empty((drifts.size, RESULT_COLUMNS))
@@ -352,66 +389,70 @@ COLUMN = "drift_m"
 
 
 def read_drift_path(source: str) -> list[float]:
-    """The numbers in the column `drift_m` of a CSV file; `-` is standard input, other columns are
-    not read.
+    """Read the column `drift_m` of a CSV file; `-` is standard input, other columns are ignored.
 
     Raises
     ------
     UsageError
-        The file cannot be read, has no such column, or a cell of it is no finite number.
+        The file cannot be read, has no such column, or a cell is not a finite number.
     """
     table = read_table(
-        source, f"give a CSV file with a column {COLUMN}", columns=(COLUMN,), error=UsageError
+        source,
+        f"specify a CSV file with a column {COLUMN}",
+        columns=(COLUMN,),
+        error=UsageError,
     )
     if not table.has(COLUMN):
-        raise UsageError(f"{source}: the first line names no column {COLUMN}")
+        raise UsageError(f"{source}: column {COLUMN} not found in the first line")
     if not table.rows:
-        raise UsageError(f"{source}: holds no drift under {COLUMN}")
+        raise UsageError(f"{source}: the column {COLUMN} contains no drift; add at least one row")
     return table.numbers(COLUMN)
 
 
 # ---- Pushover
 
-MOST_PUSHOVER_POINTS = 100_000  # rows of a table that can still be opened
-_CLOSE = 1e-11  # of a force over the story's largest one so far: it carries its share
-_ITERATIONS = 60  # Newton needs up to ten; halving 60 times leaves rounding alone
-_PARTS = 8  # steps of the leading story in a step of the roof
-# of them for a row: the roof hardly moves where the others come back as fast as one story goes on
+MOST_PUSHOVER_POINTS = 100_000  # maximum number of rows; larger tables are hard to open
+_CLOSE = 1e-11  # tolerance of a force, over the maximum force of the story so far
+_ITERATIONS = 60  # maximum; Newton needs up to ten, and 60 bisections reach rounding errors
+_PARTS = 8  # steps of the controlling story per step of the roof
+# Maximum number of steps per row; the roof displacement is almost constant if the other stories
+# unload as fast as the controlling story is loaded
 _MOST_PARTS = 4000
-_CUT = 1e-8  # of an area, at each yield point: ten of them leave seven digits of it
-_LEAST_PART = 1e-5  # of a usual one: the law's own corner, or a story that turns
-_MOST_ROWS = 20  # times the points that were asked for, of a path on which the roof comes back
-_BACK = 1e-9  # of the roof's largest displacement so far: by more than that it has come back
+_CUT = 1e-8  # relative error of the area at each yield point; ten points give seven correct digits
+_LEAST_PART = 1e-5  # minimum step over the usual step: at kinks of a law and at reversals
+_MOST_ROWS = 20  # maximum number of rows per requested point, for a path with snap-back
+_BACK = 1e-9  # decrease of the roof displacement over its maximum that counts as snap-back
 
 
 Miss = Callable[[Array, float], float]
-"""How far drifts (m) and a base shear (N) are beyond what is looked for, over its size."""
+"""Function of drifts (m) and of a base shear (N): relative excess over the required value."""
 
 
 @dataclass(frozen=True, repr=False)
 class Pushover(Tabular):
-    """Result of a pushover; row 0 is the start at rest.
+    """Result of a pushover; row 0 is the initial state at rest.
 
     Attributes
     ----------
     model : Model
-        The building.
+        Model of the building.
     pattern : str
         Name of the pattern of forces.
     forces : ndarray, shape (n,)
-        The pattern, with sum 1.
+        Pattern, with the sum 1.
     drift : ndarray, shape (rows, n)
         Drifts of the stories, m.
     base_shear : ndarray, shape (rows,)
         Sum of the forces, N.
     largest_base_shear : float
-        The largest of the whole path, between the rows, too, N.
+        Maximum base shear of the complete path, including states between the rows, N.
     drift_at_largest : ndarray, shape (n,)
-        Drifts of the stories there, m.
+        Drifts of the stories at the maximum base shear, m.
     ended : str
-        Why it ends before the displacement that was asked for; empty where it does not.
+        Reason why the path ends before the requested displacement; empty if it does not.
     way : tuple of ndarray
-        The way between the rows: drifts, m, shape (points, n), and base shears, N, shape (points,).
+        Complete path, including states between the rows: drifts, m, shape (points, n), and base
+        shears, N, shape (points,).
     """
 
     model: Model
@@ -437,7 +478,7 @@ class Pushover(Tabular):
 
     @property
     def height(self) -> float:
-        """Height of the building, m; nan where a story has none."""
+        """Height of the building, m; nan if a story has no height."""
         return math.fsum(
             story.drift_height or (0.0 if story.isolator else math.nan)
             for story in self.model.stories
@@ -445,19 +486,20 @@ class Pushover(Tabular):
 
     @property
     def roof_drift_ratio(self) -> Array:
-        """Roof displacement over the height; nan without heights."""
+        """Roof displacement over the height of the building; nan without heights."""
         return self.roof_displacement / self.height
 
     @property
     def roof_at_largest(self) -> float:
-        """Displacement of the roof at the largest base shear, m."""
+        """Roof displacement at the maximum base shear, m."""
         return float(self.drift_at_largest.sum())
 
 
 def _triangular(building: Building) -> Array:
+    """Return the triangular pattern: mass times height above the ground."""
     if np.isnan(building.rises).any():
         raise UsageError(
-            "the triangular pattern needs the height of every story; give heights or another "
+            "the triangular pattern requires the height of every story; add heights or use another "
             "--pattern"
         )
     return building.mass * np.cumsum(building.rises)
@@ -468,8 +510,8 @@ PATTERNS: Mapping[str, Callable[[Building], Array]] = {
     "uniform": lambda building: building.mass.copy(),
     "triangular": _triangular,
 }
-"""Forces on the floors, up to a factor: the masses times first mode, 1, or height above the
-ground."""
+"""Forces on the floors without normalization: mass times first mode shape, mass, or mass times
+height above the ground."""
 
 
 def pushover(
@@ -479,34 +521,34 @@ def pushover(
     pattern: str = "first-mode",
     points: int = 200,
 ) -> Pushover:
-    """Push a building until its roof has moved by a displacement.
+    """Push a building to a roof displacement.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes.
+        Model, as in `run`.
     size : DriftSize, str or float
-        Displacement of the roof, as a length or, also as a number, over the building's height.
+        Roof displacement, as a length, or as a ratio to the height of the building (also a number).
     pattern : str
-        A key of `PATTERNS`.
+        Key of `PATTERNS`; default `first-mode`.
     points : int
-        Rows after the start, at equal steps of the roof displacement, and as many more where the
-        roof comes back: there at such steps of the way that all stories go together. They end where
-        the base shear has fallen to zero, beyond which the building would fall by itself, or where
-        no equilibrium is found (`ended`).
+        Number of rows after the start, at equal steps of the roof displacement; default 200. If the
+        roof displacement decreases, rows are added at equal steps of the summed changes of all
+        story drifts. The rows end if the base shear has decreased to zero, where the building would
+        collapse without forces, or if no equilibrium is found (`ended`).
 
     Returns
     -------
     Pushover
-        Roof displacement, base shear and the stories' drifts and shears at each step.
+        Roof displacement, base shear, and drifts and shears of the stories at each step.
 
     Raises
     ------
     UsageError
-        A drift ratio or the triangular pattern without heights; a multiple of a yield drift; an
-        unknown pattern.
+        The size is a drift ratio or the pattern is triangular, and heights are missing; the size is
+        a multiple of a yield drift; or the pattern is unknown.
     AnalysisError
-        No equilibrium is found after the start.
+        No equilibrium is found in the first step.
     """
     if pattern not in PATTERNS:
         raise UsageError(f"unknown pattern {pattern!r}; known: {', '.join(PATTERNS)}")
@@ -521,7 +563,7 @@ def pushover(
     drifts, shears, ended, reached = [np.zeros(building.stories)], [0.0], "", 0
     while reached < points and not ended:
         ended = chain.push(target * (reached + 1) / points, target / points)
-        # A way that ends between two rows ends with what was reached.
+        # If the path ends between two rows, its last state is the last row.
         if not np.array_equal(chain.drift, drifts[-1]):
             drifts.append(chain.drift.copy())
             shears.append(chain.factor)
@@ -543,21 +585,22 @@ def pushover(
 
 
 def _target(size: DriftSize, building: Building) -> float:
+    """Return the roof displacement of a size, m."""
     scales = {"length": 1.0, "ratio": float(building.rises.sum())}
     if size.kind not in scales:
         raise UsageError(
-            f"drift {size.text}: the roof has no yield drift; give a drift ratio or a length"
+            f"drift {size.text}: the roof has no yield drift; specify a drift ratio or a length"
         )
     if math.isnan(scales[size.kind]):
         raise UsageError(
-            f"drift {size.text} is a drift ratio, and a story has no height; give a length, such "
-            "as 200mm"
+            f"drift {size.text} is a drift ratio, and a story has no height; specify a length, "
+            "such as 200mm"
         )
     return size.value * scales[size.kind]
 
 
 class _Chain:
-    """The stories on their way.
+    """State of all stories along the path.
 
     Attributes
     ----------
@@ -566,9 +609,9 @@ class _Chain:
     factor : float
         Present base shear, N.
     furthest : float
-        The largest displacement of the roof so far, m.
+        Maximum roof displacement so far, m.
     largest : tuple of (float, ndarray)
-        The largest base shear of the way so far, N, and the drifts there.
+        Maximum base shear of the path so far, N, and the drifts at this base shear.
     """
 
     def __init__(self, building: Building, forces: Array) -> None:
@@ -578,26 +621,33 @@ class _Chain:
         self.factor = 0.0
         self.furthest = 0.0
         self.largest = (0.0, self.drift)
-        self._way = [(self.drift, 0.0)]
+        self._states = [(self.drift, 0.0)]
 
     @property
     def passed(self) -> tuple[Array, Array]:
-        """The way so far: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
-        return np.array([drift for drift, _ in self._way]), np.array(
-            [factor for _, factor in self._way]
+        """Path so far: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
+        return np.array([drift for drift, _ in self._states]), np.array(
+            [factor for _, factor in self._states]
         )
 
     def push(self, displacement: float, step: float) -> str:
-        """On to the next row; the reason if the way ends before that.
+        """Advance to the next row; return the reason if the path ends before it.
 
-        A row is where the roof has moved by a displacement, or, once it comes back, where the
-        stories' ways on and back add up to a step.
+        A row is reached at a roof displacement. If the roof displacement decreases, a row is
+        reached if the absolute changes of all story drifts add up to a step.
+
+        Parameters
+        ----------
+        displacement : float
+            Roof displacement of the next row, m.
+        step : float
+            Difference of roof displacement between rows, m.
         """
-        usual, way = step / _PARTS, 0.0
+        usual, length = step / _PARTS, 0.0
         size = usual
         for _ in range(_MOST_PARTS):
-            # A step of the story that moves most as the factor changes, and of one that falls
-            # before all others; of another one where that cannot carry its share.
+            # Control by the story with the largest drift increment per factor, preferably a
+            # softening story. If it cannot carry its share, control by another story.
             tangents = np.array([story.tangent for story in self.stories])
             order = np.arange(tangents.size)
             softest = int(np.argmin(tangents / self.share))
@@ -607,9 +657,9 @@ class _Chain:
             else:
                 return "no further equilibrium state was found"
             drift, factor = state
-            # Half of it, where the way bends within it: at a yield point the area below the curve
-            # would be cut. How much a straight line leaves out or adds follows from how far the
-            # state is from where the tangents lead.
+            # Halve the step if the path bends within it, because the area below the curve would be
+            # wrong at a yield point. The error of a straight line follows from the difference
+            # between the new state and the extrapolation by the tangents.
             if size > _LEAST_PART * usual:
                 moved, grown = drift - self.drift, factor - self.factor
                 bent = abs(grown - tangents[lead] * moved[lead] / self.share[lead]) * abs(
@@ -621,14 +671,14 @@ class _Chain:
                 if bent > _CUT * max(self.largest[0], factor) * drift.sum():
                     size *= 0.5
                     continue
-            # The end of the way: exactly where the building carries nothing any more.
+            # The path ends exactly at the state in which the base shear is zero.
             if factor <= 0.0:
                 drift, _ = self._meet(
                     lambda _, factor: -factor / self.largest[0], lead, size, drift, factor
                 )
                 self._keep(lead, drift, 0.0)
                 return "no remaining lateral resistance"
-            # The next row of a roof that goes on.
+            # Increasing roof displacement: the next row is reached.
             if drift.sum() >= displacement:
                 self._keep(
                     lead,
@@ -637,12 +687,12 @@ class _Chain:
                     ),
                 )
                 return ""
-            way += float(np.abs(drift - self.drift).sum())
+            length += float(np.abs(drift - self.drift).sum())
             self._keep(lead, drift, factor)
             self.furthest = max(self.furthest, float(drift.sum()))
             size = min(2.0 * size, usual)
-            # The next row of one that comes back.
-            if way >= step and drift.sum() < self.furthest * (1.0 - _BACK):
+            # Decreasing roof displacement: the next row is reached.
+            if length >= step and drift.sum() < self.furthest * (1.0 - _BACK):
                 return ""
         return (
             f"the remaining stories unload as fast as story {lead + 1} deforms; more points may "
@@ -652,30 +702,45 @@ class _Chain:
     def _meet(
         self, miss: Miss, lead: int, size: float, drift: Array, factor: float
     ) -> tuple[Array, float]:
-        """Between here and a step of the leading story with these results, the state that misses
-        nothing: by the Illinois algorithm (Dowell and Jarratt 1971). Here a state misses less than
-        nothing, there more."""
+        """Return the state within a step that has no excess over the required value.
+
+        The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
+        present state and positive at the end of the step.
+
+        Parameters
+        ----------
+        miss : callable
+            Relative excess of a state.
+        lead : int
+            Controlling story.
+        size : float
+            Step of its drift, m.
+        drift, factor : ndarray, float
+            State at the end of the step.
+        """
         low, high = 0.0, size
         below, above = miss(self.drift, self.factor), miss(drift, factor)
         for _ in range(_ITERATIONS):
             if abs(miss(drift, factor)) <= _CLOSE:
                 break
-            # The secant's point; the end that stays is halved, so that it does not stay for ever.
+            # Secant method. The value of the retained endpoint is halved, so that it is replaced.
             middle = low + (high - low) * below / (below - above)
             trial = self._trial(lead, middle)
             if trial is None or not low < middle < high:
                 break
             drift, factor = trial
-            left = miss(drift, factor)
-            if left > 0.0:
-                high, above, below = middle, left, 0.5 * below
+            excess = miss(drift, factor)
+            if excess > 0.0:
+                high, above, below = middle, excess, 0.5 * below
             else:
-                low, below, above = middle, left, 0.5 * above
+                low, below, above = middle, excess, 0.5 * above
         return drift, factor
 
     def _trial(self, lead: int, size: float) -> tuple[Array, float] | None:
-        """Drifts and factor after a step of one story; None if another story cannot carry its
-        share."""
+        """Return drifts and factor after a step of one story.
+
+        The result is None if another story cannot carry its share.
+        """
         force, _ = self.stories[lead].at(self.drift[lead] + size)
         factor = force / self.share[lead]
         drift = self.drift.copy()
@@ -689,9 +754,9 @@ class _Chain:
         return drift, factor
 
     def _keep(self, lead: int, drift: Array, factor: float) -> None:
-        """Go to these drifts, and note the largest base shear on the way."""
-        # It is at the end, or where the leading story stops to rise: the factor follows from its
-        # force alone.
+        """Advance to these drifts, and update the maximum base shear."""
+        # The maximum is at the end, or at the maximum force of the controlling story, because this
+        # force determines the factor.
         story, high = self.stories[lead], float(drift[lead] - self.drift[lead])
         largest = (factor, drift)
         if story.tangent > 0.0 and story.at(float(drift[lead]))[1] <= 0.0:
@@ -704,65 +769,66 @@ class _Chain:
         for story, new in zip(self.stories, drift, strict=True):
             story.go(float(new))
         self.drift, self.factor = drift, factor
-        self._way.append((drift, factor))
+        self._states.append((drift, factor))
 
 
 class _Story:
-    """One story with P-delta, from rest over the turns of its way to where it stands."""
+    """One story with P-delta, with the reversals of its drift from rest to the present state."""
 
     def __init__(self, building: Building, i: int) -> None:
         self._building, self._number = building, i + 1
         self._geometric = float(building.linear_terms[rows.GEOMETRIC, i])
-        self._turns: list[float] = [0.0]
+        self._reversals: list[float] = [0.0]
         self.drift = 0.0
         self.force = 0.0
         self.initial = self.tangent = float(building.initial_stiffness[i])
         self._largest = 0.0
 
     def at(self, drift: float) -> tuple[float, float]:
-        """Force and tangent at a drift, reached straight from here."""
+        """Return force and tangent at a drift that is approached directly from the present."""
         path = follow_path(
-            self._building, self._number, np.array([*self._turns, self.drift, drift])
+            self._building, self._number, np.array([*self._reversals, self.drift, drift])
         )
         return float(path.shear[-1]) + self._geometric * drift, float(
             path.tangent[-1]
         ) + self._geometric
 
     def go(self, drift: float) -> None:
-        """Go to a drift."""
+        """Advance to a drift."""
         if drift == self.drift:
             return
         self.force, self.tangent = self.at(drift)
         self._largest = max(self._largest, abs(self.force))
-        if (drift - self.drift) * (self.drift - self._turns[-1]) < 0.0:
-            self._turns.append(self.drift)
+        if (drift - self.drift) * (self.drift - self._reversals[-1]) < 0.0:
+            self._reversals.append(self.drift)
         self.drift = drift
 
     def carrying(self, force: float) -> float | None:
-        """The next drift with this force: forwards for more than now, backwards for less; None if
-        there is none."""
+        """Return the next drift with a force; None if it does not exist.
+
+        The drift increases for a larger force, and decreases for a smaller force.
+        """
         missing = force - self.force
         close = _CLOSE * max(self._largest, abs(force))
         if abs(missing) <= close:
             return self.drift
         forwards = missing > 0.0
-        # Newton's method, kept between a drift that carries too little and one that carries too
-        # much.
+        # Newton's method, bracketed by a drift with a smaller and a drift with a larger force
         near, far = self.drift, None
         stiffness = self.tangent if self.tangent > 0.0 and forwards else self.initial
         drift = near + missing / stiffness
         for _ in range(_ITERATIONS):
             here, tangent = self.at(drift)
-            left = force - here
-            if abs(left) <= close:
+            residual = force - here
+            if abs(residual) <= close:
                 return drift
-            if (left > 0.0) == forwards:
+            if (residual > 0.0) == forwards:
                 if tangent <= 0.0:
                     return None
                 near = drift
             else:
                 far = drift
-            new = drift + left / tangent if tangent > 0.0 else near
+            new = drift + residual / tangent if tangent > 0.0 else near
             if far is not None and not min(near, far) < new < max(near, far):
                 new = 0.5 * (near + far)
             if new == drift:

@@ -1,12 +1,12 @@
-"""How far a design spectrum pushes a building: an equivalent oscillator of its pushover, and two
-published methods.
+"""Target displacement under a design spectrum, from an equivalent oscillator of a pushover curve.
 
-N2 (EN 1998-1:2004, annex B; Fajfar 2000) takes the oscillator's elastic demand, larger by a rule
-where it is stiff; the coefficient method (ASCE 41-17, 7.4.3.3) multiplies the elastic demand of an
-effective period. Both idealize the curve up to the displacement that they give, so it is searched
-for: the first one on the curve that is the answer to itself. A displacement within the curve's
-first straight line leaves the idealized curve that line, and one beyond its largest base shear what
-it is up to there.
+Two published methods are used. N2 (EN 1998-1:2004, annex B; Fajfar 2000) computes the elastic
+demand of the oscillator, increased by a rule for short periods. The coefficient method (ASCE 41-17,
+7.4.3.3) multiplies the elastic demand at an effective period by factors. Both idealize the curve up
+to the displacement that they compute. The result is therefore the first displacement on the curve
+that reproduces itself. For a displacement on the first straight line of the curve, the idealized
+curve is this line. For a displacement above the maximum base shear, the curve up to the maximum is
+idealized.
 """
 
 from __future__ import annotations
@@ -27,55 +27,56 @@ from tdint.tabular import ResultList, Tabular
 from tdint.units import STANDARD_GRAVITY, DriftSize
 
 SITE_FACTORS = {"A": 130.0, "B": 130.0, "C": 90.0, "D": 60.0, "E": 60.0, "F": 60.0}
-"""The factor a of C1 by site class (ASCE 41-17, 7.4.3.3.2)."""
+"""Factor a of C1 by site class (ASCE 41-17, 7.4.3.3.2)."""
 
-_MOST_OF_ELASTIC = 3.0  # no displacement beyond so many times the elastic one (EN 1998-1, B.5)
-_SECANT = (
-    0.6  # of the yield force: where the effective stiffness meets the curve (ASCE 41-17, 7.4.3.2.4)
-)
-_STRONG_AT_1_S = 0.6  # g: sites near faults have more (ASCE 41-17, 7.4.3.3.2)
-_ENOUGH = 1.5  # times the target displacement: so far a curve is to reach (EN 1998-1, 4.3.3.4.2.3)
-# of the force: what equilibrium leaves is a millionth of that, the first yield a thousand times
-# more
+_MOST_OF_ELASTIC = 3.0  # maximum ratio to the elastic displacement (EN 1998-1, B.5)
+# Fraction of the yield force at which the effective stiffness intersects the curve (ASCE 41-17,
+# 7.4.3.2.4)
+_SECANT = 0.6
+_STRONG_AT_1_S = 0.6  # g; larger values occur at near-fault sites (ASCE 41-17, 7.4.3.3.2)
+# Required range of the curve over the target displacement (EN 1998-1, 4.3.3.4.2.3)
+_ENOUGH = 1.5
+# Relative change of force that counts as yield. Residuals of equilibrium are a millionth of it, the
+# first yield is a thousand times larger
 _STRAIGHT = 1e-6
-_ROUNDING = 1e-9  # of a force: equilibrium of the curve is a hundredth of that
-_HALVINGS = 100  # of an interval: more than a float has digits
+_ROUNDING = 1e-9  # relative difference of forces; residuals of the curve are a hundredth of it
+_HALVINGS = 100  # maximum number of bisections; more than the number of digits of a float
 
 
 @dataclass(frozen=True, repr=False)
 class TargetDisplacement(Tabular):
-    """Where a design spectrum pushes a building to, by one method.
+    """Target displacement of a building under a design spectrum, by one method.
 
     Attributes
     ----------
     pushed, target : Pushover, TargetSpectrum
-        The curve and the elastic design spectrum.
+        Pushover curve and elastic design spectrum.
     method : str
         `n2` or `coefficients`.
     participation : float
-        Participation factor of the shape that is pushed (`n2`), of the first mode (`coefficients`,
-        C0).
+        Participation factor: of the shape of the pushover (`n2`), or of the first mode
+        (`coefficients`, C0).
     mass : float
-        Of the equivalent oscillator, kg; of the building with `coefficients`.
+        Mass of the equivalent oscillator (`n2`) or of the building (`coefficients`), kg.
     period : float
-        T* or Te, s.
+        Period T* or Te, s.
     yield_force, yield_displacement : float
-        Of the idealized curve of the building: base shear, N, and roof displacement, m.
+        Idealized curve of the building: base shear, N, and roof displacement, m, at yield.
     spectral_acceleration : float
-        Of the target at that period, m/s^2.
+        Spectral acceleration of the target at this period, m/s^2.
     strength_ratio : float
         Elastic force over yield force: R, q_u, mu_strength.
     factors : tuple of float
-        C1 and C2 of `coefficients`; the ratio to the elastic displacement and 1 of `n2`.
+        C1 and C2 for `coefficients`; for `n2` the ratio to the elastic displacement, and 1.
     roof_displacement : float
-        The target displacement, m.
+        Target displacement, m.
     base_shear : float
-        There, N.
+        Base shear at the target displacement, N.
     drift, drift_ratio, ductility : ndarray, shape (n,)
-        Of the stories there: m, over the height (nan without one), over the yield drift (nan of a
-        law without).
+        Drifts of the stories at the target displacement, m; divided by the height (nan without
+        height); divided by the yield drift (nan for a law that does not yield).
     notes : tuple of str
-        What takes the value away from what the method is for.
+        Conditions that are outside the range of the method.
     """
 
     pushed: Pushover
@@ -104,19 +105,19 @@ class TargetDisplacement(Tabular):
 
 
 class TargetDisplacements(ResultList[TargetDisplacement]):
-    """Target displacements by both methods."""
+    """Target displacements of both methods."""
 
 
 @dataclass(frozen=True)
 class _Pushed:
-    """A pushover as far as its roof goes on, over the displacement of the roof.
+    """Pushover curve for increasing roof displacement.
 
     Attributes
     ----------
     pushed : Pushover
-        All of it.
+        Complete pushover.
     roof, shear, work : ndarray, shape (points,)
-        Displacement of the roof, m, base shear, N, area below the curve so far, J.
+        Roof displacement, m; base shear, N; area below the curve up to each point, J.
     drift : ndarray, shape (points, n)
         Drifts of the stories, m.
     """
@@ -129,6 +130,7 @@ class _Pushed:
 
     @classmethod
     def of(cls, pushed: Pushover) -> _Pushed:
+        """Select the states in which the roof displacement exceeds all previous values."""
         drift, shear = pushed.way
         roof = drift.sum(axis=1)
         on = roof > np.maximum.accumulate(np.concatenate(([-math.inf], roof[:-1])))
@@ -137,19 +139,21 @@ class _Pushed:
         return cls(pushed, roof, shear, work, drift)
 
     def idealized_to(self, displacement: float) -> float:
-        """As far as it is idealized for a displacement: at least its first straight line, and not
-        beyond its peak."""
+        """Return the displacement up to which the curve is idealized.
+
+        It is at least the end of the first straight line, and at most the peak.
+        """
         line = self.shear[1:] >= (1.0 - _STRAIGHT) * self.shear[1] / self.roof[1] * self.roof[1:]
         straight = line.size if line.all() else int(np.argmin(line))
         return float(np.clip(displacement, self.roof[straight], self.roof[self.peak]))
 
     @property
     def peak(self) -> int:
-        """The last point at its largest base shear, which may be a plateau."""
+        """Index of the last point with the maximum base shear, which may be a plateau."""
         return int(np.flatnonzero(self.shear >= (1.0 - _ROUNDING) * np.max(self.shear))[-1])
 
     def at(self, displacement: float) -> tuple[float, float]:
-        """Base shear and area at a displacement of the roof."""
+        """Return base shear and area at a roof displacement."""
         shear = float(np.interp(displacement, self.roof, self.shear))
         i = max(int(np.searchsorted(self.roof, displacement)) - 1, 0)
         return shear, float(
@@ -157,7 +161,7 @@ class _Pushed:
         )
 
     def strongest(self, displacement: float) -> float:
-        """The largest base shear up to a displacement of the roof."""
+        """Return the maximum base shear up to a roof displacement."""
         return max(
             float(np.max(self.shear[self.roof <= displacement], initial=0.0)),
             self.at(displacement)[0],
@@ -166,8 +170,10 @@ class _Pushed:
 
 @dataclass(frozen=True)
 class _Idealized:
-    """What a method makes of the curve up to a displacement of the roof, and the displacement that
-    it answers with: fields of `TargetDisplacement`."""
+    """Idealized curve up to a roof displacement, and the displacement that the method computes.
+
+    The attributes are attributes of `TargetDisplacement`.
+    """
 
     period: float
     yield_force: float
@@ -185,32 +191,31 @@ def target_displacements(
     site_class: str = "D",
     mass_factor: float = 1.0,
 ) -> TargetDisplacements:
-    """The displacements to which a design spectrum pushes a building, by N2 and by the coefficient
-    method.
+    """Compute the target displacements by N2 and by the coefficient method.
 
     Parameters
     ----------
     pushed : Pushover
-        The curve; the shape of the equivalent oscillator is its forces over the masses.
+        Pushover curve. The shape of the equivalent oscillator is its forces over the masses.
     target : TargetSpectrum or str
-        The elastic design spectrum: a code's name with parameters, or a file.
+        Elastic design spectrum: the name of a code with parameters, or a file.
     site_class : str
-        A to F, of C1; D where nothing is known of the site.
+        Site class A to F for C1; default D, for unknown sites.
     mass_factor : float
-        C_m, the effective mass of the first mode in the strength ratio: 1 unless table 7-4 has less
-        for the building.
+        Factor C_m, the effective mass of the first mode in the strength ratio; default 1. Table 7-4
+        permits smaller values for some buildings.
 
     Returns
     -------
     TargetDisplacements
-        Of each procedure the displacement of the roof and how it came about.
+        Target displacement of each method, with intermediate results.
 
     Raises
     ------
     UsageError
-        An unknown site class; a target without these periods.
+        The site class is unknown, or the target does not contain these periods.
     AnalysisError
-        The target displacement lies beyond the curve.
+        The target displacement exceeds the range of the curve.
     """
     if site_class.upper() not in SITE_FACTORS:
         raise UsageError(f"site_class must be one of {', '.join(SITE_FACTORS)}, got {site_class!r}")
@@ -248,8 +253,21 @@ def target_displacements(
 def _n2(
     curve: _Pushed, demand: TargetSpectrum, mass: float, participation: float, roof: float
 ) -> _Idealized:
-    """EN 1998-1:2004, annex B: elastic and perfectly plastic, of the strength and the area up to a
-    displacement."""
+    """Apply N2 (EN 1998-1:2004, annex B) to the curve up to a roof displacement.
+
+    The idealized curve is elastic and perfectly plastic, with equal strength and area.
+
+    Parameters
+    ----------
+    curve : _Pushed
+        Pushover curve.
+    demand : TargetSpectrum
+        Elastic design spectrum.
+    mass, participation : float
+        Mass of the equivalent oscillator, kg, and participation factor.
+    roof : float
+        Roof displacement, m.
+    """
     roof = curve.idealized_to(roof)
     strength = curve.strongest(roof) / participation
     reached, area = roof / participation, curve.at(roof)[1] / participation**2
@@ -258,14 +276,14 @@ def _n2(
     acceleration = float(demand.at(np.array([period]))[0])
     elastic = acceleration * (period / (2.0 * math.pi)) ** 2  # (B.8)
     ratio = acceleration * mass / strength
-    larger = 1.0
+    increase = 1.0
     if period < demand.corner and ratio > 1.0:  # (B.10)
-        larger = min(
+        increase = min(
             max((1.0 + (ratio - 1.0) * demand.corner / period) / ratio, 1.0), _MOST_OF_ELASTIC
         )
-    answer = participation * larger * elastic
+    displacement = participation * increase * elastic
     yields = strength * participation, yielding * participation
-    return _Idealized(period, *yields, acceleration, ratio, (larger, 1.0), answer)
+    return _Idealized(period, *yields, acceleration, ratio, (increase, 1.0), displacement)
 
 
 def _coefficients(
@@ -276,8 +294,26 @@ def _coefficients(
     mass_factor: float,
     roof: float,
 ) -> _Idealized:
-    """ASCE 41-17, 7.4.3.3: two lines of the curve's area, the first through its point at 0.6 of the
-    yield force."""
+    """Apply the coefficient method (ASCE 41-17, 7.4.3.3) to the curve up to a roof displacement.
+
+    The idealized curve consists of two lines with equal area. The first line intersects the curve
+    at 0.6 of the yield force.
+
+    Parameters
+    ----------
+    curve : _Pushed
+        Pushover curve.
+    demand : TargetSpectrum
+        Elastic design spectrum.
+    building : Building
+        Building without damping.
+    site : float
+        Site factor a.
+    mass_factor : float
+        Factor C_m.
+    roof : float
+        Roof displacement, m.
+    """
     roof = curve.idealized_to(roof)
     modes = building.modes()
     strength, yields = _two_lines(curve, roof)
@@ -286,24 +322,26 @@ def _coefficients(
     period = 2.0 * math.pi / float(modes.omega[0]) * math.sqrt(initial / stiffness)
     acceleration = float(demand.at(np.array([period]))[0])
     ratio = acceleration * mass_factor * float(building.mass.sum()) / strength
-    beyond = max(ratio - 1.0, 0.0)
-    c1 = 1.0 if period > 1.0 else 1.0 + beyond / (site * max(period, 0.2) ** 2)  # (7-29)
-    c2 = 1.0 if period > 0.7 else 1.0 + (beyond / period) ** 2 / 800.0  # (7-30)
-    answer = (
+    excess = max(ratio - 1.0, 0.0)
+    c1 = 1.0 if period > 1.0 else 1.0 + excess / (site * max(period, 0.2) ** 2)  # (7-29)
+    c2 = 1.0 if period > 0.7 else 1.0 + (excess / period) ** 2 / 800.0  # (7-30)
+    displacement = (
         float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2
     )  # (7-28)
-    return _Idealized(period, strength, yields, acceleration, ratio, (c1, c2), answer)
+    return _Idealized(period, strength, yields, acceleration, ratio, (c1, c2), displacement)
 
 
 def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
-    """Force and displacement at which two lines of the curve's area up to a displacement of the
-    roof meet: the smallest force, for where a curve hardens beyond a yield at 0.6 of it, the secant
-    flattens and balances the areas again."""
+    """Return force and displacement at the intersection of two lines with the area of the curve.
+
+    The smallest such force is returned. If the curve hardens after a yield at 0.6 of a force, the
+    secant becomes flatter, and the areas can be equal again at a larger force.
+    """
     end, area = curve.at(roof)
     largest = curve.strongest(roof)
-    # Between the corners of the curve below 0.6 of it the secant's point moves on a straight line,
-    # and so does what the lines enclose beyond the curve: a corner is told from both sides, as the
-    # curve may dip or be flat before it.
+    # Between the corners of the curve below 0.6 of the force, the intersection with the secant
+    # moves on a straight line, and the difference of the areas is linear. Corners are evaluated
+    # from both sides, because the curve may decrease or be flat before them.
     before = np.maximum.accumulate(curve.shear)
     rising = np.flatnonzero(curve.shear[1:] > before[:-1]) + 1
     rising = rising[before[rising - 1] < _SECANT * largest]
@@ -321,8 +359,8 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
         return float(forces[0, i] + part * np.ptp(forces[:, i])), float(
             yields[0, i] + part * np.ptp(yields[:, i])
         )
-    # A curve that never yields is its first line, through the first point at which the secant's
-    # force is reached.
+    # A curve that does not yield is idealized by its first line, through the first point that
+    # reaches the force of the secant.
     secant, i = _SECANT * largest, int(np.argmax(curve.shear >= _SECANT * largest))
     (start, stop), (low_force, high_force) = curve.roof[i - 1 : i + 1], curve.shear[i - 1 : i + 1]
     return largest, float(
@@ -331,7 +369,17 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
 
 
 def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized]) -> _Idealized:
-    """The first displacement on the curve that is the answer to itself."""
+    """Return the idealization for the first displacement on the curve that reproduces itself.
+
+    Parameters
+    ----------
+    method : str
+        Name of the method in messages.
+    curve : _Pushed
+        Pushover curve.
+    idealize : callable
+        Idealization up to a roof displacement.
+    """
     rows = curve.roof[1:]
     before = rows[0]
     for roof in rows.tolist():
@@ -339,15 +387,15 @@ def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized])
             break
         before = roof
     else:
-        answer = idealize(before).roof_displacement
+        displacement = idealize(before).roof_displacement
         why = (
             f"; the curve ends there: {curve.pushed.ended}"
             if curve.pushed.ended
-            else ": push further"
+            else "; push further"
         )
         raise AnalysisError(
-            f"the target displacement ({method}) is beyond the curve, some {answer:.4g} m of the "
-            f"roof where it reaches {before:.4g} m{why}"
+            f"the target displacement ({method}) exceeds the curve: about {displacement:.4g} m at "
+            f"the roof, but the curve reaches {before:.4g} m{why}"
         )
     root = before
     if before != roof:
@@ -358,23 +406,35 @@ def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized])
 def _beyond_strength(
     curve: _Pushed, building: Building, made: _Idealized, demand: TargetSpectrum
 ) -> tuple[str, ...]:
-    """Whether the strength ratio is beyond what the coefficient method is for (ASCE 41-17,
-    7.4.3.3.2 and 7-32)."""
+    """Return a note if the strength ratio exceeds the limit of the coefficient method.
+
+    The limit is given in ASCE 41-17, 7.4.3.3.2 and equation 7-32.
+
+    Parameters
+    ----------
+    curve : _Pushed
+        Pushover curve.
+    building : Building
+        Building without damping.
+    made : _Idealized
+        Result of the coefficient method.
+    demand : TargetSpectrum
+        Elastic design spectrum.
+    """
     peak = curve.peak
     below = np.flatnonzero(curve.shear[peak:] <= _SECANT * made.yield_force)
     last = peak + int(below[0]) if below.size else curve.shear.size - 1
     span = float(curve.roof[last] - curve.roof[peak])
     if last == peak or span <= 0.0 or curve.shear[last] >= curve.shear[peak]:
-        if (
-            curve.pushed.ended and last == peak
-        ):  # it comes back from its peak: no slope, and no ductility beyond it
+        # The roof displacement decreases from the peak: no slope and no ductility after the peak.
+        if curve.pushed.ended and last == peak:
             slope = geometric = -math.inf
         else:
             return ()
     else:
         stiffness = made.yield_force / made.yield_displacement
         slope = float(curve.shear[last] - curve.shear[peak]) / span / stiffness
-        # The part of the slope that P-delta has: without it the curve is pushed once more.
+        # Compute the contribution of P-delta to the slope by a second pushover without P-delta.
         geometric, pushed = 0.0, curve.pushed
         if pushed.model.p_delta:
             high = float(curve.roof[last])
@@ -395,12 +455,13 @@ def _beyond_strength(
     largest = min(made.roof_displacement, float(curve.roof[peak])) / made.yield_displacement
     if effective < 0.0 and math.isfinite(effective):
         largest += abs(effective) ** -(1.0 + 0.15 * math.log(made.period)) / 4.0
-    if made.strength_ratio <= max(largest, 1.0):  # what stays elastic loses no strength
+    # A building that remains elastic loses no strength.
+    if made.strength_ratio <= max(largest, 1.0):
         return ()
     return (
-        f"coefficients: the strength ratio {made.strength_ratio:.3g} is beyond {largest:.3g}, up "
-        "to which the method holds for a building that loses strength (ASCE 41-17, 7.4.3.3.2): do "
-        "not use its displacement, run time histories",
+        f"coefficients: the strength ratio {made.strength_ratio:.3g} exceeds {largest:.3g}, the "
+        "limit of the method for a building that loses strength (ASCE 41-17, 7.4.3.3.2): do not "
+        "use its displacement, run time history analyses",
     )
 
 
@@ -414,6 +475,25 @@ def _result(
     mass: float,
     notes: tuple[str, ...] = (),
 ) -> TargetDisplacement:
+    """Return the result of a method with the response at its target displacement.
+
+    Parameters
+    ----------
+    method : str
+        `n2` or `coefficients`.
+    curve : _Pushed
+        Pushover curve.
+    target : TargetSpectrum
+        Elastic design spectrum.
+    building : Building
+        Building without damping.
+    made : _Idealized
+        Idealized curve.
+    participation, mass : float
+        As in `TargetDisplacement`.
+    notes : tuple of str
+        Notes of the method.
+    """
     drift = np.array(
         [np.interp(made.roof_displacement, curve.roof, column) for column in curve.drift.T]
     )
@@ -422,12 +502,13 @@ def _result(
         ended = curve.pushed.ended
         text = f"n2: the curve {'ends' if ended else 'reaches'} {'at ' * bool(ended)}"
         text += f"{most / made.roof_displacement:.3g} times the target displacement"
-        asked = f"{_ENOUGH:g} are asked for (EN 1998-1, 4.3.3.4.2.3)"
-        # Where the building itself ends, no further push meets what the standard asks for.
+        required = f"{_ENOUGH:g} are required (EN 1998-1, 4.3.3.4.2.3)"
+        # If the building cannot be pushed further, the requirement of the standard cannot be met.
         refused = (
-            f" ({ended}), {asked} and are not met: do not use its displacement, run time histories"
+            f" ({ended}), {required} and cannot be met: do not use its displacement, run time "
+            "history analyses"
         )
-        notes = (text + (refused if ended else f", {asked}: push further"),)
+        notes = (text + (refused if ended else f", {required}: push further"),)
     yields = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
     return TargetDisplacement(
         pushed=curve.pushed,

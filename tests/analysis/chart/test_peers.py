@@ -193,7 +193,7 @@ def test_runs_of_openseespy_that_fail_or_take_long(opensees, monkeypatch):
     assert {point.outcome for point in points} == {"not-converged"}
     monkeypatch.setattr(opensees_worker, "SECONDS", -1.0)
     points, notes = openseespy_points(problem, [0.01, 0.02], reference)
-    assert notes == ["openseespy: 6 of 6 runs were not run: larger steps took the time"]
+    assert notes == ["openseespy: 6 of 6 runs were not run: larger steps used all the time"]
     assert {(point.outcome, point.times, point.errors) for point in points} == {
         ("not-run", (), None)
     }
@@ -224,7 +224,7 @@ def test_an_integrator_that_takes_long_leaves_the_others_their_time(opensees, mo
     [
         (
             model([story(1.0, 400.0, Law("peak-oriented", (40.0, 0.1, 0.5)))]),
-            "none of linear, bilinear, gap, bouc-wen, tanh, polynomial",
+            "not one of linear, bilinear, gap, bouc-wen, tanh, polynomial",
         ),
         (ten_linear(ModalDamping((0.05,))), "modal damping"),
     ],
@@ -234,7 +234,7 @@ def test_a_building_that_openseespy_is_not_given(building, reason):
     problem = pose(building, noise(samples=51))
     points, (note,) = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
     assert points == []
-    assert note.startswith("openseespy is left out: ")
+    assert note.startswith("openseespy is omitted: ")
     assert reason in note
 
 
@@ -257,7 +257,7 @@ def test_an_openseespy_that_does_not_answer_is_one_line(monkeypatch, answer, wor
     monkeypatch.setattr(peers.subprocess, "run", run)
     problem = PROBLEMS["linear"]()
     points, notes = openseespy_points(problem, [0.01], ours(problem, "impulse4", 0.01))
-    assert (points, notes) == ([], [f"openseespy is left out: {words}"])
+    assert (points, notes) == ([], [f"openseespy is omitted: {words}"])
 
 
 @pytest.mark.skipif(find_spec("openseespy") is not None, reason="openseespy is installed")
@@ -296,7 +296,7 @@ def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
     points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01), seconds=0.0)
     assert points == []
     assert notes == [
-        f"scipy's {method} is left out from rtol 0.001 on: it takes over 0 s"
+        f"scipy's {method} is omitted from rtol 0.001 on: a run exceeds 0 s"
         for method in peers.METHODS
     ]
     hardening = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, 4.0)))])
@@ -304,7 +304,7 @@ def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
     points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01))
     assert (points, notes) == (
         [],
-        ["scipy's solve_ivp is left out: a story's law is neither linear nor bilinear"],
+        ["scipy's solve_ivp is omitted: a story's law is neither linear nor bilinear"],
     )
 
 
@@ -319,7 +319,7 @@ def test_peers_stand_behind_the_methods(monkeypatch):
         f"scipy/{name}" for name in peers.METHODS
     ]
     assert any(line.startswith("openseespy") for line in lines) == (
-        not any(note.startswith("openseespy is left out") for note in notes)
+        not any(note.startswith("openseespy is omitted") for note in notes)
     )
 
 
@@ -357,7 +357,7 @@ def test_a_program_of_a_plugin_is_charted(leapfrog):
         (lambda problem: problem.nothing, "AttributeError: "),
         (
             lambda problem: (np.arange(3.0), np.zeros((3, 1))),
-            "ValueError: gives times (3,) and displacements (3, 1)",
+            "ValueError: returns times (3,) and displacements (3, 1)",
         ),
         (
             lambda problem: (0.01 * np.arange(3.0), np.zeros((3, 10))),
@@ -366,7 +366,7 @@ def test_a_program_of_a_plugin_is_charted(leapfrog):
         (lambda problem: (0.003 * np.arange(3.0), np.zeros((3, 10))), "UsageError: "),
         (
             lambda problem: (0.01 * np.arange(400.0) ** 1.5, np.zeros((400, 10))),
-            "ValueError: gives times that do not",
+            "ValueError: returns times that do not",
         ),
     ],
 )
@@ -376,7 +376,7 @@ def test_what_a_program_of_a_plugin_gives_amiss_is_told(function, said, leapfrog
     chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
     both, (note,) = with_plugins(problem, chart, repeats=1)
     assert both.points == chart.points
-    assert note.startswith(f"leapfrog/other is left out: {said}")
+    assert note.startswith(f"leapfrog/other is omitted: {said}")
     monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other",),))
     with pytest.raises(UsageError, match="PEERS must contain pairs of a name and a function"):
         with_plugins(problem, None, repeats=1)

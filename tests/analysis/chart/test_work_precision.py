@@ -452,7 +452,7 @@ def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch)
     assert timing.stretch == pytest.approx(stretch)
     assert timing.disturbed == disturbed
     assert timing.repeats == (1, 2)
-    assert timing.told.startswith("least of 1 to 2 times")
+    assert timing.told.startswith("minimum of 1 to 2 times")
 
 
 # ---- Lines whose steps are chosen for a tolerance

@@ -210,7 +210,7 @@ def test_drifts_that_are_none(text, message):
 
 def test_stories_are_counted_from_1():
     with pytest.raises(
-        UsageError, match="story 0: the model has 1 story, counted from 1 at the bottom"
+        UsageError, match="story 0: the model has 1 story, numbered from 1 at the bottom"
     ):
         cyclic_test(one_story(Law("linear", ())), 0, [parse_drift("1%")])
 
@@ -247,6 +247,6 @@ def test_as_many_points_as_are_allowed(monkeypatch):
     for more in ({"cycles": 3, "points": 4}, {"cycles": 2, "points": 6}):
         with pytest.raises(
             UsageError,
-            match=f"{3 * more['cycles']} cycles of {4 * more['points']} points are more than 120",
+            match=f"{3 * more['cycles']} cycles of {4 * more['points']} points exceed",
         ):
             cyclic_test(building, 1, sizes, **more)

@@ -160,7 +160,7 @@ class Staircase(_Story):
             100.0,
         )
 
-    def rows(self, drift):
+    def at(self, drift):
         return drift + 0.99 * math.sin(drift), 1.0 + 0.99 * math.cos(drift)
 
 
@@ -175,7 +175,7 @@ def test_a_share_is_found_whatever_the_tangents_say(force):
     ("drift", "pattern", "message"),
     [
         ("4%", "uniform", "drift 4% is a drift ratio, and a story has no height"),
-        ("1m", "triangular", "the triangular pattern needs the height of every story"),
+        ("1m", "triangular", "the triangular pattern requires the height of every story"),
         ("1m", "modal", "unknown pattern 'modal'; known: first-mode, uniform, triangular"),
     ],
 )

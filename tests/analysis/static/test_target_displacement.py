@@ -233,7 +233,7 @@ def test_a_curve_that_ends_short_does_not_meet_ec8(tmp_path):
     target = flat(tmp_path, 0.33)
     (told,) = target_displacements(pushed, target)[0].notes
     assert (
-        "1.5 are asked for (EN 1998-1, 4.3.3.4.2.3) and are not met: do not use its displacement"
+        "1.5 are required (EN 1998-1, 4.3.3.4.2.3) and cannot be met: do not use its displacement"
         in told
     )
     (told,) = target_displacements(short, target)[0].notes
@@ -268,7 +268,7 @@ def test_strength_that_is_lost_is_told(tmp_path):
     assert weak.strength_ratio < largest < strong.strength_ratio
     assert not weak.notes
     (note,) = strong.notes
-    assert float(note.split("beyond ")[1].split(",")[0]) == pytest.approx(
+    assert float(note.split("exceeds ")[1].split(",")[0]) == pytest.approx(
         largest, rel=5e-3
     )  # 3 digits
     assert not target_displacements(bare, flat(tmp_path, 0.45))[1].notes
@@ -277,7 +277,7 @@ def test_strength_that_is_lost_is_told(tmp_path):
 @pytest.mark.parametrize(
     ("drift", "options", "error", "message"),
     [
-        ("30mm", {}, AnalysisError, "is beyond the curve"),
+        ("30mm", {}, AnalysisError, "exceeds the curve"),
         (
             "200mm",
             {"site_class": "X"},

@@ -1,1 +1,1 @@
-"""Time against accuracy of methods on a building, beside other programs."""
+"""Work-precision diagrams of methods for a building, compared with other programs."""

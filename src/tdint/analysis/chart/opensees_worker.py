@@ -1,8 +1,9 @@
-"""OpenSeesPy in a process of its own: `python -m` with the name of this module reads a building and
-a list of runs from standard input and writes their motions and times to standard output.
+"""Run OpenSeesPy in a separate process.
 
-It knows nothing of tdint but the names of the arrays, so that what is timed is OpenSeesPy's own
-analysis loop. Exit code 3: OpenSeesPy is not installed; 4: it is, and cannot be loaded.
+`python -m` with the name of this module reads a building and a list of runs from standard input,
+and writes their motions and times to standard output. The module does not import other modules of
+tdint, so that only the analysis loop of OpenSeesPy is timed. Exit codes: 3 if OpenSeesPy is not
+installed, 4 if it is installed but cannot be loaded.
 """
 
 from __future__ import annotations
@@ -23,29 +24,29 @@ import numpy as np
 
 NOT_INSTALLED, NOT_LOADED = 3, 4
 SECONDS = 60.0
-"""Seconds of processor time after which no further run of an integrator is begun; a problem may
-have a share of them. The time of one integrator does not count for the others."""
+"""Processor time after which no further run of an integrator is started, s. The runs of a problem
+can be limited to a fraction of it. The limit applies separately to each integrator."""
 
 NOT_RUN = "not-run"
-"""Outcome of a run that was not begun, because the runs with larger steps took `SECONDS`."""
+"""Outcome of a run that was not started, because runs with larger steps used `SECONDS`."""
 
 _BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
-TOLERANCE = 1e-9  # of what is out of balance, over the largest force of inertia of the reference
-ITERATIONS = 50  # of Newton in a step: more than one that converges takes
+TOLERANCE = 1e-9  # residual over the maximum inertia force of the reference
+ITERATIONS = 50  # maximum Newton iterations per step; converging steps need fewer iterations
 _GROUND, _PATTERN = 0, 1
 _KINDS = ("disp", "vel", "accel")
-_BESIDE = 100_000  # stories at most
-_FOREVER = 1e9  # s, beyond the end of any run
+_TAG_OFFSET = 100_000  # offset of the tags of parallel elements; maximum number of stories
+_FOREVER = 1e9  # s; later than the end of any run
 
 Content = dict[str, Any]
 
 
 def main() -> int:
-    """Do all runs."""
+    """Execute all runs and return the exit code."""
     if find_spec("openseespy") is None:
         return NOT_INSTALLED
-    # What OpenSees prints on standard output must not get into the answer.
-    answer = os.fdopen(os.dup(1), "wb")
+    # Messages that OpenSees prints on standard output must not be mixed with the results.
+    output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
         ops = load()
@@ -68,13 +69,13 @@ def main() -> int:
         spent[integrator] += time.process_time() - began
     stream = io.BytesIO()
     np.savez(stream, **results)
-    answer.write(stream.getvalue())
-    answer.close()
+    output.write(stream.getvalue())
+    output.close()
     return 0
 
 
 def load() -> Any:
-    """OpenSeesPy; the libraries that come along with it first, which the system may lack."""
+    """Load OpenSeesPy after its bundled libraries, which may be missing on the system."""
     spec = find_spec("openseespylinux")
     if spec is not None and spec.origin:
         for name in _BUNDLED:
@@ -87,11 +88,23 @@ def load() -> Any:
 
 
 def _run(ops: Any, problem: Content, run: Content) -> Content:
-    """One integrator with one step: its motion from a march step by step, its times from marches in
-    one call."""
+    """Run one integrator with one time step.
+
+    The motion is recorded in a run with one call per step, and times are measured in runs with a
+    single call.
+
+    Parameters
+    ----------
+    ops : module
+        OpenSeesPy.
+    problem : dict
+        Arrays of the building and of its excitation.
+    run : dict
+        Integrator, time step (s), number of steps and repetitions.
+    """
     seconds = getattr(time, run["clock"])
     _build(ops, problem, run)
-    motion = _march(ops, problem, run)
+    motion = _integrate(ops, problem, run)
     times = []
     for _ in range(run["repeats"] if motion["outcome"] == "done" else 0):
         _build(ops, problem, run)
@@ -105,7 +118,7 @@ def _run(ops: Any, problem: Content, run: Content) -> Content:
 
 
 def _build(ops: Any, problem: Content, run: Content) -> None:
-    """The chain of masses, its load, its start, and the analysis."""
+    """Define the chain of masses, the loads, the initial state, and the analysis."""
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
     n, materials = problem["mass"].size, json.loads(str(problem["materials"]))
@@ -114,15 +127,14 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.fix(_GROUND, 1)
     for i in range(n):
         ops.mass(i + 1, float(problem["mass"][i]))
-        # A story is a spring, and beside it what Rayleigh damping does not have: a dashpot,
+        # A story is a spring in parallel with the terms outside Rayleigh damping: a dashpot and
         # P-delta.
-        beside = (("Viscous", problem["dashpot"][i], 1.0), ("Elastic", problem["geometric"][i]))
-        for j, (kind, *numbers) in enumerate((materials[i], *beside)):
-            if j == 0 or numbers[0] != 0.0:
-                tag = i + 1 + j * _BESIDE
-                ops.uniaxialMaterial(
-                    kind, tag, *(word if isinstance(word, str) else float(word) for word in numbers)
-                )
+        parallel = (("Viscous", problem["dashpot"][i], 1.0), ("Elastic", problem["geometric"][i]))
+        for j, (material, *values) in enumerate((materials[i], *parallel)):
+            if j == 0 or values[0] != 0.0:
+                tag = i + 1 + j * _TAG_OFFSET
+                arguments = (v if isinstance(v, str) else float(v) for v in values)
+                ops.uniaxialMaterial(material, tag, *arguments)
                 ops.element(
                     "zeroLength", tag, i, i + 1, "-mat", tag, "-dir", 1, "-doRayleigh", int(j == 0)
                 )
@@ -140,14 +152,14 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.numberer("Plain")
     ops.system("BandSPD")
     ops.test("NormUnbalance", TOLERANCE * float(problem["largest"]), ITERATIONS)
-    # A building whose matrix never changes is factorized once.
+    # A building with a constant matrix is factorized one time.
     ops.algorithm(*("Linear", "-factorOnce") if problem["one_solve"] else ("Newton",))
     ops.integrator(*run["integrator"])
     ops.analysis("Transient")
 
 
 def _load_floors(ops: Any, problem: Content) -> None:
-    """Forces cosine cos(omega t) + sine sin(omega t), a pattern per term."""
+    """Apply forces cosine cos(omega t) + sine sin(omega t), one load pattern per term."""
     tag = 2
     for floor, cosine, sine, omega in problem["forces"]:
         for factor, shift in ((cosine, 0.5 * math.pi), (sine, 0.0)):
@@ -165,39 +177,38 @@ def _load_floors(ops: Any, problem: Content) -> None:
             tag += 1
 
 
-def _march(ops: Any, problem: Content, run: Content) -> Content:
-    """Step by step: the motion every so many steps, the peaks at all steps, the iterations.
+def _integrate(ops: Any, problem: Content, run: Content) -> Content:
+    """Integrate step by step and return the motion, the peaks over all steps, and the iterations.
 
-    Accelerations are those of equilibrium at the end of each step, from OpenSees' displacements,
-    velocities and story forces, as ours are. Its own accelerations differ from them where the
+    Accelerations satisfy equilibrium at the end of each step, as ours do. They are computed from
+    OpenSees' displacements, velocities and story forces. OpenSees' own accelerations differ if the
     integrator weights the equation of motion (HHT, generalized-alpha). Total shears are the inertia
     forces of the masses above, without forces on floors.
     """
     n = problem["mass"].size
     iterations = 0
-    with TemporaryDirectory() as folder:
-        # OpenSees itself writes what nodes do: asked for in Python this takes longer than the
-        # steps.
+    with TemporaryDirectory() as directory:
+        # OpenSees writes the motion of the nodes to files, because queries from Python take more
+        # time than the steps.
         for name in _KINDS:
             ops.recorder(
-                "Node", "-binary", f"{folder}/{name}", "-node", *range(1, n + 1), "-dof", 1, name
+                "Node", "-binary", f"{directory}/{name}", "-node", *range(1, n + 1), "-dof", 1, name
             )
         stories = range(1, n + 1)
         ops.recorder(
-            "Element", "-binary", f"{folder}/force", "-ele", *stories, "material", "1", "stress"
+            "Element", "-binary", f"{directory}/force", "-ele", *stories, "material", "1", "stress"
         )
         code = done = 0
         while done < run["steps"] and (code := ops.analyze(1, run["h"])) == 0:
             iterations += 1 if problem["one_solve"] else ops.testIter()
             done += 1
-        ops.wipe()  # and the files are closed
+        ops.wipe()  # closes the files
         if code != 0:
             return {"outcome": np.array("not-converged")}
-        row = np.dtype(
-            [("nodes", float, (n,)), ("end", "V1")]
-        )  # and the end of a line, of binary ones, too
-        rows = {name: np.fromfile(f"{folder}/{name}", row)["nodes"] for name in _KINDS}
-        story_force = np.fromfile(f"{folder}/force", row)["nodes"]
+        # OpenSees writes the end of a line in binary files also.
+        row = np.dtype([("nodes", float, (n,)), ("end", "V1")])
+        rows = {name: np.fromfile(f"{directory}/{name}", row)["nodes"] for name in _KINDS}
+        story_force = np.fromfile(f"{directory}/force", row)["nodes"]
     starts = (problem["u_start"], problem["v_start"], problem["a_start"])
     u, v, a = (
         np.vstack([start, values]) for start, values in zip(starts, rows.values(), strict=True)

@@ -1,5 +1,7 @@
-"""Other programs in the same chart: OpenSeesPy, where it is installed, and SciPy's RK45, Radau and
-LSODA (solve_ivp), which choose their own steps.
+"""Other programs in the same chart.
+
+OpenSeesPy is used if it is installed. The methods RK45, Radau and LSODA of SciPy (solve_ivp) choose
+their own time steps.
 """
 
 from __future__ import annotations
@@ -31,22 +33,18 @@ from tdint.model.damage_states import DONE
 from tdint.model.definition import CODES
 from tdint.model.plugins import peers
 
-_REPEATS = 3  # at most: a peer takes up to 500 times as long as tdint
-_MINUTES = 5.0  # after which the process is ended
-_TABLE = np.linspace(-1.0, 1.0, 8001)  # drifts of a curve: its chords are 1e-6 of the force from it
-_REACH = 4.0  # times the reference's peak drifts: long steps go farther than it
-_CHECKED = (
-    8,
-    16,
-    32,
-    64,
-    128,
-)  # parts of the interval, until two of them tell that the law is the same
-_SAME = 1e-9  # beyond what a division of rounded numbers leaves
+_REPEATS = 3  # maximum; OpenSeesPy is up to 500 times slower than tdint
+_MINUTES = 5.0  # min; time limit of the process
+# Normalized drifts of a table for a curve; its chords deviate by 1e-6 of the force
+_TABLE = np.linspace(-1.0, 1.0, 8001)
+_REACH = 4.0  # range of the table over the peak drift of the reference; long steps exceed the peak
+# Numbers of steps per interval, tried until two solutions show that the hysteresis models agree
+_CHECKED = (8, 16, 32, 64, 128)
+_SAME = 1e-9  # relative tolerance of equality; exceeds the rounding errors of a division
 
 
 NO_PROCESS = "its process did not start or did not end"
-"""Reason for missing points of OpenSees that another attempt may not have, as on a busy machine."""
+"""Reason for missing points of OpenSees that may not occur again, for example on a busy machine."""
 
 _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
     "newmark-average": lambda _: ("Newmark", 0.5, 0.25),
@@ -57,8 +55,8 @@ _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
         1.0 / (1.0 + rho),
     ),
 }
-"""Our method and, of its first parameter, OpenSees' name for it with its parameters, as weights of
-the end of the step instead of the start."""
+"""Name and parameters of each of our methods in OpenSees, as a function of its first parameter. The
+weights of OpenSees refer to the end of the step, ours to the start."""
 
 
 def _bouc_wen(k: float, _: float, *parameters: float) -> tuple[Any, ...]:
@@ -96,20 +94,21 @@ _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
     "tanh": _tanh,
     "polynomial": _polynomial,
 }
-"""Our law and, of its stiffness, the drift that it must reach and its parameters, OpenSees'
-material with its own: those whose law is the same. Curves are tables."""
+"""OpenSees material with its parameters for each of our laws, as a function of the stiffness, the
+range of drifts and the parameters of the law. Only laws with an equal material are listed. Curves
+are represented by tables."""
 
 _OF_ORDER_1 = ("bouc-wen",)
-"""Laws whose material takes the rate at the end of the step alone: the error of a run falls with
-order 1."""
+"""Laws with a material that uses only the rate at the end of the step: the error of a run decreases
+with order 1."""
 
 ITERATED = (
     "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the "
-    "forces of the weighted time with the acceleration at the end of the step; its error falls "
+    "forces of the weighted time with the acceleration at the end of the step; its error decreases "
     "with order 1, and its iterations converge by (1 - alpha_m) / alpha_m (shown by "
     "tests/benchmarks/opensees_generalized_alpha.py)"
 )
-"""What is said of a chart where steps take more than one solve."""
+"""Note of a chart if time steps need more than one equation solution."""
 
 
 def openseespy_points(
@@ -121,26 +120,44 @@ def openseespy_points(
     share: float = 1.0,
     judge: Callable[[Any], RelativeErrors] | None = None,
 ) -> tuple[list[Point], list[str]]:
-    """OpenSeesPy's points, and what of them is left out: average acceleration, HHT and
-    generalized-alpha.
+    """Return the points of OpenSeesPy: average acceleration, HHT and generalized-alpha.
 
-    The parameters are those that ours have by default. The building is the same: of each story a
-    zeroLength element (a material of `_MATERIALS`), beside it Viscous for a dashpot and Elastic for
-    P-delta; Rayleigh damping from the initial stiffness, the record as a Path, the acceleration of
-    equilibrium at the start; Newton's method (Linear in linear buildings, factorized once) until
-    the unbalanced forces are 1e-9 of the largest force of inertia, BandSPD. The time is that of
-    `analyze` alone. Peaks are those at the steps; `judge` has the errors from them in place of
-    those of the motion. Accelerations are those of equilibrium, as ours. All runs of an integrator
-    may take a `share` of the time that a problem has, largest steps first; points of the others
-    have the outcome `not-run`.
+    The parameters are our defaults. The building is equal: each story is a zeroLength element with
+    a material of `_MATERIALS`, in parallel with Viscous for a dashpot and Elastic for P-delta.
+    Rayleigh damping uses the initial stiffness. The record is a Path time series, and the initial
+    acceleration satisfies equilibrium. Newton's method (for linear buildings Linear, factorized
+    one time) iterates until the unbalanced forces are 1e-9 of the maximum inertia force; the
+    system of equations is BandSPD. Only `analyze` is timed. Peaks are maxima over the steps.
+    Accelerations satisfy equilibrium, as ours do.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    dts : sequence of float
+        Time steps, s.
+    reference : Reference
+        Reference solution of the errors.
+    repeats : int
+        Number of times that each run is timed; at most 3.
+    share : float
+        Fraction of the time for one problem that all runs of an integrator may use. Runs with large
+        steps are executed first; points of runs that are not executed have the outcome `not-run`.
+    judge : callable, optional
+        Function that returns errors from the peaks; default is the errors of the motion.
+
+    Returns
+    -------
+    tuple
+        List of points, and list of notes on omitted points.
     """
     if reason := _unsupported(problem):
-        return [], [f"openseespy is left out: {reason}"]
+        return [], [f"openseespy is omitted: {reason}"]
     runs = [(parse(name), problem.steps(dt)) for name in _OPENSEES for dt in dts]
-    runs.sort(key=lambda run: run[1].count)  # if time is up, the dearest ones are missing
+    runs.sort(key=lambda run: run[1].count)  # if time is up, the most expensive runs are missing
     answer, why = _ask(problem, runs, reference, min(repeats, _REPEATS), share)
     if why:
-        return [], [f"openseespy is left out: {why}"]
+        return [], [f"openseespy is omitted: {why}"]
     points = []
     for number, (integrator, steps) in enumerate(runs):
         got = {
@@ -164,7 +181,7 @@ def openseespy_points(
     points.sort(key=lambda point: (order.index(point.line), -point.dt))
     missing = sum(point.outcome == NOT_RUN for point in points)
     notes = (
-        [f"openseespy: {missing} of {len(runs)} runs were not run: larger steps took the time"]
+        [f"openseespy: {missing} of {len(runs)} runs were not run: larger steps used all the time"]
         if missing
         else []
     )
@@ -174,25 +191,39 @@ def openseespy_points(
 
 
 def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[float, str]:
-    """How far OpenSees' average acceleration is from a reference of ours, and how that was found,
-    or why it is not.
+    """Return the difference between OpenSees' average acceleration and our reference.
 
-    The larger of the differences of the histories of drift and acceleration (L2). Steps are halved
-    until those that two of them tend to (Richardson) are within the goal, as a reference is
-    confirmed by average acceleration of ours.
+    The difference is the larger of the errors of the histories of drift and acceleration (L2).
+    Steps are halved until the extrapolated limit (Richardson) is within the goal. Our references
+    are confirmed by average acceleration in the same manner.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    reference : Reference
+        Our reference solution.
+    goal : float
+        Relative difference at which no smaller steps are tried.
+
+    Returns
+    -------
+    tuple
+        Difference, and a description of the steps. If the difference cannot be computed, it is nan
+        and the text is the reason.
     """
     if reason := _unsupported(problem):
         return math.nan, reason
     average = parse("newmark-average")
     codes = problem.building.law_parameters[rows.CODE, :-1]
     powers = (2.0, 4.0) if np.isin(codes, [CODES[name] for name in _OF_ORDER_1]).any() else (4.0,)
-    gap, said, before = math.nan, "", list[Array]()
+    gap, note, before = math.nan, "", list[Array]()
     for parts in _CHECKED:
         steps = problem.steps(problem.interval / parts)
         answer, why = _ask(problem, [(average, steps)], reference, 0, math.inf)
         if why or str(answer["0_outcome"]) != DONE:
             return math.nan, why or f"with dt {steps.h:.3g} s it is {answer['0_outcome']}"
-        # What has one order of the error less, and so on, each from itself with the step before
+        # Each entry eliminates one more error term by extrapolation from the step before.
         limits = [answer["0_motion"]]
         for power, coarse in zip(powers, before, strict=False):
             limits.append(limits[-1] + (limits[-1] - coarse) / (power - 1.0))
@@ -201,22 +232,22 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
             off = errors(
                 _motion(problem, steps, limits[-1], reference.motion.peak_drift), reference.motion
             )
-            gap, said = (
+            gap, note = (
                 max(off.drift, off.acceleration),
                 f"extrapolated to dt 0 from {steps.h:.3g} s and larger",
             )
             if gap <= goal:
                 break
-    return gap, said
+    return gap, note
 
 
 def _unsupported(problem: Problem) -> str:
-    """Why OpenSees is not given this building; nothing if it can do it."""
+    """Return the reason why OpenSees cannot represent the building; empty if it can."""
     building = problem.building
     if not np.all(
         np.isin(building.law_parameters[rows.CODE, :-1], [CODES[name] for name in _MATERIALS])
     ):
-        return f"a story's law is none of {', '.join(_MATERIALS)}"
+        return f"a story's law is not one of {', '.join(_MATERIALS)}"
     if building.power_damped:
         return "the model has power-law dashpots"
     if len(building.modal):
@@ -227,14 +258,17 @@ def _unsupported(problem: Problem) -> str:
 
 
 def _proportion(values: Array, other: Array) -> float | None:
-    """values / other where that is one number."""
+    """Return the ratio values / other if it is equal for all entries, otherwise None."""
     ratios = values / other
     return float(ratios[0]) if np.ptp(ratios) <= _SAME * np.max(np.abs(ratios)) else None
 
 
 def _one_solve(problem: Problem) -> bool:
-    """Whether a step takes one solve. The tangent of Viscous is not that of a dashpot: with it a
-    single one does not do."""
+    """Return True if a time step needs one equation solution.
+
+    The tangent of Viscous differs from the tangent of a dashpot, so that a single solution is not
+    sufficient for dashpots.
+    """
     building = problem.building
     dampers, stiffness = (
         building.linear_terms[rows.STORY_DAMPER, :-1],
@@ -250,7 +284,26 @@ def _ask(
     repeats: int,
     share: float,
 ) -> tuple[dict[str, Any], str]:
-    """The worker's answer, and why there is none."""
+    """Run OpenSeesPy in a separate process.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    runs : sequence of tuple
+        Methods and time steps.
+    reference : Reference
+        Reference solution; it scales the tolerance and the tables of curves.
+    repeats : int
+        Number of times that each run is timed.
+    share : float
+        Fraction of `opensees_worker.SECONDS` that each integrator may use.
+
+    Returns
+    -------
+    tuple
+        Arrays of the worker by name, and an empty text; or an empty dict and the reason.
+    """
     jobs = [
         {
             "integrator": _OPENSEES[integrator.method.name](
@@ -264,7 +317,7 @@ def _ask(
         }
         for integrator, steps in runs
     ]
-    # In a process of its own: OpenSees' libraries would stay in this one, and may end it.
+    # A separate process is used because OpenSees' libraries would stay loaded and may crash.
     stream = io.BytesIO()
     np.savez(
         stream,
@@ -305,7 +358,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     ]
     dampers = building.linear_terms[rows.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
-    # The start is that of equilibrium, which OpenSees does not look for.
+    # Compute the acceleration of equilibrium, because OpenSees does not compute it at the start.
     start_force = (
         -building.damping_matrix() @ problem.velocity
         - building.stiffness_matrix() @ problem.displacement
@@ -334,7 +387,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
 
 
 def _motion(problem: Problem, steps: Steps, motion_rows: Array, peak_drift: Array) -> FloorMotion:
-    """The worker's rows (u, v, a relative to the ground) as a motion."""
+    """Return the rows of the worker (u, v, a relative to the ground) as a motion."""
     ground = np.interp(
         problem.interval * steps.stride * np.arange(motion_rows.shape[1]),
         problem.interval * np.arange(problem.ground.size + 1),
@@ -348,12 +401,13 @@ def _motion(problem: Problem, steps: Steps, motion_rows: Array, peak_drift: Arra
 _OPENSEES_SETTINGS = (
     "zeroLength elements (Elastic, Steel01, BoucWen, ElasticMultiLinear; Viscous), curves as "
     f"tables of {_TABLE.size} points, BandSPD, Newton until NormUnbalance is "
-    f"{opensees_worker.TOLERANCE:g} of the largest force of inertia, {opensees_worker.ITERATIONS} "
-    f"iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} times at "
-    "most"
+    f"{opensees_worker.TOLERANCE:g} of the maximum inertia force, at most "
+    f"{opensees_worker.ITERATIONS} iterations (Linear -factorOnce in linear buildings); minimum of "
+    f"at most {_REPEATS} times"
 )
 _SCIPY_SETTINGS = (
-    "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
+    "solve_ivp, atol = rtol times the maximum displacement, velocity and yield force; timed one "
+    "time"
 )
 
 Rate = Callable[[float, Array], Array]
@@ -361,7 +415,8 @@ Rate = Callable[[float, Array], Array]
 METHODS = ("RK45", "Radau", "LSODA")
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SECONDS = 8.0
-"""A run that takes longer is broken off, and so are the smaller tolerances of the method."""
+"""Time limit of a run, s. If a run exceeds it, the run is stopped, and smaller tolerances of the
+method are omitted."""
 
 
 class _TooLong(Exception):
@@ -371,17 +426,31 @@ class _TooLong(Exception):
 def solve_ivp_points(
     problem: Problem, reference: Reference, *, seconds: float = SECONDS
 ) -> tuple[list[Point], list[str]]:
-    """Points of solve_ivp, and what is left out: a line per method, a point per relative tolerance,
-    one run each.
+    """Return the points of solve_ivp: one line per method, one point per relative tolerance.
 
-    Linear and bilinear stories. The hysteretic part z of a bilinear story is a state whose rate is
-    (1 - a) k times the drift's, and zero while it yields: no events. The absolute tolerance is the
-    relative one times the largest value of the reference. The motion is asked for at the samples;
-    its peaks are those at the samples.
+    Each point is one run. Only linear and bilinear stories are supported. The hysteretic part z of
+    a bilinear story is a state variable. Its rate is (1 - a) k times the drift rate, and zero
+    during yielding; events are not used. The absolute tolerance is the relative tolerance times
+    the maximum value of the reference. The motion is computed at the samples, and its peaks are
+    the maxima over the samples.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    reference : Reference
+        Reference solution of the errors.
+    seconds : float
+        Time limit of a run, s.
+
+    Returns
+    -------
+    tuple
+        List of points, and list of notes on omitted points.
     """
     law = _stories(problem)
     if law is None:
-        return [], ["scipy's solve_ivp is left out: a story's law is neither linear nor bilinear"]
+        return [], ["scipy's solve_ivp is omitted: a story's law is neither linear nor bilinear"]
     points: list[Point] = []
     notes: list[str] = []
     for method in METHODS:
@@ -389,7 +458,7 @@ def solve_ivp_points(
             point = _solve(problem, reference, law, method, tolerance, seconds)
             if point is None:
                 notes.append(
-                    f"scipy's {method} is left out from rtol {tolerance:g} on: it takes over "
+                    f"scipy's {method} is omitted from rtol {tolerance:g} on: a run exceeds "
                     f"{seconds:g} s"
                 )
                 break
@@ -398,10 +467,10 @@ def solve_ivp_points(
 
 
 def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
-    """Elastic stiffness, stiffness of the hysteretic part and its strength of each story; None for
-    other laws.
+    """Return elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
 
-    The first is that of the whole story where it is linear, after yield where it is bilinear.
+    The elastic stiffness is the total stiffness of a linear story, and the stiffness after yield
+    of a bilinear story. The result is None for other laws.
     """
     laws = problem.building.law_parameters
     bilinear = laws[rows.CODE, :-1] == CODES["bilinear"]
@@ -421,7 +490,17 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
 
 
 def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:
-    """The rate of the state (u, v, z)."""
+    """Return the function that computes the rate of the state (u, v, z).
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    law : tuple of ndarray
+        Result of `_stories`.
+    deadline : float
+        Time by `tdint.system.seconds` after which the function raises `_TooLong`, s.
+    """
     building = problem.building
     n = building.stories
     elastic, hysteretic, strength = law
@@ -443,8 +522,8 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
         shear = elastic * np.diff(u, prepend=0.0)
         change = state[2 * n :]
         if hysteresis:
-            # The hysteretic part of a bilinear story: elastic until it reaches its strength, and
-            # constant there.
+            # The hysteretic part of a bilinear story is elastic until it reaches its strength, and
+            # constant afterwards.
             z = state[2 * n :]
             shear += np.clip(z, -strength, strength)
             change = hysteretic * np.diff(v, prepend=0.0)
@@ -465,7 +544,23 @@ def _solve(
     tolerance: float,
     seconds: float,
 ) -> Point | None:
-    """One run; None for one that takes too long."""
+    """Return the point of one run; None if the run exceeds its time limit.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    reference : Reference
+        Reference solution of the errors.
+    law : tuple of ndarray
+        Result of `_stories`.
+    method : str
+        Method of solve_ivp.
+    tolerance : float
+        Relative tolerance.
+    seconds : float
+        Time limit, s.
+    """
     from scipy.integrate import solve_ivp
 
     n = problem.building.stories
@@ -495,9 +590,8 @@ def _solve(
     u, v = solution.y[:n].T, solution.y[n : 2 * n].T
     quiet = _rate(problem, law, math.inf)
     a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, solution.y.T, strict=True)])
-    size = min(
-        times.size, problem.ground.size
-    )  # A duration may end before the record does, or after.
+    # The duration may end before or after the end of the record.
+    size = min(times.size, problem.ground.size)
     ground = np.interp(times, times[:size], problem.ground[:size], right=0.0)
     peaks = np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0)
     motion = FloorMotion(1, u, v, a + ground[:, None], peaks)
@@ -509,13 +603,29 @@ def _solve(
 def with_plugins(
     problem: Problem, chart: Chart, *, repeats: int, progress: Progress = silent
 ) -> tuple[Chart, list[str]]:
-    """The chart with a point for each of the PEERS of plug-ins behind its own, and what of them is
-    left out.
+    """Return the chart with one additional point for each peer of the plug-ins.
 
-    A peer is a function of the problem that gives times (s, equally spaced, from 0 to the last
-    sample or beyond, whole parts or multiples of the interval apart) and displacements of the
-    floors at these (m, relative to the ground, shape (times, stories)). All of the call is timed.
-    Errors of velocities and accelerations are not known.
+    A peer is a function of the problem that returns times and displacements. The times (s) are
+    equally spaced and start at 0. They end at or after the last sample, and their spacing is the
+    interval divided or multiplied by a whole number. The displacements (m) of the floors at these
+    times are relative to the ground, with shape (times, stories). The complete call is timed.
+    Errors of velocities and accelerations are not available.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    chart : Chart
+        Chart to which the points are added.
+    repeats : int
+        Number of times that each function is timed.
+    progress : callable
+        Callback for progress reports.
+
+    Returns
+    -------
+    tuple
+        Chart, and list of notes on omitted points.
     """
     points: list[Point] = []
     notes: list[str] = []
@@ -528,41 +638,47 @@ def with_plugins(
                     _called(problem, chart.reference, function, repeats), method=full, line=line
                 )
             )
-        except Exception as error:  # whatever a function of somebody else's raises
+        except Exception as error:  # a function of a plug-in can raise any exception
             notes.append(
-                f"{full} is left out: {type(error).__name__}: {' '.join(str(error).split())}"
+                f"{full} is omitted: {type(error).__name__}: {' '.join(str(error).split())}"
             )
-    others = {point.line.partition("/")[0]: None for point in points}
-    told = tuple(
-        Peer(plugin, "of a plug-in", "those of its function", "its whole call") for plugin in others
+    plugins = {point.line.partition("/")[0]: None for point in points}
+    added = tuple(
+        Peer(plugin, "of a plug-in", "settings of its function", "its complete call")
+        for plugin in plugins
     )
-    return replace(chart, points=(*chart.points, *points), peers=(*chart.peers, *told)), notes
+    return replace(chart, points=(*chart.points, *points), peers=(*chart.peers, *added)), notes
 
 
 def _called(
     problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int
 ) -> Point:
-    """The point that a function of the problem makes, yet without a name; ValueError where it gives
-    something else."""
+    """Return the point of a function of a plug-in, without a name.
+
+    Raises
+    ------
+    ValueError
+        The function returns arrays of other shapes or times.
+    """
     taken = []
     for _ in range(repeats):
         begin = system.seconds()
-        answer = function(problem)
+        result = function(problem)
         taken.append(system.seconds() - begin)
-    times, u = (np.asarray(values, dtype=np.float64) for values in answer)
+    times, u = (np.asarray(values, dtype=np.float64) for values in result)
     n = problem.building.stories
     if times.ndim != 1 or times.size < 2 or u.shape != (times.size, n):
         raise ValueError(
-            f"gives times {times.shape} and displacements {u.shape}, not (rows,) and (rows, {n})"
+            f"returns times {times.shape} and displacements {u.shape}, expected (rows,) and "
+            f"(rows, {n})"
         )
     if not np.all(np.isfinite(u)):
         return Point("", math.nan, times.size - 1, DIVERGED, times=tuple(taken))
     dt = float(times[1])
     steps = problem.steps(dt)
-    if (
-        np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt
-    ):  # a clock that was summed up is no nearer
-        raise ValueError("gives times that do not begin with 0 or are not equally spaced")
+    # Times computed by repeated addition deviate by rounding errors.
+    if np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt:
+        raise ValueError("returns times that do not start at 0 or are not equally spaced")
     motion_rows = steps.count // steps.per_sample + 1
     if times.size <= steps.count:
         raise ValueError(f"ends at {times[-1]:.6g} s, before the last sample")
@@ -583,11 +699,22 @@ def with_peers(
     repeats: int,
     progress: Progress = silent,
 ) -> tuple[Chart, list[str]]:
-    """The chart with the points of other programs behind its own, and what of them is left out, a
-    sentence each.
+    """Return the chart with additional points of OpenSeesPy and SciPy, and notes on omitted points.
 
-    Their errors are against the same reference; their times are those of their analysis loops
-    alone.
+    Their errors refer to the same reference. Their times include only their analysis loops.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    chart : Chart
+        Chart to which the points are added.
+    dts : sequence of float
+        Time steps of OpenSeesPy, s.
+    repeats : int
+        Number of times that each run is timed.
+    progress : callable
+        Callback for progress reports.
     """
     progress("openseespy", 0.0)
     openseespy, notes = openseespy_points(
@@ -602,7 +729,7 @@ def with_peers(
 
 
 def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:
-    """The other programs that some points are of."""
+    """Return the other programs to which the points belong."""
     programs = {point.line.partition("/")[0] for point in points}
     peers = []
     for name, settings, timed in (

@@ -1,5 +1,7 @@
-"""What a chart is made of: a building under its load over some time, for any method at any step
-that fits."""
+"""Problem of a chart: a building with its excitation over a duration, for any method and time step.
+
+The reference solution of the errors is computed here also.
+"""
 
 from __future__ import annotations
 
@@ -45,14 +47,17 @@ from tdint.system import cache_subfolder
 
 @dataclass(frozen=True)
 class FloorMotion:
-    """A motion at every `stride`-th sample and its peaks.
+    """Motion at every `stride`-th sample, with its peaks.
 
     Attributes
     ----------
+    stride : int
+        Number of samples between two rows.
     displacement, velocity, acceleration : ndarray, shape (rows, n)
-        Of the floors: m and m/s relative to the ground, m/s^2 absolute, from equilibrium.
+        Motion of the floors: displacement (m) and velocity (m/s) relative to the ground, absolute
+        acceleration (m/s^2) that satisfies equilibrium.
     peak_drift : ndarray, shape (n,)
-        Largest absolute drift of each story, m.
+        Maximum absolute drift of each story, m.
     """
 
     stride: int
@@ -67,7 +72,7 @@ class FloorMotion:
         return np.diff(self.displacement, axis=1, prepend=0.0)
 
     def every(self, stride: int, row_count: int) -> FloorMotion:
-        """The first `row_count` rows of this motion `stride` samples apart."""
+        """Return the first `row_count` rows of this motion at every `stride`-th sample."""
         part = slice(0, (row_count - 1) * stride + 1, stride)
         return FloorMotion(
             stride,
@@ -80,15 +85,19 @@ class FloorMotion:
 
 @dataclass(frozen=True)
 class Problem:
-    """A building, its load, and the time over which it is integrated.
+    """Building, excitation, and the duration of the time integration.
 
     Attributes
     ----------
+    model : Model
+        Model of the building.
+    record : Record or None
+        Ground motion; None without ground motion.
     interval : float
-        Time between two samples, s: those of the record, or without one those of the step that
-        others divide.
+        Sampling interval of the record, s. Without a record, it is the time step that other steps
+        divide or multiply.
     samples : int
-        Intervals to be integrated.
+        Number of intervals to be integrated.
     """
 
     model: Model
@@ -108,31 +117,31 @@ class Problem:
 
     @cached_property
     def ground(self) -> Array:
-        """Ground acceleration at the samples, m/s^2; a zero without a record."""
+        """Ground acceleration at the samples, m/s^2; a single zero without a record."""
         return np.zeros(1) if self.record is None else self.record.acceleration.copy()
 
     @property
     def forces(self) -> Array:
-        """Forces on floors, as `force_table` makes them."""
+        """Table of the forces on floors, see `force_table`."""
         return self.prepared.forces
 
     @property
     def displacement(self) -> Array:
-        """At t = 0 relative to the ground, m, shape (n,)."""
+        """Initial displacement relative to the ground, m, shape (n,)."""
         return np.asarray(self.prepared.displacement)
 
     @property
     def velocity(self) -> Array:
-        """At t = 0 relative to the ground, m/s, shape (n,)."""
+        """Initial velocity relative to the ground, m/s, shape (n,)."""
         return np.asarray(self.prepared.velocity)
 
     def steps(self, dt: float) -> Steps:
-        """Time steps of about dt (s) over all samples; the last one may end after them.
+        """Return time steps of about dt (s) over all samples; the last step may end later.
 
         Raises
         ------
         UsageError
-            A step that is neither a whole part nor a whole multiple of the interval.
+            The step is not the interval divided or multiplied by a whole number.
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise UsageError(f"dt must be a positive number of seconds, got {dt!r}")
@@ -146,12 +155,14 @@ class Problem:
             ) from None
 
     def case(self, integrator: Integrator) -> Case:
-        """What `tdint run` integrates with a method."""
+        """Return the case that `tdint run` integrates with a method."""
         return Case(self.model, self.prepared, self.record, integrator)
 
     def told(self, integrator: Integrator, steps: Steps) -> float:
-        """The largest error of a story's peak drift, over it, that `tdint run` tells beside these;
-        nan for none."""
+        """Return the maximum relative error of the peak drifts, as estimated by `tdint run`.
+
+        The result is nan if no error estimate is available.
+        """
         response = run_with_error_estimate(self.case(integrator), steps)
         peaks = response.stories.peak_drift
         return (
@@ -161,22 +172,29 @@ class Problem:
         )
 
     def within(self, integrator: Integrator, tolerance: float) -> Response:
-        """What `tdint run --tolerance` gives over all samples; FailedRun where it ends
-        otherwise."""
+        """Return the result of `tdint run --tolerance` over all samples.
+
+        Raises
+        ------
+        FailedRun
+            The run failed.
+        """
         dt = None if self.record else self.interval
         return run_case(
             self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance
         )
 
     def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
-        """The motion at the samples (or at the steps, if these are longer); None where the march
-        does not reach its end."""
-        marched = self.prepared.integrate(
+        """Return the motion at the samples, or at the steps if the steps are longer.
+
+        The result is None if the run does not reach its end.
+        """
+        result = self.prepared.integrate(
             integrator, steps, self.ground, history_rows=steps.count // steps.per_sample
         )
-        if marched.code < 0:
+        if result.code < 0:
             return None
-        space, n = marched.space, self.building.stories
+        space, n = result.space, self.building.stories
         u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
         return FloorMotion(steps.stride, u, v, a, space.peaks[rows.PEAK_DRIFT])
 
@@ -188,17 +206,26 @@ def pose(
     duration: float | None = None,
     dts: tuple[float, ...] = (),
 ) -> Problem:
-    """The problem that a model is under a record, by default its own.
+    """Return the problem of a model under a record.
 
-    The interval is the record's; without a record the model's step, else the largest of `dts` (s).
-    The duration (s) is by default the model's, else the record's.
+    Parameters
+    ----------
+    model : Model
+        Model of the building.
+    record : Record, optional
+        Ground motion; default is the record of the model.
+    duration : float, optional
+        Duration, s; default is the duration of the model, otherwise of the record.
+    dts : tuple of float
+        Time steps, s. Without a record, the interval is the time step of the model, otherwise the
+        maximum of these steps.
 
     Raises
     ------
     UsageError
-        No duration, or no step, where there is no record to take it from; a step that does not fit.
+        Without a record, the duration or the time step is missing; or a time step is invalid.
     AnalysisError
-        Nothing moves the building.
+        The building has no excitation.
     """
     record = model_record(model) if record is None else record
     duration = model.analysis.duration if duration is None else duration
@@ -217,17 +244,17 @@ def pose(
     )
     if not any(np.any(cause) for cause in causes):
         raise AnalysisError(
-            f"{model.name}: nothing moves this building: no ground motion, no force, no initial "
-            "state"
+            f"{model.name}: the building has no excitation; specify a ground motion, a force or an "
+            "initial state"
         )
     return problem
 
 
 def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
-    """The problem, longer by as many samples as it takes for all steps (s) to end at one time.
+    """Return the problem with as many additional samples as all steps (s) need to end together.
 
-    A motion that goes on has larger peaks: those of two durations are no measure of an error. Steps
-    whose common multiple is longer than the motion stay as they are.
+    A longer motion can have larger peaks, so the peaks of two durations do not measure an error.
+    The problem is not extended if the common multiple of the steps exceeds the duration.
     """
     common = math.lcm(*(problem.steps(dt).stride for dt in dts))
     if common > problem.samples:
@@ -236,11 +263,11 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
 
 
 def stretched(model: Model, count: int) -> Model:
-    """The model with `count` stories: its own ones, each repeated (or left out) so that their
-    pattern stays.
+    """Return the model with `count` stories and an unchanged pattern of stories.
 
-    Rayleigh damping keeps its coefficients. Of modal damping of the first modes those remain that
-    there are. Forces and the initial state move with their floors.
+    The stories are repeated or omitted. Coefficients of Rayleigh damping do not change. Of modal
+    damping, the ratios of the existing modes are kept. Forces and the initial state move with
+    their floors.
     """
     stories = len(model.stories)
     if count == stories:
@@ -248,7 +275,7 @@ def stretched(model: Model, count: int) -> Model:
     floors = [i * stories // count for i in range(count)]
     damping = model.damping
     if isinstance(damping, RayleighRatio):
-        # Its coefficients, from the mass and the stiffness of the lowest story.
+        # Compute the coefficients from the mass and the stiffness of the lowest story.
         building = assemble(model)
         first = model.stories[0]
         damping = RayleighCoefficients(
@@ -277,33 +304,34 @@ def stretched(model: Model, count: int) -> Model:
     )
 
 
-# ---- The motion that others are measured against: computed by one method, confirmed by another
-# one, kept for later
+# ---- The reference solution of the errors: computed by one method, confirmed by a second method,
+# and stored in the cache
 
 EXACT_UP_TO = 100
-"""Stories up to which the exact method serves; the cost of its step grows with their square."""
+"""Maximum number of stories for the exact method; the cost of its time step is quadratic in the
+number of stories."""
 
-_EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8  # gaps that are small enough
-_SECONDS = 20.0  # after which no finer solution is begun
-_FIRST_COST = 0.5  # s, of the first solution, roughly
-_STORY_STEP = 6e-8  # s, of one step of one story, roughly
-# stories whose peak drift is below this part of the largest are left out of the error of the peaks
+# Relative gaps at which no finer reference is computed: exact method, smooth and kinked forces
+_EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8
+_SECONDS = 20.0  # s; no finer solution is started afterwards
+_FIRST_COST = 0.5  # s; approximate cost of the first solution
+_STORY_STEP = 6e-8  # s; approximate cost of one time step per story
+# Stories with a peak drift below this fraction of the maximum are omitted from the peak error
 _SMALL = 1e-3
-_KEPT = 200_000_000  # bytes of references in the cache
+_KEPT = 200_000_000  # bytes; maximum size of the references in the cache
 
 
 @dataclass(frozen=True)
 class RelativeErrors:
-    """Relative errors by their names: `Errors` of a motion, or of peaks alone
-    `profiles.PeakErrors`."""
+    """Relative errors by name: `Errors` of a motion, or `profiles.PeakErrors` of its peaks."""
 
     def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it."""
+        """Return an error by its name, written with hyphens or underscores."""
         return float(getattr(self, quantity.replace("-", "_")))
 
     @property
     def worst(self) -> float:
-        """The largest of all."""
+        """Maximum of all errors."""
         return float(max(astuple(self)))
 
 
@@ -314,12 +342,12 @@ class Errors(RelativeErrors):
     Attributes
     ----------
     displacement, drift, velocity, acceleration : float
-        Of the whole history, L2: root of the sum of squares of the differences over all floors
-        (stories) and common times, over that of the reference. Displacement and velocity relative
-        to the ground, acceleration absolute.
+        Error of the complete history (L2): root of the sum of squared differences over all floors
+        (or stories) and common times, divided by this root for the reference. Displacement and
+        velocity are relative to the ground, acceleration is absolute.
     peak_drift : float
-        Largest relative error of a story's peak drift. Stories whose peak is below a thousandth of
-        the largest one are left out.
+        Maximum relative error of the peak drifts of the stories. Stories with a peak below a
+        thousandth of the maximum are omitted.
     """
 
     displacement: float
@@ -333,8 +361,7 @@ QUANTITIES = tuple(field.name for field in fields(Errors))
 
 
 def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
-    """Errors of a motion against the reference, which has all samples, at the times of the
-    motion."""
+    """Return the errors of a motion at its times. The reference contains all samples."""
     true = reference.every(motion.stride, len(motion.displacement))
     of_history = {}
     for name in QUANTITIES[:-1]:
@@ -344,7 +371,7 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
 
 
 def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
-    """The error of the peak drifts of a run that keeps no history; nan for the others."""
+    """Return the error of the peak drifts of a run without history; the other errors are nan."""
     unknown = dict.fromkeys(QUANTITIES[:-1], math.nan)
     return Errors(
         **unknown, peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift)
@@ -352,24 +379,28 @@ def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
 
 
 def largest_relative(peaks: Array, true: Array) -> float:
-    """Largest relative error of the stories' peaks, but for those below a thousandth of the largest
-    one."""
+    """Return the maximum relative error of the peaks of the stories.
+
+    Stories with a peak below a thousandth of the maximum are omitted.
+    """
     counted = true > _SMALL * np.max(true)
     return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0), initial=0.0))
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A motion at all samples, how it was computed, and how far another solution is from it.
+    """Reference motion at all samples, with its method and an estimate of its error.
 
     Attributes
     ----------
     method, dt : str, float
-        What computed it, with which step (s).
+        Method and time step (s) of the reference.
     confirmed_by : str
-        The other solution, in words.
+        Description of the second solution.
     gap : Errors
-        Of the other solution against this one: below it an error is not known.
+        Errors of the second solution relative to the reference; smaller errors cannot be measured.
+    motion : FloorMotion
+        Motion at all samples.
     """
 
     method: str
@@ -380,17 +411,27 @@ class Reference:
 
 
 def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Reference:
-    """The reference for a problem over some samples, from the cache if it is there.
+    """Return the reference for a problem over a number of samples, from the cache if available.
 
-    Linear buildings under ground motion alone: the exact method, confirmed by impulse4. All others:
-    impulse4, confirmed by average acceleration extrapolated from two steps; not by gauss4, which is
-    the same method in linear buildings. Steps are halved until the gap is small, does not fall any
-    more, or takes too long to close further.
+    For linear buildings under ground motion only, the exact method is used and confirmed by
+    impulse4. Otherwise impulse4 is used and confirmed by average acceleration, extrapolated from
+    two steps. The method gauss4 would not be an independent confirmation, because it equals
+    impulse4 for linear buildings. Steps are halved until the gap is small, stops decreasing, or
+    would take too much time to decrease.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    samples : int
+        Number of intervals.
+    cached : bool
+        True (default) to read and to store the reference in the cache.
 
     Raises
     ------
     AnalysisError
-        One of the solutions cannot be had.
+        One of the solutions cannot be computed.
     """
     file = _cache_file(problem, samples) if cached else None
     reference = _load(file, problem, samples) if file else None
@@ -402,7 +443,7 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 
 
 def _solve(problem: Problem, samples: int) -> Reference:
-    # Which methods; kinks of the force keep two solutions further apart.
+    # Select the methods. Kinks of the force increase the gap between two solutions.
     building = problem.building
     if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
         method, other, goal = "exact", "impulse4", _EXACT_GOAL
@@ -410,7 +451,7 @@ def _solve(problem: Problem, samples: int) -> Reference:
         method, other = "impulse4", "newmark-average"
         goal = _KINKED_GOAL if building.piecewise_linear and not building.linear else _SMOOTH_GOAL
     problem.prepared.compile(map(parse, (method, other)))
-    # The first step is as small as half a second allows, so that few buildings need a second one.
+    # Start with the smallest step that costs about 0.5 s, so that few buildings need a second step.
     parts = 8
     while parts < 64 and 2 * parts * samples * building.stories * _STORY_STEP < _FIRST_COST:
         parts *= 2
@@ -430,16 +471,16 @@ def _solve_once(problem: Problem, samples: int, method: str, other: str, parts: 
     motion = _motion(problem, samples, method, parts)
     h = problem.interval / parts
     if other == "newmark-average":
-        # The limit of two motions of a method of order 2 (Richardson).
+        # Extrapolate to the limit of two motions of a second-order method (Richardson).
         coarse, fine = (_motion(problem, samples, other, 4 * parts * m) for m in (1, 2))
         names = [field.name for field in fields(FloorMotion)[1:]]
         limits = ((4.0 * getattr(fine, name) - getattr(coarse, name)) / 3.0 for name in names)
         confirming = FloorMotion(fine.stride, *limits)
-        words = f"{other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
+        description = f"{other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
     else:
         confirming = _motion(problem, samples, other, parts)
-        words = f"{other} with dt {h:.4g} s"
-    return Reference(method, h, words, errors(confirming, motion), motion)
+        description = f"{other} with dt {h:.4g} s"
+    return Reference(method, h, description, errors(confirming, motion), motion)
 
 
 def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMotion:
@@ -450,12 +491,11 @@ def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMot
     return motion
 
 
-# ---- The cache: a file per problem and sources of the kernels, in the folder of the compiled ones.
+# ---- The cache: one file per problem and version of the kernels, next to the compiled kernels.
 
 
 def cache_folder() -> Path | None:
-    """The folder for references made by these versions of the compiler; None if none can be
-    written."""
+    """Return the cache directory for references of this compiler version; None if not writable."""
     return cache_subfolder(folder_name())
 
 
@@ -466,7 +506,7 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
     building = problem.building
     digest = hashlib.sha256(Path(__file__).read_bytes() + digest_of_all().encode())
     digest.update(repr((problem.interval, samples)).encode())
-    # Laws of plug-ins have numbers in the order of their loading.
+    # Laws of plug-ins are numbered in the order in which they are loaded.
     laws = {
         name
         for name, code in CODES.items()
@@ -487,12 +527,11 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
 
 
 def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
-    """What the file holds; None if there is none or it is damaged."""
+    """Return the reference of a file; None if the file does not exist or is corrupt."""
     if not is_file(file):
         return None
     shape = (samples + 1, problem.building.stories)
-    # A zip file, a text or an array that is broken: whatever is raised, the reference is computed
-    # anew.
+    # A corrupt zip file, text or array can raise any exception: the reference is computed again.
     with (
         suppress(Exception),
         file.open("rb") as stream,
@@ -517,8 +556,10 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
 
 
 def _save(file: Path, reference: Reference) -> None:
-    """Keep a reference, and of older ones those that have room; a cache that cannot be written is
-    none."""
+    """Store a reference and delete the oldest references above the size limit.
+
+    Write errors are ignored, so the cache is optional.
+    """
     motion = reference.motion
     content: dict[str, Any] = {
         "table": np.array([motion.displacement, motion.velocity, motion.acceleration]),
@@ -528,7 +569,7 @@ def _save(file: Path, reference: Reference) -> None:
         "dt": reference.dt,
         "confirmed_by": reference.confirmed_by,
     }
-    # The youngest that fit into `_KEPT` stay, this one whatever its size.
+    # Keep the newest files up to a total of `_KEPT` bytes, and always the present file.
     with suppress(OSError, OutputError):
         file.parent.mkdir(exist_ok=True, mode=0o700)
         write_file(file, lambda stream: np.savez(stream, **content), overwrite=True)

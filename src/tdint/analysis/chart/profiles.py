@@ -1,6 +1,7 @@
-"""Many problems: what each method costs on each of them for an error, and its performance profile
-over all (Dolan and More 2002, Benchmarking optimization software with performance profiles,
-Mathematical Programming 91:201-213).
+"""Cost of methods for many problems and tolerances, and their performance profiles.
+
+Reference: Dolan and More 2002, Benchmarking optimization software with performance profiles,
+Mathematical Programming 91:201-213.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ METHODS = (
     "impulse",
     "exact",
 )
-"""Methods that are measured unless some are asked for: ours, and those that programs have."""
+"""Methods of the profiles by default: our methods, and methods that other programs provide."""
 
 TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001, 0.0001)
 
@@ -91,48 +92,59 @@ PARTS = (
     1 / 12,
     1 / 16,
 )
-"""Steps over the record's interval: halvings, and some between, for with these alone costs would
-come by twos."""
+"""Time steps over the sampling interval of the record: halved steps and intermediate steps. With
+halved steps only, costs would differ by factors of two."""
 
 PEAKS = ("peak_drift", "peak_absolute_acceleration", "peak_total_shear")
 
-_FINE = 32  # parts of the interval that the reference steps with
-_FINER = (32, 128)  # and the second method: the latter where the former does not confirm it
-_SURE = (
-    0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
-)
-_NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
-# of the smallest tolerance: two steps with such errors are followed by none that is smaller
+_FINE = 32  # number of time steps of the reference per interval
+# Numbers of steps per interval of the second method; the latter is used if the former does not
+# confirm the reference
+_FINER = (32, 128)
+_SURE = 0.2  # maximum gap of the reference, as a fraction of a tolerance to be judged
+_NEAR = 1.5  # ratio to the minimum cost up to which a point is timed again
+# Fraction of the smallest tolerance: after two steps with smaller errors, no smaller step is run
 _FAR_BELOW = 0.25
-# of the time that OpenSees has for one problem: with all of it many take longer than our own
-# methods
+# Fraction of the time limit of OpenSees for one problem; with the full time many problems would
+# take longer than our own methods
 _SHARE = 0.3
-_REPEATS = 3  # the least of them counts: other work can only add to a time
+_REPEATS = 3  # the minimum time counts, because disturbances can only increase a time
 
 
 @dataclass(frozen=True)
 class PeakErrors(RelativeErrors):
-    """Largest relative errors of the peaks of all stories: drift, absolute acceleration, total
-    shear. Stories whose peak is below a thousandth of the largest one are left out."""
+    """Maximum relative errors of the peaks of all stories: drift, absolute acceleration, shear.
+
+    Stories with a peak below a thousandth of the maximum are omitted.
+    """
 
     peak_drift: float
     peak_absolute_acceleration: float
     peak_total_shear: float
 
     def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that
-        this has not."""
+        """Return an error by its name, written with hyphens or underscores; nan if unavailable."""
         return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @classmethod
     def between(cls, peaks: StoryPeaks, true: StoryPeaks) -> PeakErrors:
-        """Of some peaks against those that are true."""
+        """Return the errors of peaks relative to the true peaks."""
         return cls(*(largest_relative(getattr(peaks, name), getattr(true, name)) for name in PEAKS))
 
 
 @dataclass(frozen=True)
 class FieldProblem:
-    """One of many problems: a building under a motion, their names, and why it is one of them."""
+    """One of many problems: a building under a ground motion, with names and the reason to use it.
+
+    Attributes
+    ----------
+    name, motion : str
+        Names of the building and of the ground motion.
+    reason : str
+        Reason for including the problem.
+    posed : Problem
+        Building with its excitation.
+    """
 
     name: str
     motion: str
@@ -142,25 +154,26 @@ class FieldProblem:
 
 @dataclass(frozen=True)
 class Measured:
-    """What the methods came to on one problem.
+    """Results of the methods for one problem.
 
     Attributes
     ----------
     name, motion, reason : str
-        As of `FieldProblem`.
+        As in `FieldProblem`.
     stories, interval, duration, ductility, changes : int or float
-        Stories; the record's interval and the time integrated, s; largest ductility (nan for laws
-        without yield) and changes of branch of the reference.
+        Number of stories; sampling interval of the record and duration of the time integration, s;
+        maximum ductility (nan for laws without yield) and number of branch changes of the
+        reference.
     confirmed_by : str
-        The second solution, in words.
+        Description of the second solution.
     gap : PeakErrors
-        Of that against the reference: errors are known where they are well above it.
+        Errors of the second solution relative to the reference. Only errors well above this gap
+        can be measured.
     points : tuple of Point
-        Method by method, each from its largest step to its smallest; `Point.errors` are
-        `PeakErrors`.
+        Points, sorted by method and by decreasing time step; `Point.errors` are `PeakErrors`.
     peer_gap, peer_note : float, str
-        How far OpenSees' average acceleration with fine steps is from the reference
-        (`peers.opensees_gap`); with which steps, why it has no points, or not all.
+        Difference between OpenSees' average acceleration with small steps and the reference
+        (`peers.opensees_gap`); description of the steps, or the reason for missing points.
     """
 
     name: str
@@ -178,12 +191,14 @@ class Measured:
     peer_note: str = ""
 
     def judges(self, quantity: str, tolerance: float) -> bool:
-        """Whether the reference is known well enough for a tolerance."""
+        """Return True if the reference is accurate enough to judge a tolerance."""
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
-        """Least time of each method within a tolerance, there and with all smaller steps, s; nan
-        for none."""
+        """Return the minimum time of each line that meets a tolerance, s; nan if it does not.
+
+        The tolerance must be met by the step and by all smaller steps.
+        """
         lines = dict.fromkeys(point.line for point in self.points)
         run = [point for point in self.points if point.outcome != NOT_RUN]
         return {
@@ -195,48 +210,49 @@ class Measured:
         }
 
     def is_unknown(self, line: str, quantity: str, tolerance: float) -> bool:
-        """Return True if a line has no step within a tolerance and its smaller steps were not run:
-        the problem is then neither solved nor unsolved."""
+        """Return True if a line has no step within a tolerance and its smaller steps were not run.
+
+        In this case the problem is neither solved nor unsolved.
+        """
         of_line = [point for point in self.points if point.line == line]
         run = [point for point in of_line if point.outcome != NOT_RUN]
         return len(run) < len(of_line) and not within(run, line, quantity, tolerance)
 
 
 class Leaders(NamedTuple):
-    """Methods that are recommended: for all tolerances, for 3 % and more, and where nothing must
-    fail."""
+    """Recommended methods: for all tolerances, for 3 % and more, and with the fewest failures."""
 
     overall: str
     coarse: str
     safest: str
 
 
-COARSE = 0.03  # relative error: between 10 and 1 %, where coarse steps are chosen
-PEER = "/"  # in the name of a line that is another program's: program/method
+COARSE = 0.03  # relative error; larger tolerances are typical of coarse steps
+PEER = "/"  # separator in the names of lines of other programs: program/method
 
 
 APART = ("openseespy/generalized-alpha",)
-"""Lines that are not among the profiles: from its second iteration on, OpenSees' integrator solves
-other equations than the method (`peers.ITERATED`)."""
+"""Lines that are excluded from the profiles. From its second iteration on, OpenSees' integrator
+solves other equations than the method (`peers.ITERATED`)."""
 
 
 def of_steps(line: str) -> bool:
-    """Whether a line is that of a method of ours with steps that are given."""
+    """Return True if a line belongs to one of our methods with specified time steps."""
     return PEER not in line and not line.endswith(BY_TOLERANCE)
 
 
 @dataclass(frozen=True, repr=False)
 class FieldChart(Tabular):
-    """Many problems, and the performance profiles of the methods over them.
+    """Results for many problems, with the performance profiles of the methods.
 
     Attributes
     ----------
     measured : tuple of Measured
-        Problem by problem.
+        Results, one entry per problem.
     timing : Timing
-        How the points were timed.
+        Conditions under which the points were timed.
     peers : tuple of Peer
-        Other programs that have points on some of the problems.
+        Other programs that have points for some of the problems.
     """
 
     measured: tuple[Measured, ...]
@@ -245,18 +261,19 @@ class FieldChart(Tabular):
 
     @property
     def lines(self) -> list[str]:
-        """The methods, behind them what chooses its steps, then other programs."""
+        """Methods, followed by methods that choose their time steps, and by other programs."""
         lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
         lines = dict.fromkeys(line for line in lines if line not in APART)
         return sorted(lines, key=lambda line: (PEER in line, not of_steps(line)))
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
-        """By quantity, by tolerance, by method: over all problems whose references are known well
-        enough; one that a method does not take is one that it does not solve. A problem whose steps
-        within the tolerance were not run is not among those of its method. The costs of what
-        chooses its steps, and of another program, are over the least of ours, which they do not
-        change."""
+        """Profiles by quantity, tolerance and method, over all problems that can be judged.
+
+        A problem that a method does not accept counts as not solved. A problem is omitted from the
+        profile of a method if the steps within the tolerance were not run. All costs are relative
+        to the minimum of our methods with specified steps.
+        """
         profiles = []
         ours = [of_steps(line) for line in self.lines]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
@@ -277,21 +294,25 @@ class FieldChart(Tabular):
         return tuple(profiles)
 
     def named(self, line: str) -> str:
-        """The method, and how many problems it takes if not all."""
+        """Return the method, with the number of accepted problems if it does not accept all."""
         taken = sum(
             any(point.line == line for point in measured.points) for measured in self.measured
         )
         return line if taken == len(self.measured) else f"{line} ({taken} of {len(self.measured)})"
 
     def leaders(self) -> Leaders:
-        """What is best: solves most within twice the least cost, over all quantities and
-        tolerances, and over those of 3 % and more; and what fails least, with the least worst
-        ratio. What a method does not take it fails."""
+        """Return the recommended methods.
+
+        The method `overall` solves most problems within twice the minimum cost, over all quantities
+        and tolerances; `coarse` does so for tolerances of 3 % and more. The method `safest` has the
+        fewest failures, and of these the smallest maximum ratio. A problem that a method does not
+        accept counts as a failure.
+        """
         profiles = [profile for profile in self.profiles if of_steps(profile.method)]
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
             raise AnalysisError(
-                "no reference is known well enough for any tolerance: nothing can be recommended"
+                "no reference is accurate enough for any tolerance: no method can be recommended"
             )
 
         def near(line: str, least: float) -> int:
@@ -328,25 +349,33 @@ def measure_problem(
     peers: bool = False,
     progress: Progress = silent,
 ) -> Measured:
-    """Integrate one problem with all methods and steps: errors first, then the times of all that
-    may be the cheapest for a tolerance, all in turns.
+    """Measure one problem with all methods and time steps.
+
+    The errors are measured first. Then all points that can be the cheapest for a tolerance are
+    timed alternately.
 
     Parameters
     ----------
+    problem : FieldProblem
+        Building under a ground motion.
+    integrators : sequence of Integrator
+        Methods; methods that cannot integrate the building are omitted.
     repeats : int
-        How often these are timed.
+        Number of times that these points are timed.
     tolerances : sequence of float
-        Of peak drifts: lines of moment4 and impulse4, of those asked for, that choose their steps
-        for them.
+        Relative tolerances of peak drifts. For each tolerance, points of moment4 and impulse4 with
+        steps chosen for it are added, if these methods are selected.
     peers : bool
-        OpenSeesPy, too, where it is installed and can do the building.
+        True to include OpenSeesPy, if it is installed and supports the building.
+    progress : callable
+        Callback for progress reports.
 
     Raises
     ------
     AnalysisError
         The reference does not reach its end.
     """
-    # The building's own loops, and steps that all end at one time
+    # Compile the time loops of the building, and choose steps that all end at the same time.
     posed = problem.posed
     dts = [posed.interval * part for part in PARTS]
     posed = ending_together(posed, dts)
@@ -354,19 +383,19 @@ def measure_problem(
     progress("compiling", 0.0)
     posed.prepared.compile([*able, parse("impulse4"), parse("moment4")])
 
-    # The reference, and how far a second method is from it
+    # Compute the reference, and its difference from the result of a second method.
     progress("reference", 0.1)
     true = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
     for parts in _FINER:
         other = posed.case(parse("moment4")).integrate(posed.steps(posed.interval / parts))
-        apart = _off(true.stories, other)
-        gap = PeakErrors(*np.minimum(astuple(gap), astuple(apart)).tolist())
+        difference = _off(true.stories, other)
+        gap = PeakErrors(*np.minimum(astuple(gap), astuple(difference)).tolist())
         confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
         if gap.worst <= _SURE * min(TOLERANCES):
             break
 
-    # Errors of all, then times of what matters
+    # Measure the errors of all points, then the times of the relevant points.
     points: dict[tuple[Integrator, float], Point] = {}
     for done, integrator in enumerate(able):
         progress("errors", 0.2 + 0.6 * done / len(able))
@@ -381,14 +410,14 @@ def measure_problem(
                 again = posed.case(pair[0]).integrate(posed.steps(pair[1]))
                 points[pair] = replace(point, times=(*point.times, again.solver_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
-    # What chooses its steps: all that `tdint run --tolerance` takes
+    # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
     choosing: list[Point] = []
     for integrator in able:
         if integrator.label in CHOOSING:
             choosing += by_tolerance(
                 posed, integrator, tolerances, partial(_off, true.stories), repeats
             )
-    others, agreed, said = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
+    others, agreed, note = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
     return Measured(
         name=problem.name,
         motion=problem.motion,
@@ -402,20 +431,33 @@ def measure_problem(
         gap=gap,
         points=(*points.values(), *choosing, *others),
         peer_gap=agreed,
-        peer_note=said,
+        peer_note=note,
     )
 
 
 def _off(true: StoryPeaks, response: Response) -> PeakErrors:
-    """The errors of the peaks of a run."""
+    """Return the errors of the peaks of a run."""
     return PeakErrors.between(response.stories, true)
 
 
 def _line(
     posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks
 ) -> list[Point]:
-    """One method with all steps, until two in a row are far below all tolerances. Each has one time
-    yet."""
+    """Return the points of one method until two successive errors are far below all tolerances.
+
+    Each point has been timed one time.
+
+    Parameters
+    ----------
+    posed : Problem
+        Building with its excitation.
+    integrator : Integrator
+        Method.
+    dts : sequence of float
+        Time steps in descending order, s.
+    true : StoryPeaks
+        Peaks of the reference.
+    """
     points: list[Point] = []
     for dt in dts:
         steps = posed.steps(dt)
@@ -433,7 +475,7 @@ def _line(
         if response.status == DONE:
             point = replace(point, errors=_off(true, response))
         points.append(point)
-        # Two in a row, for the error of one step may be small by chance.
+        # Two successive errors are required, because a single error may be small by chance.
         last = [point.errors for point in points[-2:] if point.errors]
         if len(last) == 2 and max(error.worst for error in last) < _FAR_BELOW * min(TOLERANCES):
             break
@@ -441,8 +483,7 @@ def _line(
 
 
 def _contenders(points: Iterable[Point]) -> list[Point]:
-    """Points whose cost is the least of their line for some quantity and tolerance, or may be when
-    timed again."""
+    """Return the points that are, or may become, the cheapest of their line for some tolerance."""
     points = list(points)
     contenders: dict[int, Point] = {}
     for line, quantity, tolerance in product(
@@ -457,30 +498,31 @@ def _contenders(points: Iterable[Point]) -> list[Point]:
 def _others(
     posed: Problem, dts: Sequence[float], true: StoryPeaks
 ) -> tuple[list[Point], float, str]:
-    """OpenSeesPy's points, `peer_gap` and `peer_note` of `Measured`. It has points where with fine
-    steps it has the reference's histories but for a fifth of the smallest tolerance: the law is
-    one.
+    """Return OpenSeesPy's points, and `peer_gap` and `peer_note` of `Measured`.
+
+    Points are returned only if OpenSees uses an equal hysteresis model: with small steps, its
+    histories must equal the reference within a fifth of the smallest tolerance.
     """
     from tdint.analysis.chart.peers import ITERATED, opensees_gap, openseespy_points
 
     h = posed.interval / _FINE
     motion = posed.motion(parse("impulse4"), posed.steps(h))
-    assert motion is not None  # it has come to its end before
+    assert motion is not None  # the reference has reached its end with the same step
     reference = Reference("impulse4", h, "", Errors(0.0, 0.0, 0.0, 0.0, 0.0), motion)
-    gap, said = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
+    gap, note = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
     if not gap <= _SURE * min(TOLERANCES):
-        return [], gap, f"left out: {said}"
+        return [], gap, f"omitted: {note}"
     judge = partial(PeakErrors.between, true=true)
     points, notes = openseespy_points(posed, dts, reference, repeats=1, share=_SHARE, judge=judge)
-    return points, gap, "; ".join([said, *(note for note in notes if note != ITERATED)])
+    return points, gap, "; ".join([note, *(text for text in notes if text != ITERATED)])
 
 
-# ---- All of them
+# ---- Many problems
 
 STANDARD = "standard"
 _SET = Path(__file__).with_name("standard_problems.yaml")
 _RECORDS = (Path(__file__).with_name("records"), Path(__file__).parents[4] / "records")
-"""Where the records of the standard set lie: in an installed package, and in its sources."""
+"""Directories of the records of the standard set: in an installed package, and in a checkout."""
 
 
 def performance_profiles(
@@ -494,52 +536,52 @@ def performance_profiles(
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
-    """Measure methods over many problems: performance profiles of their costs within tolerances.
+    """Measure methods for many problems, and compute performance profiles of their costs.
 
     Parameters
     ----------
     models, records : optional
-        A building or several, each under each of the ground motions: what `run` takes. Without
-        records each has that of its model.
+        One building or several buildings, each under each of the ground motions, as in `run`.
+        Without records, each building is used with the record of its model.
     problems : str or Path, optional
-        In their place `standard` (twelve buildings, three records each), or a YAML file of
+        Instead of models: `standard` (twelve buildings with three records each), or a YAML file of
         problems.
     method : str or iterable of str
-        Specifications; those for linear buildings are given these only.
+        Method specifications. Methods for linear buildings are used for linear buildings only.
     repeats : int
-        How often a step is timed that may be the cheapest for a tolerance.
+        Number of times that a point is timed if it can be the cheapest for a tolerance.
     tolerances : sequence of float
-        As of `measure_problem`.
+        As in `measure_problem`.
     peers : bool
-        OpenSeesPy, too, on the problems whose laws it has.
+        True to include OpenSeesPy for problems with supported laws.
     progress : callable
-        Told what is being done, and how much of it is done, from 0 to 1.
+        Callback with the name of the current action and the completed fraction, from 0 to 1.
 
     Returns
     -------
     FieldChart
-        What was measured, and the `profiles` of the methods.
+        Results and `profiles` of the methods.
 
     Raises
     ------
     UsageError
-        Neither problems nor models, or both; an unknown method.
+        Neither problems nor models are specified, or both; or a method is unknown.
     ModelError, RecordError
-        A model, a record or the file of problems is none.
+        A model, a record or the file of problems is invalid.
     AnalysisError
-        A reference cannot be had: the building diverges.
+        A reference cannot be computed, because the building diverges.
     """
     if problems is not None and models is None:
-        given = read_problems(problems)
+        selected = read_problems(problems)
     elif models is not None and problems is None:
-        given = crossed(models, records)
+        selected = crossed(models, records)
     else:
         raise UsageError(
-            "performance_profiles takes either models (with records) or problems: 'standard' or "
+            "performance_profiles requires either models (with records) or problems: 'standard' or "
             "a file"
         )
     return measure_all(
-        given,
+        selected,
         chosen(method),
         repeats=repeats,
         tolerances=tolerances,
@@ -557,11 +599,13 @@ def measure_all(
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
-    """`measure_problem` of each, one after the other."""
+    """Measure problems sequentially, see `measure_problem`."""
     measured: list[Measured] = []
     for done, problem in enumerate(given):
 
-        def tell(act: str, part: float, done: int = done, problem: FieldProblem = problem) -> None:
+        def report(
+            act: str, part: float, done: int = done, problem: FieldProblem = problem
+        ) -> None:
             progress(f"{problem.name}, {problem.motion}: {act}", (done + part) / len(given))
 
         measured.append(
@@ -571,14 +615,14 @@ def measure_all(
                 repeats=repeats,
                 tolerances=tolerances,
                 peers=peers,
-                progress=tell,
+                progress=report,
             )
         )
     return field_chart(measured)
 
 
 def field_chart(measured: Sequence[Measured]) -> FieldChart:
-    """The chart of what was measured."""
+    """Return the chart of measured problems."""
     from tdint.analysis.chart.peers import peers_of
 
     points = [point for of_problem in measured for point in of_problem.points]
@@ -588,14 +632,17 @@ def field_chart(measured: Sequence[Measured]) -> FieldChart:
 def crossed(
     models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence[AnyRecord]
 ) -> list[FieldProblem]:
-    """Each building under each motion, or under its own where there is none."""
+    """Return the problems of each building under each ground motion.
+
+    Without records, each building is used with the record of its model.
+    """
     buildings = models if isinstance(models, list | tuple) else [models]
     motions = records if isinstance(records, list | tuple) else [records]
     read = [record_of(record) for record in motions]
     problems = []
     for model in map(model_of, buildings):
-        given: Sequence[Record | None] = read or [model_record(model)]
-        for record in given:
+        applied: Sequence[Record | None] = read or [model_record(model)]
+        for record in applied:
             motion = (
                 " ".join(filter(None, (Path(record.source).stem, record.component)))
                 if record
@@ -606,12 +653,13 @@ def crossed(
 
 
 def read_problems(source: str | Path) -> list[FieldProblem]:
-    """The problems of a file, or `standard`.
+    """Read the problems of a file, or the set `standard`.
 
     Raises
     ------
     ModelError
-        The file cannot be read, is not YAML or has faults: all of them, in file order.
+        The file cannot be read, is not YAML or contains errors. All errors are listed in file
+        order.
     RecordError
         A record cannot be read.
     """
@@ -623,28 +671,30 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
         folder = next((folder for folder in _RECORDS if folder.is_dir()), None)
         if folder is None:
             raise RecordError(
-                "the records of the standard problems are not installed; give a file of problems"
+                "the records of the standard problems are not installed; specify a file of problems"
             )
         root.faults.folder = folder
-    # What the file says: motions by name, and buildings that name them
+    # Read the ground motions by name, and the buildings that refer to these names.
     section = root.section(("records", "problems"))
     sources: dict[str, RecordSource] = {}
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
     if section:
-        named = section.need("records", "give ground motions by name")
-        listed = section.need("problems", "give a list of problems: name, model and scales")
+        named = section.need("records", "list ground motions by name")
+        listed = section.need("problems", "list problems with name, model and scales")
         motions = named.named("a mapping from names to ground motions") if named else None
         for name, motion in (motions or {}).items():
             if (stated := record_within(motion)) is not None:
                 sources[name] = stated
         for item in (
-            listed.items("a list of problems", "is empty; give at least one") if listed else None
+            listed.items("a list of problems", "is empty; add at least one problem")
+            if listed
+            else None
         ) or ():
             entry = item.section(("name", "reason", "model", "scales"))
             if entry and (problem := _entry(entry, origin, named.names if named else ())):
                 entries.append(problem)
     root.faults.raise_if_any()
-    # Each building under each of its motions
+    # Combine each building with each of its ground motions.
     records: dict[str, Record | None] = {}
     problems = []
     for name, reason, building, scales in entries:
@@ -663,18 +713,27 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
 def _entry(
     entry: Section, origin: SourceText, motions: Sequence[str]
 ) -> tuple[str, str, Model | str, dict[str, float]] | None:
-    """One problem: its name, its reason, its model or the file of it, and the factor of each
-    motion; None after a fault."""
+    """Return name, reason, model (or its file) and factors of one problem; None if invalid.
+
+    Parameters
+    ----------
+    entry : Section
+        Entry of the list of problems.
+    origin : SourceText
+        Text of the file.
+    motions : sequence of str
+        Names of the ground motions of the file.
+    """
     name, value = (
-        entry.need("name", "give the problem a name"),
-        entry.need("model", "give a model or its file"),
+        entry.need("name", "specify a name of the problem"),
+        entry.need("model", "specify a model or its file"),
     )
     scales, reason = (
-        entry.need("scales", "give a factor for each record: {NAME: 1}"),
+        entry.need("scales", "specify a factor for each record: {NAME: 1}"),
         entry.get("reason"),
     )
     label = name.text() if name else None
-    # A model stands here itself or in a file; what it says of a record does not count.
+    # The model is part of this file or a separate file. Its own record is ignored.
     model: Model | str | None = None
     if value is not None:
         inside = replace(origin, name=label or origin.name)

@@ -1,4 +1,4 @@
-"""Work against precision: what methods cost and how much they err on one problem, step by step."""
+"""Work-precision diagrams: cost and error of methods for one problem at several time steps."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from tdint.tabular import Tabular, told_progress
 from tdint.written_numbers import how_many
 
 USUAL = "newmark-average"
-"""What most programs do unless told otherwise, at the record's step."""
+"""Default method of most programs, used with the sampling interval of the record as time step."""
 
 DEFAULT_METHODS = (
     "impulse4",
@@ -52,66 +52,67 @@ DEFAULT_METHODS = (
     "gauss4",
     "exact",
 )
-"""Methods that are charted unless some are asked for; `exact` for linear buildings only."""
+"""Methods of a chart by default; `exact` only for linear buildings."""
 
 COARSEST = 8
-"""The largest of the steps by default, over the record's."""
+"""Maximum default time step, as a multiple of the sampling interval of the record."""
 
 HALVINGS = 7
-"""How often it is halved by default."""
+"""Default number of times that the maximum time step is halved."""
 
 CHOOSING = ("moment4", "impulse4")
-"""Methods whose lines `with_tolerances` adds."""
+"""Methods for which `with_tolerances` adds lines."""
 
 BY_TOLERANCE = " by tolerance"
-"""Behind the method in the name of such a line."""
+"""Suffix of the method in the name of such a line."""
 
 _BETWEEN = (6.0, 3.0, 1.0 / 3.0, 1.0 / 6.0, 1.0 / 12.0)
-_WITH_BETWEEN = 1.7  # times the steps without these
+_WITH_BETWEEN = 1.7  # number of steps with the intermediate time steps, over the number without
 
-_SECONDS = 30.0  # for the marches of a chart by default, roughly
-_STORY_STEP = 6e-8  # s, of one step of one story, roughly
+_SECONDS = 30.0  # s; approximate duration of all timed runs of a chart by default
+_STORY_STEP = 6e-8  # s; approximate cost of one time step per story
 
-_SAME_COST = 1.1  # times on a shared machine scatter by 10 %
-_MORE_REPEATS = 4  # times the repeats that are asked for, at most
-_COMPILED, _PREPARED = (
-    0.1,
-    0.25,
-)  # of all work, when the methods are compiled and when there is a reference
+_SAME_COST = 1.1  # ratio; times on a shared machine scatter by 10 %
+_MORE_REPEATS = 4  # maximum number of repetitions, as a multiple of the requested number
+# Fractions of the total work that are complete after the compilation and after the reference
+_COMPILED, _PREPARED = 0.1, 0.25
 
 Progress = Callable[[str, float], None]
-"""Told what is being done and how much of it is done, from 0 to 1."""
+"""Callback with the name of the current action and the completed fraction, from 0 to 1."""
 
 
 def silent(act: str, part: float) -> None:
-    """Nobody is told of progress."""
+    """Ignore progress reports."""
 
 
 NOT_RUN = "not-run"
-"""Outcome of a point whose run was not begun, because runs with larger steps took the time."""
+"""Outcome of a point without a run, because runs with larger steps used all of the time."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One method with one step.
+    """Result of one method with one time step.
 
     Attributes
     ----------
     method, line : str
-        The method with its parameters; the line of the chart that the point belongs to: the same
-        but for what chooses its steps by a tolerance.
+        The method with its parameters, and the line of the chart that contains the point. Both
+        are equal except for methods that choose their time steps from a tolerance.
     dt : float
-        Time step, s; nan for a method that chooses its own.
+        Time step, s; nan for a method that chooses its time steps.
     steps, iterations : int
-        Steps, None where they were not counted; solves, None where the march did not reach its end.
+        Number of time steps, None if they were not counted, and number of equation solutions,
+        None if the run did not reach its end.
     times, walls : tuple of float
-        Times of the march alone, s, one per repeat: by `tdint.system.clock`, and on the wall.
+        Processor times (by `tdint.system.clock`) and wall times of the time integration without
+        preparation, s, one per repetition.
     errors : RelativeErrors or None
-        `Errors` of one problem, `PeakErrors` of one of many; None where the march has no result, or
+        `Errors` for one problem, `PeakErrors` for one of many problems; None if the run failed or
         did not reach its end.
     outcome : str
-        How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or
-        `not-converged`. Of other programs also `not-run`: larger steps took the time.
+        Status of `tdint run`: `done`, `collapsed`, `unstable-step` (refused), `diverged` or
+        `not-converged`. Points of other programs can also be `not-run`, if runs with larger steps
+        used all of the time.
     """
 
     method: str
@@ -125,37 +126,37 @@ class Point:
     line: str = field(default="", kw_only=True)
 
     def error(self, quantity: str) -> float:
-        """The error of one quantity, as `Errors.of` names it; nan for none."""
+        """Return the error of one quantity, named as in `Errors.of`; nan without errors."""
         return math.nan if self.errors is None else self.errors.of(quantity)
 
     @property
     def time(self) -> float:
-        """Median of the times, s; nan for none."""
+        """Median of the times, s; nan if no time was measured."""
         return statistics.median(self.times) if self.times else math.nan
 
     @property
     def fastest(self) -> float:
-        """Least of the times, s: what the march costs when nothing else disturbs; nan for none."""
+        """Minimum of the times, s: the cost without disturbance; nan if no time was measured."""
         return min(self.times, default=math.nan)
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How the marches of a chart were timed.
+    """Conditions under which the runs of a chart were timed.
 
     Attributes
     ----------
     clock : str
-        As `tdint.system.clock` has it.
+        Name of the clock, see `tdint.system.clock`.
     repeats : tuple of int
-        How often each march was timed, the least and the most.
+        Minimum and maximum number of times that each run was timed.
     load : float or None
-        Of the machine when they ended: processes that ran or waited in the minute before, this one
-        among them.
+        Load of the machine at the end of the runs: number of processes that ran or waited in the
+        minute before, including this process.
     processor, processors : str, int
-        Its name, and how many of them this process may use.
+        Name of the processor, and number of processors that this process may use.
     stretch : float or None
-        Wall time over processor time of all marches; None where the clock is that of the wall.
+        Wall time over processor time of all runs; None if the clock measures wall time.
     """
 
     clock: str
@@ -167,42 +168,53 @@ class Timing:
 
     @classmethod
     def of(cls, points: Iterable[Point]) -> Timing:
-        """Of the points of a chart, now that they have been timed."""
+        """Return the conditions for points of a chart that have just been timed."""
         timed = [point for point in points if point.times]
         counts = [len(point.times) for point in timed] or [0]
         taken = sum(sum(point.times) for point in timed)
         walls = sum(sum(point.walls) for point in timed)
-        told = system.clock() == "thread_time" and taken > 0.0 and walls > 0.0
+        is_measured = system.clock() == "thread_time" and taken > 0.0 and walls > 0.0
         return cls(
             system.clock(),
             (min(counts), max(counts)),
             system.load(),
             system.processor(),
             system.processors(),
-            walls / taken if told else None,
+            walls / taken if is_measured else None,
         )
 
     @property
     def told(self) -> str:
-        """The number of times, and how busy the machine was, in words."""
+        """Text with the number of repetitions and the load of the machine."""
         times = " to ".join(str(count) for count in dict.fromkeys(self.repeats))
         load = (
             ""
             if self.load is None
             else f", load {self.load:.1f} on {how_many(self.processors, 'processor')}"
         )
-        return f"least of {times} times{load}"
+        return f"minimum of {times} times{load}"
 
     @property
     def disturbed(self) -> bool:
-        """Whether other work had the processors for more than a tenth of the time."""
+        """True if other processes used the processors for more than a tenth of the time."""
         return self.stretch is not None and self.stretch > _SAME_COST
 
 
 @dataclass(frozen=True)
 class Peer:
-    """Another program in a chart: its name, which lines begin with, its version, and in words its
-    settings and what of it is timed."""
+    """Another program in a chart.
+
+    Attributes
+    ----------
+    name : str
+        Name, which is also the first part of the names of its lines.
+    version : str
+        Version of the program.
+    settings : str
+        Description of its settings.
+    timed : str
+        Description of the part of the program that is timed.
+    """
 
     name: str
     version: str
@@ -212,26 +224,27 @@ class Peer:
 
 @dataclass(frozen=True, repr=False)
 class Chart(Tabular):
-    """All points of one problem, and what they were measured against.
+    """All points of one problem, with their reference.
 
     Attributes
     ----------
     stories : int
         Stories of the building.
     interval : float
-        The record's sampling interval, or the model's own step, s.
+        Sampling interval of the record, s, or the time step of the model if it has no record.
     recorded : bool
-        Whether it is that of a record.
+        True if the interval is the sampling interval of a record.
     points : tuple of Point
-        Method by method, each from its largest step to its smallest.
+        Points, sorted by method and by decreasing time step.
     reference : Reference
-        What the errors are relative to, and how well it is known.
+        Reference solution of the errors, with an estimate of its own error.
     usual : Point
-        Average acceleration at the interval, whether or not it is among the points.
+        Point of average acceleration with the interval as time step. It is measured even if it is
+        not included in `points`.
     timing : Timing
-        How the points were timed.
+        Conditions under which the points were timed.
     peers : tuple of Peer
-        The other programs that have points.
+        Other programs that have points.
     """
 
     stories: int
@@ -250,10 +263,20 @@ class Chart(Tabular):
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
-    """Steps for some methods, s: from eight intervals down, by halves, to a sixteenth or what a
-    large building allows; and between these 6, 3, 1/3, 1/6 and 1/12 intervals.
+    """Return the default time steps for a number of methods, s.
 
-    Down to the interval itself in any case.
+    The steps are eight sampling intervals and repeated halves, down to 1/16 of an interval. For a
+    large building the smallest step is larger, but at most the interval. Steps of 6, 3, 1/3, 1/6
+    and 1/12 intervals are added in between.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    methods : int
+        Number of methods.
+    repeats : int
+        Number of times that each run is timed.
     """
     at_interval = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
     halvings = HALVINGS
@@ -267,17 +290,17 @@ def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, 
 
 
 def halved_steps(problem: Problem, halvings: int) -> tuple[float, ...]:
-    """Eight intervals, halved so many times, s."""
+    """Return eight sampling intervals, and this step halved 1 to `halvings` times, s."""
     return tuple(problem.interval * COARSEST / 2**j for j in range(halvings + 1))
 
 
 def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrator]:
-    """The methods that can integrate the building.
+    """Return the methods that can integrate the building.
 
     Raises
     ------
     UsageError
-        None of them can.
+        No method can integrate the building.
     """
     able = [
         integrator
@@ -299,31 +322,36 @@ def measure(
     judge: Callable[[Sequence[Point]], object] | None = None,
     progress: Progress = silent,
 ) -> Chart:
-    """Integrate a problem with all methods and steps: errors first, then times, all points taking
-    turns.
+    """Measure the errors, then the times of a problem with all methods and time steps.
+
+    The points are timed alternately, so that disturbances affect all of them.
 
     Parameters
     ----------
+    problem : Problem
+        Building with its excitation.
     integrators : sequence of Integrator
         Methods that can integrate the building; see `suited`.
     dts : sequence of float
-        Steps, s; each a whole part or a whole multiple of the problem's interval.
+        Time steps, s. Each step is the interval of the problem divided or multiplied by a whole
+        number.
     repeats : int
-        How often each march is timed. Compilation is not timed.
+        Number of times that each run is timed; default 5. Compilation is not timed.
     cached : bool
-        Take the reference from the cache if it is there, and keep it.
+        True (default) to read the reference from the cache, if available, and to store it.
     judge : callable, optional
-        What the points are measured for, such as the cheapest of them: the marches are timed again,
-        up to four times as often, until one more time does not change its answer.
+        Function of the points with the result of interest, for example the cheapest point. The runs
+        are timed again, up to four times the number of repetitions, until one more repetition does
+        not change this result.
     progress : callable
-        Told what is being done.
+        Callback for progress reports.
 
     Raises
     ------
     UsageError
-        A step that does not fit.
+        A time step does not divide or multiply the interval.
     AnalysisError
-        The reference cannot be had.
+        The reference cannot be computed.
     """
     problem = ending_together(problem, dts)
     choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
@@ -338,8 +366,8 @@ def measure(
         steps.count * steps.stride // steps.per_sample for steps in (*choices, record_steps)
     )
     reference = find_reference(problem, samples, cached=cached)
-    # The usual method at the record's step is measured in any case: other costs are told over its
-    # cost.
+    # The usual method at the record's step is always measured, because the costs of other methods
+    # are reported relative to its cost.
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
     points = _timed(
         problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress
@@ -358,18 +386,22 @@ def measure(
 def with_tolerances(
     problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int
 ) -> Chart:
-    """The chart with lines of `CHOOSING` behind its own: what `tdint run --tolerance` takes, and
-    how far off it is.
+    """Return the chart with additional lines of the methods in `CHOOSING` for given tolerances.
 
-    Timed is the whole of it: runs made again, the errors that it tells, and what Python does
-    between them. A march keeps no history, so the error of the peak drifts alone is known.
+    The lines show the cost and the error of `tdint run --tolerance`. The time includes repeated
+    runs, error estimates and the Python code between the runs. The runs do not store a response
+    history, so only the error of the peak drifts is available.
 
     Parameters
     ----------
+    problem : Problem
+        Building with its excitation.
+    chart : Chart
+        Chart to which the lines are added.
     tolerances : sequence of float
-        Of the peak drifts, as a part.
+        Relative tolerances of the peak drifts.
     repeats : int
-        How often each run is timed.
+        Number of times that each run is timed.
     """
     judge = partial(errors_of_peaks, reference=chart.reference.motion)
     points = [
@@ -387,8 +419,23 @@ def by_tolerance(
     judge: Callable[[Response], RelativeErrors],
     repeats: int,
 ) -> list[Point]:
-    """The line of a method that chooses its steps, a point for each tolerance, the largest first.
-    What compiles is not timed."""
+    """Return the line of a method that chooses its time steps, with decreasing tolerances.
+
+    Compilation is not timed.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    integrator : Integrator
+        Method that chooses its time steps.
+    tolerances : iterable of float
+        Relative tolerances of the peak drifts, one point each.
+    judge : callable
+        Function that returns the errors of a response.
+    repeats : int
+        Number of times that each run is timed.
+    """
     points = []
     for tolerance in sorted(set(tolerances), reverse=True):
         line = f"{integrator.label}{BY_TOLERANCE}"
@@ -398,8 +445,8 @@ def by_tolerance(
         except FailedRun as failure:
             points.append(replace(point, outcome=failure.status))
             continue
-        # Processor time and wall time of each repetition: their ratio tells whether other work
-        # disturbed it.
+        # Measure the processor time and the wall time of each repetition. Their ratio shows
+        # whether other processes disturbed it.
         times, walls = [], []
         for _ in range(repeats):
             begin, wall = system.seconds(), time.perf_counter()
@@ -427,40 +474,40 @@ def chart(
     cached: bool = True,
     progress: bool | Counted = False,
 ) -> Chart:
-    """Measure what methods cost and how much they err on a building.
+    """Measure the cost and the error of methods for a building.
 
     Parameters
     ----------
     model, record : optional
-        What `run` takes.
+        Model and record, as in `run`.
     method : str or iterable of str
-        Specifications; those for linear buildings are left out of a nonlinear one.
+        Method specifications. Methods for linear buildings are omitted for a nonlinear building.
     dt : float or sequence of float
-        Steps, s; by default from eight sampling intervals down (`default_steps`).
+        Time steps, s; default from eight sampling intervals downwards (`default_steps`).
     duration : float, optional
-        In place of the model's, else the record's, s.
+        Duration, s; default is the duration of the model, otherwise of the record.
     tolerances : sequence of float or str
-        Of the peak drifts: lines of moment4 and impulse4 that choose their steps for them, as `run`
-        does.
+        Relative tolerances of the peak drifts. Lines of moment4 and impulse4 with steps that are
+        chosen for these tolerances (as in `run`) are added.
     repeats, cached
-        As of `measure`.
+        As in `measure`.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
-        much.
+        True for a progress bar (tqdm) on a terminal or in a notebook, or a callback with the
+        completed and the total amount of work.
 
     Returns
     -------
     Chart
-        The points: errors and times by method and step.
+        Points with errors and times, by method and time step.
 
     Raises
     ------
     UsageError
-        An unknown method, a step that does not fit, no method for this building.
+        A method is unknown, a step is invalid, or no method can integrate this building.
     ModelError, RecordError
-        The model or the record is none.
+        The model or the record is invalid.
     AnalysisError
-        Nothing moves the building; the reference cannot be had.
+        The building has no excitation, or the reference cannot be computed.
     """
     dts = tuple(numbers_of(dt, "dt").tolist())
     problem = pose(
@@ -470,10 +517,10 @@ def chart(
     steps = dts or default_steps(problem, len(integrators), repeats)
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
     problem = ending_together(problem, steps)
-    with told_progress(progress, 100, "%") as told:
+    with told_progress(progress, 100, "%") as report:
 
         def in_percent(act: str, part: float) -> None:
-            told(round(100.0 * part), 100)
+            report(round(100.0 * part), 100)
 
         measured = measure(
             problem, integrators, steps, repeats=repeats, cached=cached, progress=in_percent
@@ -492,7 +539,28 @@ def _timed(
     judge: Callable[[Sequence[Point]], object] | None,
     progress: Progress,
 ) -> dict[_Pair, Point]:
-    """Each pair of method and step measured, so often that the judge is sure."""
+    """Measure each pair of method and time step until the result of `judge` is stable.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    reference : Reference
+        Reference solution of the errors.
+    pairs : sequence of tuple
+        Methods and time steps.
+    repeats : int
+        Minimum number of times that each run is timed.
+    judge : callable or None
+        As in `measure`.
+    progress : callable
+        Callback for progress reports.
+
+    Returns
+    -------
+    dict
+        Points by pair of method and time step.
+    """
     points: dict[_Pair, Point] = {}
     done, total = 0, (repeats + 1) * sum(steps.count for _, steps in pairs)
 
@@ -501,7 +569,7 @@ def _timed(
         progress(act, _PREPARED + (1.0 - _PREPARED) * done / total)
         done += steps.count
 
-    # Outcome and errors, without times; a building that runs away has no motion.
+    # Determine outcome and errors, without times. A run that diverges has no motion.
     for integrator, steps in pairs:
         advance("errors", steps)
         ended = attempt(problem.case(integrator), steps)
@@ -514,8 +582,8 @@ def _timed(
                 point, iterations=ended.iterations, errors=errors(motion, reference.motion)
             )
         points[integrator, steps] = point
-    # One time of each by turns, so that other work on the machine falls on all alike: that of the
-    # loop as `tdint run` without --history has it, with peaks and energies.
+    # Time each pair alternately, so that disturbances affect all pairs equally. The timed loop is
+    # the time loop of `tdint run` without --history, with peaks and energies.
     verdict: object = None
     for turn in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
         for pair, point in points.items():
@@ -533,12 +601,12 @@ def _timed(
 
 
 def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:
-    """The point with the least cost whose error is within a limit, as are those of the same line
-    with smaller steps.
+    """Return the point of minimum cost that meets a limit at its step and at all smaller steps.
 
-    So a step whose error is small by chance is not recommended. Of points whose costs differ by
-    less than a tenth, which is what clocks tell apart, the most accurate one is taken. None where
-    no point is within the limit.
+    Smaller steps of the same line must meet the limit also; a step with an error that is small by
+    chance is thus not recommended. Clocks do not distinguish costs that differ by less than a
+    tenth, so the most accurate of these points is returned. The result is None if no point meets
+    the limit.
     """
     lines = dict.fromkeys(point.line for point in points)
     good = [point for line in lines for point in within(points, line, quantity, limit)]
@@ -571,21 +639,29 @@ def alternative(points: Sequence[Point], quantity: str, limit: float, best: Poin
 
 
 def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:
-    """The points of a line whose error is within a limit, as are all those of it with smaller
-    steps; these first."""
+    """Return the points of a line that meet a limit at their step and at all smaller steps.
+
+    The points are sorted by increasing time step.
+    """
     of_line = [point for point in points if point.line == line]
     return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(of_line)))
 
 
-# ---- Performance profiles: costs over those of the best, of many problems
+# ---- Performance profiles: ratios of the cost to the minimum cost, for many problems
 
 
 def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
-    """Costs over the least of ours in each row: a problem each row, a solver each column, nan where
-    it does not solve it.
+    """Return the ratio of each cost to the minimum cost of our methods for the same problem.
 
-    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M);
-    0 where it does, and none of ours.
+    The ratio is infinite if a solver does not solve the problem (r_M of Dolan and More 2002,
+    section 2). It is 0 if the solver solves the problem, but our methods do not.
+
+    Parameters
+    ----------
+    costs : ndarray, shape (problems, solvers)
+        Costs; nan if a solver does not solve the problem.
+    ours : sequence of bool
+        True for each solver that belongs to this package.
     """
     unsolved = np.isnan(costs)
     least = np.min(
@@ -599,23 +675,22 @@ def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
 
 @dataclass(frozen=True)
 class PerformanceProfile:
-    """How a method fares over many problems at one tolerance: its performance ratios, the least
-    first.
+    """Performance ratios of a method for many problems at one tolerance, in ascending order.
 
     Attributes
     ----------
     quantity, tolerance : str, float
-        Of the error: what it is of, and what it must be within.
+        Quantity of the error, and its limit.
     method : str
-        The line of the chart.
+        Name of the line of the chart.
     ratios : tuple of float
-        Its cost over that of the cheapest of our methods, a number for each problem; infinite where
-        it is never within the tolerance.
+        Cost relative to the cheapest of our methods, one value per problem; infinite if the method
+        does not meet the tolerance.
     taken : int
-        Problems that it takes; the others it does not solve.
+        Number of problems that the method accepts. It does not solve the remaining problems.
     not_run : int
-        Problems that are not among the ratios, because no step within the tolerance is known and
-        smaller steps were not run.
+        Number of problems omitted from the ratios, because no step is known to meet the tolerance
+        and smaller steps were not run.
     """
 
     quantity: str
@@ -626,27 +701,28 @@ class PerformanceProfile:
     not_run: int = 0
 
     def within(self, factor: float) -> int:
-        """Problems that it solves at no more than this factor of the least cost: rho(factor) times
-        the problems."""
+        """Return the number of problems solved at a cost ratio of at most `factor`.
+
+        This is the performance profile rho(factor) times the number of problems.
+        """
         return sum(ratio <= factor for ratio in self.ratios)
 
     @property
     def problems(self) -> int:
-        """All problems."""
+        """Number of problems."""
         return len(self.ratios)
 
     @property
     def solved(self) -> int:
-        """Problems that it solves with one of its steps."""
+        """Number of problems that the method solves with one of its time steps."""
         return sum(map(math.isfinite, self.ratios))
 
     @property
     def median(self) -> float:
-        """Median ratio of the problems that it takes; infinite where half of these are not
-        solved."""
+        """Median ratio of the accepted problems; infinite if half of them are not solved."""
         return statistics.median(self.ratios[: self.taken]) if self.taken else math.inf
 
     @property
     def worst(self) -> float:
-        """The largest ratio of those solved; nan without any."""
+        """Maximum ratio of the solved problems; nan if the method solves no problem."""
         return max(filter(math.isfinite, self.ratios), default=math.nan)

@@ -1,8 +1,8 @@
-"""Fragility functions of a table: which fit its columns are for, and what is taken from them.
+"""Fragility functions of a table: selection of the fit by the columns, and preparation of the data.
 
-A table of stripes has `im,collapses,records`, one of capacities `capacity[,censored]`, a cloud
-`im,edp[,censored]`; the tables of `tdint ida` and of campaigns are understood, too. `threshold`,
-`im_name` and `unit` may stand beside.
+A table of stripes has the columns `im,collapses,records`, a table of capacities
+`capacity[,censored]`, a cloud `im,edp[,censored]`. The tables of `tdint ida` and of campaigns are
+supported also. The columns `threshold`, `im_name` and `unit` are optional.
 """
 
 from __future__ import annotations
@@ -68,32 +68,32 @@ NEEDS = (
     "im,edp[,censored] (cloud), or is one of tdint ida or tdint campaign"
 )
 EVERY_DEMAND = (0.0, math.inf)
-_LEAST_STRIPE = 3  # runs that a level has at the least; of types motions
+_LEAST_STRIPE = 3  # minimum number of runs at a level; for functions by type, of ground motions
 
 
 @dataclass(frozen=True)
 class FragilityRequest:
-    """What is asked of a table.
+    """Settings of the fits to a table.
 
     Attributes
     ----------
     fit : str or None
-        `stripes`, `ida` or `cloud`; by default what the table's columns are for.
+        `stripes`, `ida` or `cloud`; default is the fit that suits the columns of the table.
     thresholds : tuple of float
-        Demands whose exceedance is asked for; by default those of the table.
+        Demands for which the exceedance is computed; default are the thresholds of the table.
     edp_range : tuple of two floats
-        Of a cloud: demands below the first are left out, those above the second known only to be
-        above it.
+        For a cloud: smaller demands are omitted, larger demands are known only to be above the
+        upper limit.
     modeling_dispersion : float
-        Standard deviation of what is not known of the model.
+        Dispersion due to the uncertainty of the model.
     measure : str or None
-        Of runs: their intensity as `measures.run_measure` reads it, or its column without the unit;
-        Sa(T1) by default.
+        Intensity measure of runs, as in `measures.run_measure`, or its column without the unit;
+        default Sa(T1).
     states : tuple of str
-        Names of the states of thresholds, in the order that these rise; ds1, ds2, ... by default.
+        Names of the states of the thresholds in ascending order; default ds1, ds2, ...
     pair_demand : str or None
-        How the components of pairs count (`tdint.campaign.pairs`); by default as the study beside
-        the table has it, else the larger demand.
+        Rule by which the components of pairs are combined (`tdint.campaign.pairs`); default is the
+        rule of the study in the same directory, otherwise the larger demand.
     """
 
     fit: str | None = None
@@ -107,7 +107,7 @@ class FragilityRequest:
 
 @dataclass(frozen=True, repr=False)
 class FragilityResult(Tabular):
-    """The functions that could be fitted, why others could not, and what is to be said."""
+    """Fitted functions, reasons why other functions cannot be fitted, warnings and notes."""
 
     functions: tuple[Fragility, ...]
     failures: tuple[AnalysisError, ...] = ()
@@ -116,8 +116,7 @@ class FragilityResult(Tabular):
 
     @property
     def disagreements(self) -> list[str]:
-        """Where functions and counts part by more than their scatter allows, and what no count
-        stands beside."""
+        """Messages about differences that exceed the scatter, and about extrapolated medians."""
         return [
             *(text for fit in self.functions if (text := fit.disagreement)),
             *extrapolated(self.functions),
@@ -125,7 +124,7 @@ class FragilityResult(Tabular):
 
     @classmethod
     def of(cls, results: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
-        """What came of several fits."""
+        """Return the result of several fits."""
         every = list(results)
         functions = tuple(fit for fit in every if isinstance(fit, Fragility))
         return cls(
@@ -148,36 +147,37 @@ def fragility(
     modeling_dispersion: float = 0.0,
     measure: str | None = None,
 ) -> FragilityResult:
-    """Fit lognormal fragility functions to a CSV table, or to the one in a folder of `tdint ida` or
-    `tdint campaign`.
+    """Fit lognormal fragility functions to a CSV table, or to a study.
 
-    What is in memory goes to `fit_stripes`, `fit_capacities` or `fit_cloud`.
+    A study is a directory of `tdint ida` or `tdint campaign`. For arrays in memory, use
+    `fit_stripes`, `fit_capacities` or `fit_cloud`.
 
     Parameters
     ----------
     source : str or Path
-        The table or the folder.
+        Table or directory.
     thresholds : float or sequence of float
-        Demands whose exceedance is meant (drift ratios); by default those of the table.
+        Demands (drift ratios) for which the exceedance is computed; default are the thresholds of
+        the table.
     fit, edp_range, modeling_dispersion, measure : optional
-        As of `FragilityRequest`.
+        As in `FragilityRequest`.
 
     Returns
     -------
     FragilityResult
-        The functions, why others could not be fitted, and what is to be said.
+        Functions, reasons why other functions cannot be fitted, and messages.
 
     Raises
     ------
     UsageError, ModelError
-        As of `fit_table`.
+        As in `fit_table`.
     AnalysisError
-        None of the functions can be fitted.
+        No function can be fitted.
     """
-    asked = tuple(numbers_of(thresholds, "thresholds").tolist())
+    demands = tuple(numbers_of(thresholds, "thresholds").tolist())
     modeling_dispersion = between(modeling_dispersion, "modeling_dispersion")
     result = fit_table(
-        str(source), FragilityRequest(fit, asked, edp_range, modeling_dispersion, measure)
+        str(source), FragilityRequest(fit, demands, edp_range, modeling_dispersion, measure)
     )
     if not result.functions:
         raise result.failures[0]
@@ -185,20 +185,19 @@ def fragility(
 
 
 def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
-    """Fit fragility functions to a table, or to the one in a folder of `tdint ida` or `tdint
-    campaign`.
+    """Fit fragility functions to a table, or to a study (see `fragility`).
 
     Raises
     ------
     UsageError
-        The fit is not for this table, or a threshold is missing.
+        The fit does not suit the table, or a threshold is missing.
     ModelError
-        The table cannot be read or holds what makes no sense.
+        The table cannot be read or contains invalid values.
     """
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
-    # Of a folder the table that goes with the fit: what a study has found before its runs, but for
-    # stripes.
+    # In a directory, select the table that suits the fit. Except for stripes, the capacities that a
+    # study has computed are preferred to its runs.
     folder, file = Path(source), source
     if source != "-" and is_folder(folder):
         has_ida = request.fit == CLOUD and is_file(folder / "ida.csv")
@@ -212,17 +211,19 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
         path = next((folder / name for name in names if is_file(folder / name)), None)
         if path is None:
             raise ModelError(
-                f"{source}: this folder has no {' and no '.join(names)}, as tdint ida and tdint "
-                "campaign write them"
+                f"{source}: this directory contains no {' and no '.join(names)} written by "
+                "tdint ida or tdint campaign"
             )
         file = str(path)
     table = read_table(file, NEEDS)
     table = with_measures(table) if request.measure else table
-    # The kind of a table by its columns; the fit decides where they are those of several.
+    # Determine the possible types of the table from its columns.
     kinds = [kind for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS) if table.has(*kind.columns)]
     if not kinds:
-        raise ModelError(f"{table.source}:1: {NEEDS}; there are {', '.join(table.header)[:200]}")
-    # What is asked for decides among kinds that the columns allow; nothing is guessed between two.
+        raise ModelError(
+            f"{table.source}:1: {NEEDS}; its columns are {', '.join(table.header)[:200]}"
+        )
+    # The requested fit must select a single type; an ambiguous table is an error.
     suited = [kind for kind in kinds if request.fit in (None, *kind.fits)]
     if not suited:
         possible = " or ".join(dict.fromkeys(fit for kind in kinds for fit in kind.fits))
@@ -230,10 +231,8 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     if len(suited) > 1:
         both = " and of ".join(",".join(kind.columns) for kind in suited)
         fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
-        raise UsageError(
-            f"{table.source}:1: this is a table of {both}; say which is meant by {fits}"
-        )
-    # The dispersion of the model is not fitted: each function takes it along.
+        raise UsageError(f"{table.source}:1: this is a table of {both}; specify {fits}")
+    # The dispersion of the model is not fitted; it is an attribute of each function.
     result = suited[0].fit(table, request)
     functions = [
         replace(function, modeling_dispersion=request.modeling_dispersion)
@@ -252,7 +251,7 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         "collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records"
     )
 
-    # The counts go along with the function, for pictures and for the test of its shape.
+    # The counts are stored with the function, for figures and for the test of its shape.
     def fit(chosen: NDArray[np.bool_]) -> Fragility:
         levels, all_runs, share = (
             im[chosen],
@@ -260,13 +259,13 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
             np.sum(hits[chosen]) / np.sum(total[chosen]),
         )
         function = fit_stripes(levels, hits[chosen], all_runs)
-        told = function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
-        # Counts that others publish with their interval keep it where the median alone lies beyond
-        # their levels.
+        counted = function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
+        # Published counts keep their covariance if the median is outside the levels but the
+        # fraction of exceedances is sufficient.
         return (
-            replace(told, covariance=function.covariance)
+            replace(counted, covariance=function.covariance)
             if SELDOM <= share <= 1.0 - SELDOM
-            else told
+            else counted
         )
 
     functions = _by_threshold(table, request, fit)
@@ -274,33 +273,33 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    # A row without a capacity tells nothing, not even that the building stood: it is left out and
-    # told.
+    # A row without a capacity contains no information, not even that the building did not collapse.
+    # It is omitted with a warning.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
     finite = np.isfinite(capacity)
-    # Of each state of the building before, if the table tells such states, a fit of its own rows.
+    # If the table specifies previous damage, each state is fitted separately to its rows.
     states = [(math.nan, finite)]
     if table.has("damage"):
         damage = np.array(table.numbers("damage"))
         states = [(value, finite & (damage == value)) for value in np.unique(damage).tolist()]
     functions: list[Fragility | AnalysisError] = []
-    motion = _told_motions(table)
+    motion = _stated_motions(table)
     for state, rows in states:
 
         def fit(chosen: NDArray[np.bool_], rows: NDArray[np.bool_] = rows) -> Fragility:
-            of = chosen & rows
-            # Capacities of motions of their own are independent: their errors are known in closed
-            # form.
-            alike = motion is not None and np.unique(motion[of]).size < np.sum(of)
+            used = chosen & rows
+            # Capacities under separate ground motions are independent, so their errors are known
+            # explicitly.
+            repeated = motion is not None and np.unique(motion[used]).size < np.sum(used)
             (function,) = over_motions(
-                lambda taken: [fit_capacities(capacity[taken], censored[taken].tolist())],
-                of,
-                motion if alike else None,
+                lambda kept: [fit_capacities(capacity[kept], censored[kept].tolist())],
+                used,
+                motion if repeated else None,
             )
             assert isinstance(function, Fragility)
-            # Known ones are all beyond.
-            return function.within(capacity[of], min(0.5, 1.0 - float(np.mean(censored[of]))))
+            # All capacities that are not censored are exceedances.
+            return function.within(capacity[used], min(0.5, 1.0 - float(np.mean(censored[used]))))
 
         for function in _by_threshold(table, request, fit):
             if isinstance(function, Fragility):
@@ -312,15 +311,15 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
                     else AnalysisError(f"damage {state:g}: {function}")
                 )
     without = int(np.sum(~finite))
-    warnings = (f"{table.source}: {how_many(without, 'row')} without a capacity left out",) * (
+    warnings = (f"{table.source}: omitted {how_many(without, 'row')} without a capacity",) * (
         without > 0
     )
-    # Capacities of pairs are those of the choice that the table states.
+    # Capacities of pairs apply to the rule that the table states.
     if table.has("pair_demand"):
         stated = table.only("pair_demand")
         if request.pair_demand not in (None, stated):
             raise UsageError(
-                f"{table.source}: its capacities were found with pair_demand {stated}; call "
+                f"{table.source}: its capacities were computed with pair_demand {stated}; run "
                 f"`tdint ida` again with --pair-demand {request.pair_demand}"
             )
         functions = [
@@ -333,20 +332,20 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
     return _cloud(
-        table, request, im, edp, np.array(table.truths("censored")), motion=_told_motions(table)
+        table, request, im, edp, np.array(table.truths("censored")), motion=_stated_motions(table)
     )
 
 
-def _told_motions(table: CsvTable) -> NDArray[np.intp] | None:
-    """The event of each row of a table, or its motion; None where the table tells neither."""
+def _stated_motions(table: CsvTable) -> NDArray[np.intp] | None:
+    """Return the event or ground motion of each row; None if the table states neither."""
     return motions_of(table) if table.has("event") or table.has("record") else None
 
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Stripes or a cloud of the runs of a study; a run without a result counts neither as standing
-    nor as collapse."""
-    # Stripes where enough runs stand at each level, else a cloud; asked for, stripes need such
-    # levels.
+    """Fit stripes or a cloud to the runs of a study.
+
+    Runs without a result count neither as exceedance nor as non-exceedance.
+    """
     runs = _runs_of(table, request)
     result = _fit_known_runs(table, request, runs)
     if not runs.pairs.pairs:
@@ -357,46 +356,69 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> FragilityResult:
-    """Stripes or a cloud of these runs."""
+    """Fit stripes if each level has enough runs, otherwise a cloud; or as requested.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table of the runs.
+    request : FragilityRequest
+        Settings.
+    runs : _Runs
+        Runs of the table.
+    """
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     in_stripes = all(np.sum(stripe) >= _LEAST_STRIPE for stripe in stripes)
     fit = request.fit or (STRIPES if in_stripes else CLOUD)
-    # A cloud's runs have intensities of their own: each would be a stripe of one.
+    # Runs of a cloud have different intensities: each run would be a separate stripe.
     if fit == STRIPES and not in_stripes:
         raise UsageError(
-            f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud"
+            f"{table.source}: the runs have no common intensity levels; use --fit cloud"
         )
     _check_thresholds(table, request)
     lost = int(np.sum(~runs.result))
-    left_out = (
+    omitted = (
         f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are "
-        "left out"
+        "omitted"
     )
     if fit == CLOUD:
-        # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the
-        # method's.
-        of = runs.result
-        drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[of]
-        result = _cloud(
-            table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of]
-        )
+        # A collapse exceeds every threshold. Its demand is not used, because the drift at which the
+        # run was stopped depends on the method.
+        used = runs.result
+        drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[used]
+        im, collapsed, motion = runs.im[used], runs.collapsed[used], runs.motion[used]
+        result = _cloud(table, request, im, drift, collapsed, runs.names, motion)
         of_cloud = tuple(replace(item, failed=lost) for item in result.functions)
-        return replace(result, functions=of_cloud, warnings=(left_out,) * (lost > 0))
+        return replace(result, functions=of_cloud, warnings=(omitted,) * (lost > 0))
     functions = [
         _tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds
     ]
-    leaning = (
-        "which leans the fits; how far at most tell those with all of them counted as exceeding, "
-        "and as not"
+    biased = (
+        "which biases the fits; the fits with all of them counted as exceeding, and as not "
+        "exceeding, are the bounds"
     )
-    return FragilityResult.of(functions, *(f"{left_out}, {leaning}",) * (lost > 0))
+    return FragilityResult.of(functions, *(f"{omitted}, {biased}",) * (lost > 0))
 
 
 @dataclass(frozen=True)
 class _Runs:
-    """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest
-    drift, whether the building collapsed, whether there is a result, the ground motion; the
-    intensity's name and unit, and the rule by which components of pairs were combined."""
+    """Runs of a study; all arrays have the shape (n,).
+
+    Attributes
+    ----------
+    im, level : ndarray
+        Intensity, and index of its level.
+    drift : ndarray
+        Maximum drift ratio.
+    collapsed, result : ndarray of bool
+        True if the building collapsed, and if the run has a result.
+    motion : ndarray of int
+        Ground motion.
+    names : tuple of str
+        Name and unit of the intensity measure.
+    pairs : PairRule
+        Rule by which the components of pairs were combined.
+    """
 
     im: Array
     level: NDArray[np.intp]
@@ -409,16 +431,18 @@ class _Runs:
 
 
 def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
+    """Return the runs of a table, with the components of pairs combined."""
     try:
         table.only("building")
     except ModelError as error:
         raise ModelError(
-            f"{error}, or of a campaign's folder fit functions of each with --by building"
+            f"{error}, or fit functions of each building of a campaign's directory with "
+            "--by building"
         ) from None
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
 
-    # Where no measure is asked for, the intensity of the table itself, or else Sa(T1).
+    # By default the intensity is the column `im` of the table, otherwise Sa(T1).
     if request.measure is None and table.has("im"):
         column, name, unit = "im", table.only("im_name"), table.only("unit")
     else:
@@ -427,17 +451,15 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
         if request.measure is None and not any(
             table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION
         ):
-            column, unit = (
-                f"{measure.column}{suffix('m/s^2')}",
-                "m/s^2",
-            )  # which the table is then said to lack
+            # The table does not have this column; the message will name it.
+            column, unit = f"{measure.column}{suffix('m/s^2')}", "m/s^2"
         else:
             column, unit = column_of(table, measure.column)
     im = np.array(table.numbers(column, empty=True))
     motion, collapsed = motions_of(table), np.isin(status, FALLEN)
     known = collapsed | (status == DONE)
 
-    # The runs under a pair at a level are one, by the rule for pairs.
+    # Combine the runs under a pair at a level into one run, by the rule for pairs.
     rule, groups = rows_of_motions(table, request.pair_demand)
     if len(groups) < len(table.rows):
         im = np.array([float(np.prod(im[group])) ** (1.0 / len(group)) for group in groups])
@@ -448,7 +470,7 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     elif column != "im":
         im = of_pairs(table, im)
 
-    # A run without an intensity is none; one without a drift ratio has no result.
+    # Omit runs without an intensity. Runs without a drift ratio have no result.
     positive = im > 0.0
     result = known & (drift > 0.0) & positive
     if not result.any():
@@ -459,19 +481,20 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
-    """The fit of the runs that have a result; of the others, if there are any, what they may
-    change."""
+    """Return the fit of the runs with a result, with bounds for the runs without a result."""
     over = runs.collapsed | (runs.drift > threshold)
-    of = runs.result
-    (function,) = over_motions(lambda taken: [_stripes(runs, over, taken)], of, runs.motion)
+    used = runs.result
+    (function,) = over_motions(lambda kept: [_stripes(runs, over, kept)], used, runs.motion)
     assert isinstance(function, Fragility)
-    function = function.beside_counts(runs.im[of], over[of].astype(float), motion=runs.motion[of])
+    function = function.beside_counts(
+        runs.im[used], over[used].astype(float), motion=runs.motion[used]
+    )
     lost = int(np.sum(~runs.result))
-    # Nothing is known of runs that failed: at most all of them exceed, at least none.
+    # The bounds assume that all failed runs exceed the threshold, and that none of them does.
     if not lost:
         return function
     every = np.ones_like(runs.result)
-    # With all counted in a fit may be impossible; then that bound is not known.
+    # If a fit is impossible, this bound is unknown.
     bounds: list[Fragility | None] = []
     for counted in (over | ~runs.result, over & runs.result):
         try:
@@ -482,8 +505,9 @@ def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
 
 
 def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> Fragility:
+    """Return the fit of stripes; the intensity of a level is the geometric mean of its runs."""
     places = [taken & (runs.level == level) for level in np.unique(runs.level[taken])]
-    # A level's intensities differ by rounding: their geometric mean stands for all.
+    # Intensities within a level differ by rounding errors only.
     middle = [float(np.exp(np.mean(np.log(runs.im[place])))) for place in places]
     return fit_stripes(
         middle,
@@ -501,20 +525,36 @@ def _cloud(
     names: tuple[str, str] | None = None,
     motion: NDArray[np.intp] | None = None,
 ) -> FragilityResult:
+    """Return the functions of a cloud, or the reason why it cannot be fitted.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table with the observations.
+    request : FragilityRequest
+        Settings.
+    im, edp : ndarray, shape (n,)
+        Intensities and demands.
+    censored : ndarray of bool, shape (n,)
+        True for demands known only to be above their value.
+    names : tuple of str, optional
+        Name and unit of the intensity measure; default are the columns `im_name` and `unit`.
+    motion : ndarray of int, shape (n,), optional
+        Ground motion of each row; by default all rows are independent.
+    """
     _check_thresholds(table, request)
-    # Below the range that is asked for demands say nothing of damage, above it only that they are
-    # above.
+    # Demands below the requested range are elastic and omitted. Demands above it are censored.
     low, high = request.edp_range
     kept = edp >= low
-    # Of a demand that is known to lie above a limit below the threshold it is not known whether it
-    # is beyond.
-    told = [kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
+    # It is unknown whether a demand censored below the threshold exceeds the threshold.
+    known = [kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
     beyond = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
     censored = censored | (edp >= high)
     im_name, unit = names or (table.only("im_name"), table.only("unit"))
 
-    def fit(of: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        return [*fit_cloud(im[of], np.minimum(edp, high)[of], request.thresholds, censored[of])]
+    def fit(used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+        demands = np.minimum(edp, high)[used]
+        return [*fit_cloud(im[used], demands, request.thresholds, censored[used])]
 
     try:
         functions = [
@@ -522,10 +562,12 @@ def _cloud(
         ]
     except AnalysisError as error:
         return FragilityResult((), (error,))
-    # Counts stand beside it of the runs that are known to be on one side of the threshold.
+    # Add counts of the runs for which exceedance of the threshold is known.
     counted = [
-        function.beside_counts(im[of], over[of], motion=None if motion is None else motion[of])
-        for function, of, over in zip(functions, told, beyond, strict=True)
+        function.beside_counts(
+            im[used], over[used], motion=None if motion is None else motion[used]
+        )
+        for function, used, over in zip(functions, known, beyond, strict=True)
     ]
     return FragilityResult(tuple(fit.named(fit.threshold, im_name, unit) for fit in counted))
 
@@ -533,31 +575,35 @@ def _cloud(
 def _by_threshold(
     table: CsvTable, request: FragilityRequest, fit: Callable[[NDArray[np.bool_]], Fragility]
 ) -> list[Fragility | AnalysisError]:
-    """A fit for each threshold of the table that is asked for; of all rows where it has no
-    thresholds."""
+    """Return a fit for each requested threshold of the table.
+
+    If the table has no column of thresholds, all rows are used.
+    """
     names = (table.only("im_name"), table.only("unit"))
-    # Without the column all rows are of one threshold, whatever it is.
+    # Without the column, all rows refer to the same threshold.
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
             raise UsageError(
-                f"{table.source}: has no column threshold: one --threshold at most, the one it is "
-                "for"
+                f"{table.source}: has no column threshold, so at most one --threshold can be "
+                "specified"
             )
         every = np.ones(len(table.rows), bool)
         return [_tried(next(iter(request.thresholds), math.nan), names, lambda: fit(every))]
-    # Thresholds went through a text: they are compared but for rounding.
+    # Compare thresholds with a tolerance, because text rounds them.
     thresholds = np.array(table.numbers("threshold", empty=True))
-    there = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
-    if not there:
+    available = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
+    if not available:
         raise ModelError(
-            f"{table.source}: no row has a threshold; fill the column in or leave it out"
+            f"{table.source}: no row has a threshold; add thresholds or remove the column"
         )
     functions = []
-    for threshold in request.thresholds or there:
+    for threshold in request.thresholds or available:
         rows = np.isclose(thresholds, threshold, rtol=SAME_LEVEL, atol=0.0)
         if not rows.any():
-            listed = ", ".join(f"{drift:g}" for drift in there)
-            raise UsageError(f"{table.source}: has no threshold {threshold:g}; there are {listed}")
+            listed = ", ".join(f"{drift:g}" for drift in available)
+            raise UsageError(
+                f"{table.source}: threshold {threshold:g} not found; its thresholds are {listed}"
+            )
         functions.append(_tried(threshold, names, partial(fit, rows)))
     return functions
 
@@ -565,7 +611,7 @@ def _by_threshold(
 def _tried(
     threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
 ) -> Fragility | AnalysisError:
-    """The function of a threshold, or why there is none."""
+    """Return the function of a threshold, or the error that prevents it."""
     try:
         return fit().named(threshold, *names)
     except AnalysisError as error:
@@ -575,14 +621,24 @@ def _tried(
 
 
 def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
+    """Raise UsageError if no threshold is specified."""
     if not request.thresholds:
-        raise UsageError(f"{table.source}: which demands are exceeded? Give --threshold")
+        raise UsageError(f"{table.source}: a demand threshold is required; specify --threshold")
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """A kind of table: columns by which it is known, the fits it is for, the default one first, and
-    what does them."""
+    """Type of table.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Columns that identify the type.
+    fits : tuple of str
+        Possible fits, the default first.
+    fit : callable
+        Function that fits a table of this type.
+    """
 
     columns: tuple[str, ...]
     fits: tuple[str, ...]
@@ -595,39 +651,38 @@ _CLOUD = _Kind(("im", "edp"), (CLOUD,), _fit_cloud)
 _OF_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
 
 
-# ---- Fragility functions of the types of buildings of a campaign, or of each building, one for
-# each damage state, of its store
+# ---- Fragility functions of a campaign: one function for each building type (or building) and
+# damage state
 #
-# A run under which a building falls exceeds all states; no more is known of its demand than that it
-# is above the heaviest one, wherever its runaway stopped. The dispersion of the thresholds is part
-# of beta: stripes count probabilities of exceedance, a cloud sees each run with thresholds so
-# dispersed.
+# A run that ends with a collapse exceeds all states. Its demand is known only to be above the
+# heaviest state, regardless of the drift at which the run was stopped. The dispersion of the
+# thresholds is part of beta: stripes count probabilities of exceedance, and a cloud uses each run
+# with several thresholds that have this dispersion.
 
-_SAME_PERIOD = 1e-6  # tables write six digits or more
-_THREE = math.sqrt(1.5) * np.array(
-    [-1.0, 0.0, 1.0]
-)  # of mean 0 and variance 1; twenty give losses the same to 1 %
+_SAME_PERIOD = 1e-6  # relative difference; tables are written with at least six digits
+# Three points with mean 0 and variance 1; 20 points give losses that differ by less than 1 %
+_THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class TypeRuns:
-    """The runs of a type that have a result, all arrays of shape (runs,).
+    """Runs of a type that have a result; all arrays have the shape (runs,).
 
     Attributes
     ----------
     states : DamageStates
-        Of the type.
+        Damage states of the type.
     im, demand : ndarray
-        Intensity and what the states are told by, SI units; of a fall the median of the heaviest
-        state.
+        Intensity, and demand of the damage states, SI units. After a collapse, the demand is the
+        median of the heaviest state.
     fallen : ndarray of bool
-        Whether the building fell.
+        True if the building collapsed.
     motion : ndarray of int
-        The ground motion, or the event of ground motion fields.
+        Ground motion, or event of ground motion fields.
     failed : int
-        Runs without a result.
+        Number of runs without a result.
     name, unit : str
-        Of the intensity measure.
+        Name and unit of the intensity measure.
     """
 
     states: DamageStates
@@ -642,46 +697,57 @@ class TypeRuns:
 
 TYPE, BUILDING = "type", "building"
 BY = (TYPE, BUILDING)
-"""What functions of a campaign may be of."""
+"""Groups of runs for which functions of a campaign can be fitted."""
 
 
 def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> FragilityResult:
-    """Fit a function for each type of buildings of a campaign, or for each building, and each of
-    its damage states; of buildings the states may be thresholds of the largest drift ratio.
+    """Fit a function for each building type (or building) and damage state of a campaign.
+
+    For functions by building, the states can be thresholds of the maximum drift ratio.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the campaign.
+    request : FragilityRequest
+        Settings.
+    by : str
+        One of `BY`; default by type.
 
     Raises
     ------
     UsageError
-        The folder holds no campaign, or one that says nothing of damage; a fit or a threshold that
-        is not for it; a measure that its runs do not have.
+        The directory contains no campaign, or the campaign has no damage states; a fit or a
+        threshold does not suit it; or the runs have no such measure.
     OutputError
         The store cannot be read.
     """
-    # States of the campaign are told apart by type; a threshold is one for all buildings.
+    # States of the campaign depend on the type, whereas a threshold applies to all buildings.
     if request.thresholds and by == TYPE:
         raise UsageError(
-            "functions by type are of the damage states of the campaign: leave --threshold out"
+            "functions by type use the damage states of the campaign: remove --threshold"
         )
     if request.fit == IDA:
-        raise UsageError(f"functions by {by} are fitted to runs: --fit stripes or cloud")
+        raise UsageError(f"functions by {by} are fitted to runs: use --fit stripes or --fit cloud")
     measure = measure_named(request.measure or "sa")
-    # Thresholds of the largest drift ratio are states of all buildings.
+    # Thresholds of the maximum drift ratio are states of all buildings.
     medians = tuple(sorted(request.thresholds))
     names = request.states or tuple(f"ds{number}" for number in range(1, len(medians) + 1))
     if medians and len(names) != len(medians):
         raise UsageError(
-            f"{how_many(len(medians), 'threshold')}: name as many --states, got {len(names)}"
+            f"{how_many(len(medians), 'threshold')}: --states requires the same number of names, "
+            f"got {len(names)}"
         )
     of_all = DamageStates("drift_ratio", names, medians) if medians else None
-    # The store is read once, building by building; fits follow when it is closed.
+    # Read the store one time, building by building. The fits follow after it is closed.
     with open_existing(folder) as store:
         check_chunks(store)
         if not (store.damage() or of_all):
-            way = "add `damage` to its file and call it again"
-            more = "; or give --threshold" if by == BUILDING else ""
-            raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
+            remedy = "add `damage` to its file and run it again"
+            more = ", or specify --threshold" if by == BUILDING else ""
+            raise UsageError(f"{folder}: this campaign has no damage states; {remedy}{more}")
         intensities = RunIntensities(store, folder, measure, request.pair_demand)
-        # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
+        # For ground motion fields, the correlated runs belong to an event, numbered as a sample.
         rule = store.pair_rule()
         if request.pair_demand:
             rule = replace(rule, demand=request.pair_demand)
@@ -695,7 +761,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         of_types = {
             name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)
         }
-    # What cannot be fitted says of which type and state, and stops no other.
+    # An error message names type and state, and does not prevent other fits.
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
         if isinstance(function, AnalysisError)
@@ -706,20 +772,20 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         for state, function in zip(runs.states.states, _fitted(runs, request), strict=True)
     ]
     lost = sum(runs.failed for runs in of_types.values())
-    warnings = (f"{folder}: {how_many(lost, 'run')} without a result left out",) * (lost > 0)
+    warnings = (f"{folder}: omitted {how_many(lost, 'run')} without a result",) * (lost > 0)
     notes = (intensities.note,) * bool(intensities.note)
     if rule.pairs and not request.pair_demand:
         notes += (rule.note(),)
     fitted = [
-        one if isinstance(one, AnalysisError) else replace(one, pair_demand=rule.stated)
-        for one in fitted
+        item if isinstance(item, AnalysisError) else replace(item, pair_demand=rule.stated)
+        for item in fitted
     ]
     return replace(FragilityResult.of(fitted, *warnings), notes=notes)
 
 
 @dataclass
 class _Gathered:
-    """The runs of a type, as they come: numbers one after the other."""
+    """Runs of a type, collected building by building in contiguous arrays."""
 
     states: DamageStates
     failed: int = 0
@@ -732,7 +798,19 @@ class _Gathered:
     def add(
         self, of_runs: BuildingDamage, im: Array, motions: Mapping[int, int], rule: PairRule
     ) -> None:
-        """Take the runs of a building with their intensities, or the motions that they are of."""
+        """Add the runs of a building, or its ground motions if components of pairs are combined.
+
+        Parameters
+        ----------
+        of_runs : BuildingDamage
+            Damage of the building after each run.
+        im : ndarray, shape (runs,)
+            Intensities.
+        motions : mapping
+            Ground motion of each record; empty for ground motion fields.
+        rule : PairRule
+            Rule by which the components of pairs are combined.
+        """
         of = by_motion(of_runs, rule)
         if of is not of_runs:
             im = im[[group[0] for group in places_of_motions(of_runs, rule)]]
@@ -754,7 +832,7 @@ class _Gathered:
         self.periods = min(self.periods[0], of.period), max(self.periods[1], of.period)
 
     def runs(self, measure: RunMeasure, unit: str) -> TypeRuns:
-        """All of them as arrays."""
+        """Return all runs as arrays."""
         first, last = self.periods
         common = 0.0 < last < math.inf and last - first <= _SAME_PERIOD * first
         im, demand = np.frombuffer(self.im, np.float64), np.frombuffer(self.demand, np.float64)
@@ -767,18 +845,16 @@ class _Gathered:
 
 
 def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
-    """The function of each state, or why there is none."""
+    """Return the function of each state, or the error that prevents it."""
     if not runs.im.size:
         return [AnalysisError("no run has a result") for _ in runs.states.states]
-    # Stripes need motions enough at every level, with the buildings of a type taken together.
+    # Stripes require enough ground motions at every level, for all buildings of a type together.
     level = levels_of(runs.im)
-    of_level = np.bincount(
-        np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0]
-    )  # how many motions
-    stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_STRIPE
+    motions_at_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])
+    stripes = motions_at_level.size > 1 and int(motions_at_level.min()) >= _LEAST_STRIPE
     if request.fit == STRIPES and not stripes:
         raise UsageError(
-            "the runs do not stand at common levels of intensity; use --fit cloud, or another --im"
+            "the runs have no common intensity levels; use --fit cloud or another --im"
         )
     chosen = request.fit or (STRIPES if stripes else CLOUD)
 
@@ -803,24 +879,25 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
 
 
 def _beyond(runs: TypeRuns) -> Array:
-    """The probability that each run is in a state or a heavier one, shape (runs, states), 1 after a
-    fall."""
+    """Return the probability that each run reaches or exceeds each state, shape (runs, states).
+
+    The probability is 1 after a collapse.
+    """
     return np.where(runs.fallen[:, np.newaxis], 1.0, exceedance(runs.states, runs.demand))
 
 
 def _type_stripes(
     runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]
 ) -> list[Fragility | AnalysisError]:
-    """Of probabilities of exceedance at levels."""
-    # Levels that keep a run after some were left out, numbered anew.
+    """Fit each state to probabilities of exceedance at intensity levels."""
+    # Renumber the levels that contain a selected run.
     place = np.unique(level[taken], return_inverse=True)[1]
     total = np.bincount(place).astype(float)
     im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
     functions: list[Fragility | AnalysisError] = []
     for row in _beyond(runs)[taken].T:
-        count = np.minimum(
-            np.bincount(place, row), total
-        )  # sums of probabilities are off by rounding
+        # Rounding errors of the sum of probabilities must not exceed the number of runs.
+        count = np.minimum(np.bincount(place, row), total)
         try:
             functions.append(fit_stripes(im, count, total))
         except AnalysisError as error:
@@ -831,13 +908,15 @@ def _type_stripes(
 def _type_cloud(
     runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]
 ) -> list[Fragility | AnalysisError]:
-    """Of a line through the demands, those of falls known only to be above the heaviest state.
+    """Fit each state to a line through the demands.
 
-    Of the states of a campaign each run is seen with three equally likely thresholds of their
-    dispersion, which falls exceed whatever it is: beyond the heaviest state and below the lightest
-    one no more is known. Of thresholds that are asked for all demands count as they are, so that no
-    function hangs on which others are asked for."""
-    # A demand of zero has no logarithm, those below the range are elastic.
+    The demands of collapses are known only to be above the heaviest state. For the states of a
+    campaign, each run is used with three equally likely thresholds that have their dispersion. A
+    collapse exceeds all of them. Demands above the heaviest state and below the lightest state are
+    censored. For requested thresholds the demands are not censored, so that a function does not
+    depend on the other thresholds.
+    """
+    # A demand of zero has no logarithm, and demands below the range are elastic.
     low, high = request.edp_range
     kept = taken & (runs.demand >= low) & (runs.demand > 0.0)
     im, demand, fallen = runs.im[kept], np.minimum(runs.demand, high)[kept], runs.fallen[kept]
@@ -857,7 +936,7 @@ def _type_cloud(
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]
-    # For the picture the demands themselves stand, not the three that each was seen with.
+    # Figures show the demands, not the three values per demand.
     below = ~limited & (demand < lightest)
     counts: dict[str, Any] = {"records": im.size, "censored": int(np.sum(limited))}
     points: dict[str, Any] = {"im": im, "edp": demand, "censored": limited, "below": below}

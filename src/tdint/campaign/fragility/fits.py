@@ -1,17 +1,19 @@
-"""Fragility functions: lognormal distributions of the intensity at which a threshold is exceeded,
-fitted three ways.
+"""Fragility functions: lognormal distributions of the intensity at which a threshold is exceeded.
 
-Stripes: numbers of exceedances at levels of intensity (Baker 2015, Earthquake Spectra 31(1), doi
-10.1193/021113EQS025M). Capacities of an incremental dynamic analysis: by their moments, or if some
-are censored by maximum likelihood (Baker 2015, eq. 9). Cloud: a line through the logarithms of
-demand over intensity (Jalayer 2003), with demands that are known only to lie above a limit, or
-below one.
+Three fits are available:
 
-The likelihoods are those of normal observations, some of which are known only to lie below or above
-a value. Each observation i has z_i = x_i . p, linear in the parameters, which makes the logarithm
-of the likelihood concave (Pratt 1981; Olsen 1978): Newton's iteration finds its one maximum. A
-value that is known adds ln p_s - z^2 / 2, with p_s the parameter that is 1 / sigma; one known to be
-below adds ln Phi(z), one above ln Phi(-z).
+- Stripes: numbers of exceedances at intensity levels (multiple stripe analysis; Baker 2015,
+  Earthquake Spectra 31(1), doi 10.1193/021113EQS025M).
+- Capacities of an incremental dynamic analysis: by their moments, or by maximum likelihood if some
+  capacities are censored (Baker 2015, eq. 9).
+- Cloud: a line through the logarithms of demand over intensity (Jalayer 2003). Some demands may be
+  censored, that is, known only to be above or below a limit.
+
+The likelihood is the likelihood of normal observations, some of which are censored. Each
+observation i has z_i = x_i . p, linear in the parameters. The logarithm of the likelihood is
+therefore concave (Pratt 1981; Olsen 1978), and Newton's iteration finds its unique maximum. An
+exact value adds ln p_s - z^2 / 2, with the parameter p_s = 1 / sigma. A value known to be below
+adds ln Phi(z), a value known to be above adds ln Phi(-z).
 """
 
 from __future__ import annotations
@@ -33,14 +35,16 @@ from tdint.written_numbers import LARGEST, first_few, how_many
 
 _ITERATIONS = 200
 _CONVERGED = 1e-13
-"""Of Newton's decrement, twice the distance of the likelihood's logarithm from its maximum; the
-next is its square."""
+"""Tolerance of the Newton decrement, which is twice the distance of the log-likelihood from its
+maximum. The next decrement is about its square."""
 
 _SHORTEST = 1e-12
-"""Part of a step below which there is no rise: the maximum is where 1 / sigma is not positive."""
+"""Smallest fraction of a Newton step that is tried. If it does not increase the likelihood, the
+maximum is at a 1 / sigma that is not positive."""
 
 _FLATTEST = 1e-12
-"""Least curvature over the largest, scaled to equal diagonals: below it there is no one maximum."""
+"""Smallest ratio of the minimum to the maximum curvature, scaled to equal diagonals. Below it the
+maximum is not unique."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,12 @@ class Observations:
     design : ndarray, shape (n, k)
         z = design @ parameters.
     below, above : ndarray of bool, shape (n,)
-        Those whose value is known only to be below, or above, what the design has; known exactly if
-        neither.
+        True for a value that is known only to be below, or above, its entry in the design. The
+        value is exact if both are False.
     count : ndarray, shape (n,)
-        How often each was made.
+        Number of times that each observation was made.
     inverse_sigma : int
-        The place of the parameter that is 1 / sigma.
+        Index of the parameter 1 / sigma.
     """
 
     design: Array
@@ -68,11 +72,11 @@ class Observations:
 
     @property
     def known(self) -> float:
-        """How many values are known exactly."""
+        """Number of exact values."""
         return float(np.sum(self.count[~(self.below | self.above)]))
 
     def logarithm(self, parameters: Array) -> float:
-        """Logarithm of the likelihood but for a constant; -inf where 1 / sigma is not positive."""
+        """Return the log-likelihood without its constant; -inf if 1 / sigma is not positive."""
         rate = float(parameters[self.inverse_sigma])
         if not rate > 0.0:
             return -math.inf
@@ -81,8 +85,8 @@ class Observations:
         return float(np.sum(self.count * terms)) + self.known * math.log(rate)
 
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
-        """Gradient and Hessian of the logarithm, shapes (k,) and (k, k)."""
-        # Ratios of density to distribution by logarithms: far out both underflow.
+        """Return gradient and Hessian of the log-likelihood, shapes (k,) and (k, k)."""
+        # Divide density by distribution in logarithms, because both underflow for large |z|.
         z = self.design @ parameters
         hazard_below, hazard_above = (
             np.exp(-0.5 * y * y - log_ndtr(y)) / math.sqrt(2.0 * math.pi) for y in (z, -z)
@@ -93,44 +97,44 @@ class Observations:
             -hazard_below * (hazard_below + z),
             np.where(self.above, -hazard_above * (hazard_above - z), -1.0),
         )
-        # Each exact value brings a factor 1 / sigma into the likelihood.
-        rate, place = float(parameters[self.inverse_sigma]), self.inverse_sigma
+        # Each exact value contributes a factor 1 / sigma to the likelihood.
+        rate, index = float(parameters[self.inverse_sigma]), self.inverse_sigma
         gradient = self.design.T @ (self.count * first)
         hessian = (self.design.T * (self.count * second)) @ self.design
-        gradient[place] += self.known / rate
-        hessian[place, place] -= self.known / rate**2
+        gradient[index] += self.known / rate
+        hessian[index, index] -= self.known / rate**2
         return gradient, hessian
 
 
 def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | None:
-    """The parameters of the largest likelihood, shape (k,), and the inverse of the observed
-    information, shape (k, k).
+    """Return the parameters of maximum likelihood and the inverse of the observed information.
 
     Parameters
     ----------
+    observations : Observations
+        Observations of a linear model.
     start : ndarray, shape (k,)
-        Parameters to begin with, 1 / sigma positive.
+        Initial parameters, with a positive 1 / sigma.
 
     Returns
     -------
     tuple or None
-        None where there is no maximum at finite parameters.
+        Arrays of shape (k,) and (k, k); None if no maximum exists at finite parameters.
     """
     parameters = np.asarray(start, float)
     value = observations.logarithm(parameters)
     for _ in range(_ITERATIONS):
-        # Newton's steps on a concave function: a flat Hessian means that it has no maximum.
+        # Newton step of a concave function; a flat Hessian means that it has no maximum.
         gradient, hessian = observations.derivatives(parameters)
         if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or _is_flat(hessian):
             return None
         step = np.linalg.solve(-hessian, gradient)
         decrement = float(gradient @ step)
-        if decrement <= _CONVERGED * max(
-            1.0, abs(value)
-        ):  # The last step: beyond it floats show no rise.
+        # After the last step, rounding errors exceed the increase.
+        if decrement <= _CONVERGED * max(1.0, abs(value)):
             return parameters + step, np.asarray(np.linalg.inv(-hessian), float)
         length = 1.0
-        # A step that does not rise went too far: halved until it does.
+        # Halve a step that does not increase the likelihood, because it is too long.
         while not (moved := observations.logarithm(parameters + length * step)) > value:
             length *= 0.5
             if length < _SHORTEST:
@@ -140,8 +144,10 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
 
 
 def _is_flat(hessian: Array) -> bool:
-    """Whether some direction has no curvature: the likelihood rises for ever, or does not tell the
-    parameters apart."""
+    """Return True if some direction has no curvature.
+
+    In this case the likelihood increases without limit, or it does not distinguish the parameters.
+    """
     diagonal = -np.diagonal(hessian)
     if not np.all(diagonal > 0.0):
         return True
@@ -152,43 +158,54 @@ def _is_flat(hessian: Array) -> bool:
 
 STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
 FITS = (STRIPES, IDA, CLOUD)
-_EQUAL = 1e-9  # dispersions below this are rounding
-_MOST_NAMES = 10  # that a message names
-_TWO_SIDED = (
-    1.959963984540054  # 95 % of a normal distribution lie within so many standard deviations
-)
+_EQUAL = 1e-9  # dispersion; smaller values are rounding errors
+_MOST_NAMES = 10  # maximum number of names in a message
+# Number of standard deviations around the mean that contain 95 % of a normal distribution
+_TWO_SIDED = 1.959963984540054
 
 SAME_LEVEL = 1e-6
-"""Intensities that differ by less than this part are one level."""
+"""Relative difference of intensities below which they belong to one level."""
 
 BINS = 6
-"""Of the intensity, in which runs beyond a state are counted: fewer hide a bend, more have few
-motions each."""
+"""Number of intensity bins in which exceedances are counted. Fewer bins would hide a bend; with
+more bins each bin contains few ground motions."""
 
 _APART = 3.0
-"""Standard errors between function and count that are told: of 80 bins (four types, four states)
-scatter alone has one so far off in every fifth study."""
+"""Number of standard errors between function and count that is reported. With 80 bins (four types,
+four states) random scatter exceeds it in one of five studies."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """What a picture shows of the observations behind a fit: intensities and the part that exceeds,
-    both shape (k,)."""
+    """Observations of a fit for figures: intensities and fractions that exceed, shape (k,)."""
 
     im: Array
     part: Array
 
 
 SELDOM = 0.1
-"""Share of runs beyond a state, and short of it, that tells a median: with fewer it hangs on the
-shape of the function, which few runs do not show."""
+"""Minimum fraction of runs that exceed a state, and that do not, for a reliable median. With fewer
+runs the median depends on the shape of the function, which few runs do not show."""
 
 
 @dataclass(frozen=True)
 class Counted:
-    """What was counted in bins of the intensity, shape (k,): the intensity in its middle (geometric
-    mean of the runs), runs, the share of them beyond the state, the share that the function has
-    there, and by how much both may part for want of runs: a standard error and half a motion."""
+    """Counts of exceedances in bins of the intensity, all arrays of shape (k,).
+
+    Attributes
+    ----------
+    im : ndarray
+        Intensity of each bin: geometric mean of its runs.
+    runs : ndarray
+        Number of runs.
+    share : ndarray
+        Fraction of the runs that exceed the state.
+    fitted : ndarray
+        Mean probability of the function.
+    error, half : ndarray
+        Standard error of the fraction, and half a ground motion as a fraction: the differences
+        that the limited number of runs permits.
+    """
 
     im: Array
     runs: Array
@@ -199,22 +216,30 @@ class Counted:
 
     @property
     def apart(self) -> Array:
-        """By how many standard errors function and count part, half a motion left out."""
-        beyond = np.abs(self.share - self.fitted) - self.half
+        """Difference of function and count in standard errors, reduced by half a ground motion."""
+        excess = np.abs(self.share - self.fitted) - self.half
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(beyond > 0.0, beyond / self.error, 0.0)
+            return np.where(excess > 0.0, excess / self.error, 0.0)
 
     @property
     def bound(self) -> Array:
-        """By how much function and count may part before it is told."""
+        """Difference of function and count above which it is reported."""
         return _APART * self.error + self.half
 
 
 @dataclass(frozen=True)
 class CloudPoints:
-    """The observations of a cloud: intensities, demands, which of these are censored and which
-    count only as below the lightest state, all shape (n,); the line ln EDP = intercept + slope ln
-    IM with its standard deviation."""
+    """Observations of a cloud with the fitted line.
+
+    Attributes
+    ----------
+    im, edp : ndarray, shape (n,)
+        Intensities and demands.
+    censored, below : ndarray of bool, shape (n,)
+        True for censored demands, and for demands that count only as below the lightest state.
+    intercept, slope, sigma : float
+        Line ln EDP = intercept + slope ln IM, and standard deviation of ln EDP.
+    """
 
     im: Array
     edp: Array
@@ -226,49 +251,55 @@ class CloudPoints:
 
     @property
     def light(self) -> int:
-        """How many count only as below the lightest state."""
+        """Number of demands that count only as below the lightest state."""
         return int(np.sum(self.below))
 
 
 @dataclass(frozen=True)
 class Fragility:
-    """A fragility function: the probability of exceedance is Phi(ln(im / theta) / beta).
+    """Fragility function: the probability of exceedance is Phi(ln(im / theta) / beta).
 
     Attributes
     ----------
     fit : str
         `stripes`, `ida` or `cloud`.
     theta, beta : float
-        Median intensity and standard deviation of its logarithm, from record to record.
+        Median intensity, and standard deviation of its logarithm (record-to-record dispersion).
     covariance : ndarray, shape (2, 2)
-        Of the estimates of ln theta and beta: the inverse of the information matrix, or where the
-        motions of the runs are known that of leaving these out one by one; nan where it is not
-        known, or the median is extrapolated.
+        Covariance of the estimates of ln theta and beta. It is a jackknife estimate over ground
+        motions if the ground motions of the runs are known, otherwise the inverse of the
+        information matrix. It is nan if it is unknown or if the median is extrapolated.
     records : int
-        Records; of stripes those of the largest one.
+        Number of records; for stripes the number at the largest stripe.
     censored : int
-        Records of which the value is known only to lie above a limit.
+        Number of records with a value that is known only to be above a limit.
     threshold : float
-        The demand whose exceedance is meant; nan where the observations tell none.
+        Demand that is exceeded; nan if the observations do not specify it.
     im, unit : str
-        The intensity measure and its unit, as far as known.
+        Intensity measure and its unit, if known.
     damage : float
-        The drift ratio to which a mainshock has damaged the building before; 0 of an intact one,
-        nan where the observations do not tell.
+        Drift ratio of the previous damage by a main shock; 0 for an intact building, nan if the
+        observations do not specify it.
     type, state : str
-        The type of buildings and the damage state that the function is of; empty where it is of
-        neither.
+        Building type and damage state of the function; empty if not applicable.
     modeling_dispersion : float
-        Standard deviation of what is not known of the model; not part of `beta`.
+        Dispersion due to the uncertainty of the model; not included in `beta`.
     failed : int
-        Runs without a result, which the fit leaves out.
+        Number of runs without a result, which are omitted from the fit.
     bounds : tuple of Fragility or None
-        Of stripes with such runs the fits with all of them counted as exceeding, and as not; None
-        without one.
+        For stripes with failed runs: the fits with all of them counted as exceeding, and as not
+        exceeding; None if a fit is not available.
     extrapolated : str
-        Why the observations do not tell the median, in words; empty where they do.
+        Reason why the observations do not cover the median; empty if they do.
     pair_demand : str
-        How the components of pairs count (`tdint.campaign.pairs`); empty without pairs.
+        Rule by which the components of pairs are combined (`tdint.campaign.pairs`); empty without
+        pairs.
+    points : Points or None
+        Observations for figures.
+    cloud : CloudPoints or None
+        Observations and line of a cloud.
+    counted : Counted or None
+        Counts to be compared with the function.
     """
 
     fit: str
@@ -304,26 +335,32 @@ class Fragility:
 
     @property
     def beta_total(self) -> float:
-        """Standard deviation with that of the model: the root of the sum of squares."""
+        """Total dispersion: root of the sum of squares of `beta` and `modeling_dispersion`."""
         return math.hypot(self.beta, self.modeling_dispersion)
 
     def probability(self, im: Array | float, *, total: bool = False) -> Array:
-        """Probability of exceedance at intensities; with `total` that of the total standard
-        deviation."""
+        """Return the probability of exceedance at intensities.
+
+        Parameters
+        ----------
+        im : ndarray or float
+            Intensities, in the unit of theta.
+        total : bool
+            True to use the total dispersion `beta_total`; default False.
+        """
         return np.asarray(ndtr(np.log(im / self.theta) / (self.beta_total if total else self.beta)))
 
     def band(self, im: Array) -> tuple[Array, Array]:
-        """The 95 % confidence band of the probability at intensities, each of shape (k,),
-        pointwise.
+        """Return the pointwise 95 % confidence band of the probability, two arrays of shape (k,).
 
-        By the delta method on z = ln(im / theta) / beta, so that both bounds are probabilities.
+        The delta method is applied to z = ln(im / theta) / beta, so that both bounds are
+        probabilities.
         """
         z, error = self._z(im)
         return np.asarray(ndtr(z - _TWO_SIDED * error)), np.asarray(ndtr(z + _TWO_SIDED * error))
 
     def _z(self, im: Array) -> tuple[Array, Array]:
-        """ln(im / theta) / beta at intensities, and its standard error by the delta method, each of
-        shape (k,)."""
+        """Return z = ln(im / theta) / beta and its standard error (delta method), shape (k,)."""
         z = np.log(np.asarray(im) / self.theta) / self.beta
         (of_theta, mixed), (_, of_beta) = self.covariance
         return z, np.sqrt(np.maximum(of_theta + 2.0 * mixed * z + of_beta * z * z, 0.0)) / self.beta
@@ -336,57 +373,63 @@ class Fragility:
         runs: Array | None = None,
         motion: NDArray[np.intp] | None = None,
     ) -> Fragility:
-        """The same function with what was counted beside it.
+        """Return the function with the counts of exceedances that it can be compared with.
 
         Parameters
         ----------
         im, beyond : ndarray, shape (n,)
-            Intensities of runs, or of levels of them, and the share of each that is beyond the
-            state.
+            Intensities of runs or of levels, and the fraction of each that exceeds the state.
         runs : ndarray, shape (n,), optional
-            How many runs each stands for; 1 by default.
+            Number of runs of each entry; default 1.
         motion : ndarray of int, shape (n,), optional
-            The ground motion of each: runs under one err alike and count as one; by default each is
-            of its own.
+            Ground motion of each entry. Runs under the same ground motion are correlated and count
+            as one observation. By default all entries are independent.
         """
         weight = np.ones(im.size) if runs is None else runs
-        # Bins of about as many runs each; where there are few levels each is one.
+        # Form bins with about equal numbers of runs. With few levels, each level is a bin.
         level = levels_of(im)
         total = np.bincount(level, weight)
         middle = (np.cumsum(total) - 0.5 * total) / np.sum(total)
-        place = level if total.size <= BINS else np.floor(BINS * middle).astype(np.intp)[level]
-        place = np.unique(place, return_inverse=True)[1]
-        count = np.bincount(place, weight)
-        at = np.exp(np.bincount(place, weight * np.log(im)) / count)
-        share = np.bincount(place, weight * beyond) / count
-        fitted = np.bincount(place, weight * self.probability(im)) / count
-        # As many independent tosses with the function's probability as there are motions, and the
-        # fit's own error.
+        index = level if total.size <= BINS else np.floor(BINS * middle).astype(np.intp)[level]
+        index = np.unique(index, return_inverse=True)[1]
+        count = np.bincount(index, weight)
+        center = np.exp(np.bincount(index, weight * np.log(im)) / count)
+        share = np.bincount(index, weight * beyond) / count
+        fitted = np.bincount(index, weight * self.probability(im)) / count
+        # The variance is binomial, with one independent observation per ground motion, plus the
+        # variance of the fit.
         motions = (
             count
             if motion is None
-            else np.bincount(np.unique(np.column_stack([place, motion]), axis=0)[:, 0])
+            else np.bincount(np.unique(np.column_stack([index, motion]), axis=0)[:, 0])
         )
-        z, error = self._z(at)
-        of_fit = np.nan_to_num(error) * np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-        scatter = np.sqrt(np.maximum(fitted * (1.0 - fitted), 0.0) / motions + of_fit**2)
-        counted = Counted(at, count.astype(float), share, fitted, scatter, 0.5 / motions)
+        z, error = self._z(center)
+        fit_error = np.nan_to_num(error) * np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        scatter = np.sqrt(np.maximum(fitted * (1.0 - fitted), 0.0) / motions + fit_error**2)
+        counted = Counted(center, count.astype(float), share, fitted, scatter, 0.5 / motions)
         return replace(self, counted=counted).within(
             im, float(np.sum(weight * beyond) / np.sum(weight))
         )
 
     def within(self, im: Array, share: float) -> Fragility:
-        """The same function of intensities, shape (n,), and the share of their runs that is beyond;
-        without an interval where the median is extrapolated."""
+        """Return the function without a covariance if its median is extrapolated.
+
+        Parameters
+        ----------
+        im : ndarray, shape (n,)
+            Intensities of the runs.
+        share : float
+            Fraction of the runs that exceed the state.
+        """
         why = ""
         if share in (0.0, 1.0):
-            why = f"{'every' if share else 'no'} run is beyond"
+            why = f"{'every' if share else 'no'} run exceeds"
         elif share < SELDOM or share > 1.0 - SELDOM:
             limit = 100.0 * (SELDOM if share < SELDOM else 1.0 - SELDOM)
-            why = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs are beyond"
+            why = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs exceed"
         elif not np.min(im) <= self.theta <= np.max(im):
             why = (
-                f"every intensity lies {'below' if self.theta > np.max(im) else 'above'} the "
+                f"every intensity is {'below' if self.theta > np.max(im) else 'above'} the "
                 "median of"
             )
         return (
@@ -395,49 +438,47 @@ class Fragility:
 
     @property
     def exceeded(self) -> str:
-        """What is exceeded, in words: a state of a type, a threshold, or nothing where the
-        observations tell none."""
+        """Text that names the exceeded state of a type, or the threshold; empty if unknown."""
         of_demand = f"threshold {self.threshold:g}" if self.threshold == self.threshold else ""
         return f"{self.type}, {self.state}" if self.type else of_demand
 
     @property
     def disagreement(self) -> str:
-        """Where function and count part the most, in words; nothing where their scatter allows
-        it."""
-        of = self.counted
-        if of is None or not np.any(of.apart > _APART):
+        """Message about the largest difference of function and count; empty if it is random."""
+        counted = self.counted
+        if counted is None or not np.any(counted.apart > _APART):
             return ""
-        worst = int(np.argmax(of.apart))
+        worst = int(np.argmax(counted.apart))
         about = f"{self.exceeded}: " if self.exceeded else ""
-        at = f"{self.im or 'im'} {of.im[worst]:.3g} {self.unit}".rstrip()
+        level = f"{self.im or 'im'} {counted.im[worst]:.3g} {self.unit}".rstrip()
         return (
-            f"{about}at {at} {100.0 * of.share[worst]:.3g} % of "
-            f"{how_many(round(of.runs[worst]), 'run')} are beyond, the {self.fit} function has "
-            f"{100.0 * of.fitted[worst]:.3g} %: more apart than their scatter allows"
+            f"{about}at {level} {100.0 * counted.share[worst]:.3g} % of "
+            f"{how_many(round(counted.runs[worst]), 'run')} exceed, the {self.fit} function gives "
+            f"{100.0 * counted.fitted[worst]:.3g} %: the difference exceeds the random scatter"
         )
 
     def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
-        """The same function of a threshold and an intensity measure."""
+        """Return the function with its threshold and intensity measure."""
         return replace(self, threshold=threshold, im=im, unit=unit)
 
     def in_units(self, units: OutputUnits) -> Fragility:
-        """The same function of an intensity in other units.
+        """Return the function with intensities in other units.
 
         Raises
         ------
         UsageError
-            The unit that the intensity has is not known.
+            The unit of the intensity is unknown.
         """
-        kinds = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH}
-        si = next((si for si, units in kinds.items() if self.unit in units), "")
+        quantities = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH}
+        si = next((si for si, units in quantities.items() if self.unit in units), "")
         if not si:
             raise UsageError(
-                f"output units are for intensities whose unit is known, not {self.unit!r}; give "
-                "the table a column unit"
+                f"output units require intensities with a known unit, got {self.unit!r}; add a "
+                "column unit to the table"
             )
         unit, value = units.unit(si)
-        factor = kinds[si][self.unit] / value
-        # What was observed goes along, or pictures would show it beside another axis.
+        factor = quantities[si][self.unit] / value
+        # Convert the observations also, because figures show them on the same axis.
         points, cloud = self.points and replace(self.points, im=factor * self.points.im), self.cloud
         if cloud is not None:  # ln EDP = a + b ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
@@ -452,20 +493,19 @@ class Fragility:
 
 
 def extrapolated(functions: Sequence[Fragility]) -> list[str]:
-    """A sentence for each reason why medians are extrapolated, with the functions that it is true
-    of."""
+    """Return one message for each reason why medians are extrapolated, with its functions."""
     names: dict[str, list[str]] = {}
     for fit in functions:
         if fit.extrapolated:
             names.setdefault(fit.extrapolated, []).append(fit.exceeded or "the threshold")
     return [
-        f"{why} {first_few(of, _MOST_NAMES)}: the median is extrapolated"
-        for why, of in sorted(names.items(), reverse=True)
+        f"{why} {first_few(listed, _MOST_NAMES)}: the median is extrapolated"
+        for why, listed in sorted(names.items(), reverse=True)
     ]
 
 
 def levels_of(im: Array) -> NDArray[np.intp]:
-    """The number of the level of each intensity, from 0."""
+    """Return the index of the intensity level of each intensity, from 0."""
     order = np.argsort(im)
     steps = np.diff(np.log(im[order]), prepend=math.log(float(im[order[0]]))) > SAME_LEVEL
     result = np.empty(im.size, np.intp)
@@ -476,15 +516,14 @@ def levels_of(im: Array) -> NDArray[np.intp]:
 def fit_stripes(
     im: Sequence[float] | Array, exceeding: Sequence[int] | Array, records: Sequence[int] | Array
 ) -> Fragility:
-    """The lognormal distribution of the largest likelihood, of numbers of exceedances at levels of
-    intensity.
+    """Fit a lognormal distribution by maximum likelihood to exceedances at intensity levels.
 
     Parameters
     ----------
     im : array, shape (k,)
-        Levels, positive.
+        Intensity levels, positive.
     exceeding, records : array, shape (k,)
-        At each level the number of records that exceed, and of all records.
+        Number of records that exceed, and number of all records, at each level.
 
     Returns
     -------
@@ -494,19 +533,23 @@ def fit_stripes(
     Raises
     ------
     UsageError
-        The numbers make no sense.
+        The arrays have different shapes, or a value is invalid.
     AnalysisError
-        The levels do not tell median and dispersion.
+        The levels do not determine median and dispersion.
     """
     x, hits, total = (np.asarray(values, float) for values in (im, exceeding, records))
     if not (x.ndim == 1 and x.shape == hits.shape == total.shape and x.size):
-        raise UsageError("stripes need as many levels as numbers of exceedances and of records")
+        raise UsageError(
+            "stripes: levels, numbers of exceedances and numbers of records must be arrays of the "
+            "same length"
+        )
     _check_positive(x, "levels of intensity")
     if not np.all((hits >= 0) & (hits <= total) & (total > 0)):
         raise UsageError(
-            "stripes: at every level there must be records, and no more exceedances than records"
+            "stripes: at every level the number of records must be positive, and the number of "
+            "exceedances must not exceed it"
         )
-    # Two cases in which the likelihood has no maximum are told in words before it is looked for.
+    # Detect the two cases without a maximum of the likelihood before the iteration.
     misses = total - hits
     if not hits.any() or not misses.any():
         reason = (
@@ -514,19 +557,22 @@ def fit_stripes(
             if not hits.any()
             else "every record exceeds at every level"
         )
-        raise AnalysisError(f"{reason}: neither median nor dispersion can be told; add levels")
+        raise AnalysisError(
+            f"{reason}: median and dispersion cannot be estimated; add intensity levels"
+        )
     if np.min(x[hits > 0]) >= np.max(x[misses > 0]):
         raise AnalysisError(
-            "all records below some level do not exceed and all above it do: the dispersion cannot "
-            "be told; add levels between them"
+            "no record exceeds below some level and all records exceed above it: the dispersion "
+            "cannot be estimated; add intensity levels in between"
         )
-    # An exceedance is a capacity below the level, any other record one above it.
+    # An exceedance is a capacity below the level; any other record has a capacity above it.
     levels = np.concatenate([x, x])
     side = np.repeat([True, False], x.size)
     solution = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
     if solution is None:
         raise AnalysisError(
-            "exceedances do not become more frequent with intensity: no lognormal distribution fits"
+            "the fraction of exceedances does not increase with intensity: no lognormal "
+            "distribution can be fitted"
         )
     return _function(STRIPES, *solution, records=int(np.max(total)), points=Points(x, hits / total))
 
@@ -534,17 +580,17 @@ def fit_stripes(
 def fit_capacities(
     capacity: Sequence[float] | Array, censored: Sequence[bool] | None = None
 ) -> Fragility:
-    """The lognormal distribution of capacities: intensities at which each record first exceeds.
+    """Fit a lognormal distribution to capacities: intensities at which records first exceed.
 
-    Without censored ones theta is the geometric mean and beta the standard deviation of the
-    logarithms (n - 1); with them those of the largest likelihood.
+    Without censored capacities theta is the geometric mean, and beta is the standard deviation of
+    the logarithms (n - 1). With censored capacities both are maximum-likelihood estimates.
 
     Parameters
     ----------
     capacity : array, shape (n,)
-        Capacities, positive; of censored ones what they are known to lie above.
+        Capacities, positive; for censored capacities the limit above which they are.
     censored : sequence of bool, shape (n,), optional
-        Which are.
+        True for censored capacities; default none censored.
 
     Returns
     -------
@@ -554,35 +600,37 @@ def fit_capacities(
     Raises
     ------
     UsageError
-        The numbers make no sense.
+        The arrays have different shapes, or a value is invalid.
     AnalysisError
-        They do not tell median and dispersion.
+        The capacities do not determine median and dispersion.
     """
     x = np.asarray(capacity, float)
     above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
     if x.ndim != 1 or above.shape != x.shape:
-        raise UsageError("capacities need a row of numbers and as many marks of censored ones")
+        raise UsageError("capacities and censored must be arrays of the same length")
     _check_positive(x, "capacities")
-    # Of one known capacity alone no scatter follows, however many are censored.
+    # A single exact capacity does not determine the dispersion, for any number of censored values.
     count = x.size - int(np.sum(above))
     if count < 2:
         raise AnalysisError(
-            f"of {x.size} capacities {count or 'none'} is known, the others are censored: median "
-            "and dispersion need two"
+            f"{count or 'none'} of {x.size} capacities is not censored: median and dispersion "
+            "require at least two"
         )
     logarithms = np.log(x)
-    # Without censored ones the estimate is closed, with n - 1; its errors are those of a normal
-    # sample.
+    # Without censored capacities the estimate is explicit, with n - 1. Its errors are the errors of
+    # a normal sample.
     if not above.any():
         beta = float(np.std(logarithms, ddof=1))
         if not beta > _EQUAL:
-            raise AnalysisError("all capacities are equal: the dispersion cannot be told")
+            raise AnalysisError("all capacities are equal: the dispersion cannot be estimated")
         covariance = np.diag([beta**2 / x.size, beta**2 / (2.0 * x.size)])
         solution: tuple[float, float, Array] | None = (float(np.mean(logarithms)), beta, covariance)
     else:
         solution = _lognormal(x, np.zeros(x.size, bool), above, np.ones(x.size))
     if solution is None:
-        raise AnalysisError("the capacities tell no dispersion: too many are equal or censored")
+        raise AnalysisError(
+            "the dispersion cannot be estimated: too many capacities are equal or censored"
+        )
     points = empirical(x, above)
     return _function(IDA, *solution, records=x.size, censored=int(np.sum(above)), points=points)
 
@@ -595,41 +643,41 @@ def fit_cloud(
     *,
     lower_threshold: float = 0.0,
 ) -> list[Fragility]:
-    """A fragility function for each threshold, of ln EDP = b0 + b1 ln IM + sigma N by maximum
-    likelihood.
+    """Fit a fragility function for each threshold to a cloud, by maximum likelihood.
 
-    theta = exp((ln threshold - b0) / b1), beta = sigma / b1. sigma is that of the largest
-    likelihood: the root of the mean square of the residuals where none is censored.
+    The model is ln EDP = b0 + b1 ln IM + sigma N. The functions have
+    theta = exp((ln threshold - b0) / b1) and beta = sigma / b1. Without censored demands sigma is
+    the root mean square of the residuals.
 
     Parameters
     ----------
     im, edp : array, shape (n,)
-        Intensities and demands, positive; of censored demands what they are known to lie above.
+        Intensities and demands, positive; for censored demands the limit above which they are.
     thresholds : sequence of float
-        Demands whose exceedance is asked for, positive.
+        Demands for which the exceedance is computed, positive.
     censored : sequence of bool, shape (n,), optional
-        Which are.
+        True for censored demands; default none censored.
     lower_threshold : float
-        Demands below it, which are not censored, are known only to be below: far under the lightest
-        state the demands are elastic, on a line of their own. They are not left out, for a choice
-        by demand bends the line.
+        Smaller demands that are not censored count only as below this value; default 0. Well below
+        the lightest state the response is elastic and follows another line. These demands are not
+        omitted, because a selection by demand would bias the line.
 
     Returns
     -------
     list of Fragility
-        One per threshold.
+        One function per threshold.
 
     Raises
     ------
     UsageError
-        The numbers make no sense.
+        The arrays have different shapes, or a value is invalid.
     AnalysisError
         No line with a positive slope fits.
     """
     x, y = np.asarray(im, float), np.asarray(edp, float)
     above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
     if x.ndim != 1 or not x.shape == y.shape == above.shape:
-        raise UsageError("a cloud needs as many demands as intensities")
+        raise UsageError("intensities and demands of a cloud must be arrays of the same length")
     for values, name in (
         (x, "intensities"),
         (y, "demands"),
@@ -638,15 +686,15 @@ def fit_cloud(
         _check_positive(values, name)
     lower_threshold = between(lower_threshold, "lower_threshold")
     below = ~above & (y < lower_threshold)
-    # Those known to be below help a line that others tell: three known exactly, of more than one
-    # intensity.
+    # Use demands as upper limits only if the exact demands determine a line: at least three exact
+    # demands at more than one intensity.
     exact = ~(above | below)
     if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
     intercept, slope, sigma, covariance = _line(
         np.log(x), np.log(np.where(below, lower_threshold, y)), above, below
     )
-    # In the likelihood's parameters the function is a ratio: its errors follow by its derivatives.
+    # Convert the covariance of the parameters of the likelihood by the delta method.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
     observed = {"records": x.size, "censored": int(np.sum(above)), "cloud": points}
     g1, results = slope / sigma, []
@@ -663,21 +711,30 @@ def fit_cloud(
 def _line(
     x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]
 ) -> tuple[float, float, float, Array]:
-    """Intercept, slope and standard deviation, and the covariance of (b0 / sigma, b1 / sigma, 1 /
-    sigma)."""
+    """Return intercept, slope, standard deviation, and a covariance.
+
+    The covariance is that of (b0 / sigma, b1 / sigma, 1 / sigma).
+
+    Parameters
+    ----------
+    x, y : ndarray
+        Logarithms of intensities and demands.
+    above, below : ndarray of bool
+        True for demands known only to be above, or below, their value.
+    """
     exact = ~(above | below)
     if not below.any() and np.unique(x[exact]).size < 3:
         raise AnalysisError(
-            "a cloud needs demands at three different intensities at least that are not censored"
+            "a cloud requires at least three different intensities with demands that are not "
+            "censored"
         )
-    # The usual line to begin with; demands on a line to the digit leave no scatter to be fitted.
+    # Start from the least-squares line. Demands exactly on a line have no dispersion.
     slope, intercept = np.polyfit(x[exact], y[exact], 1)
     sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
     if not sigma > 1e-12 * float(np.ptp(y)):
-        raise AnalysisError("all demands lie on one line: the dispersion cannot be told")
-    if (
-        below.any()
-    ):  # Between two limits the slope may have either sign: begin with that of all demands.
+        raise AnalysisError("all demands are on one line: the dispersion cannot be estimated")
+    # The slope between two limits can have either sign, so start from the line of all demands.
+    if below.any():
         slope, intercept = np.polyfit(x, y, 1)
         sigma = float(np.sqrt(np.mean((y - intercept - slope * x) ** 2)))
     observed = Observations(
@@ -686,7 +743,7 @@ def _line(
     solution = maximize(observed, np.array([intercept, slope, 1.0]) / sigma)
     if solution is None or not solution[0][1] > 0.0:
         raise AnalysisError(
-            "demands do not grow with intensity: no line with a positive slope fits the cloud"
+            "demands do not increase with intensity: a line with positive slope cannot be fitted"
         )
     (g0, g1, h), covariance = solution
     return float(g0 / h), float(g1 / h), float(1.0 / h), covariance
@@ -695,12 +752,28 @@ def _line(
 def _function(
     fit: str, logarithm: float, beta: float, covariance: Array, **observed: Any
 ) -> Fragility:
-    """The function of a fit, of its ln theta; AnalysisError where the observations tell next to
-    nothing of it."""
-    half = _TWO_SIDED * math.sqrt(covariance[0, 0])  # of the 95 % interval
+    """Return the function of a fit.
+
+    Parameters
+    ----------
+    fit : str
+        `stripes`, `ida` or `cloud`.
+    logarithm, beta : float
+        ln theta and dispersion.
+    covariance : ndarray, shape (2, 2)
+        Covariance of `logarithm` and `beta`.
+    **observed
+        Further attributes of `Fragility`.
+
+    Raises
+    ------
+    AnalysisError
+        The observations do not determine the median.
+    """
+    half = _TWO_SIDED * math.sqrt(covariance[0, 0])  # half width of the 95 % interval
     if not abs(logarithm) + half + beta < math.log(LARGEST):
         raise AnalysisError(
-            f"the observations do not tell the median: it is exp({logarithm:.3g} +- {half:.3g}), "
+            f"the observations do not determine the median: exp({logarithm:.3g} +- {half:.3g}), "
             f"with a dispersion of {beta:.3g}"
         )
     return Fragility(fit, math.exp(logarithm), beta, covariance, **observed)
@@ -709,8 +782,17 @@ def _function(
 def _lognormal(
     x: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], count: Array
 ) -> tuple[float, float, Array] | None:
-    """ln theta, beta and the covariance of both; None where there is no maximum of the
-    likelihood."""
+    """Return ln theta, beta and their covariance; None if the likelihood has no maximum.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Intensities.
+    below, above : ndarray of bool, shape (n,)
+        True if the capacity is known only to be below, or above, the intensity.
+    count : ndarray, shape (n,)
+        Number of times that each observation was made.
+    """
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
     observed = Observations(
@@ -725,14 +807,16 @@ def _lognormal(
 
 
 def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
-    """The part of records that exceed at each known capacity (Kaplan and Meier 1958), in the middle
-    of each step."""
+    """Return the fraction of records that exceed at each exact capacity (Kaplan and Meier 1958).
+
+    The fraction is the middle of the step of the empirical distribution at that capacity.
+    """
     order = np.lexsort((censored, capacity))
     survivors, share, im, part = capacity.size, 1.0, [], []
-    for place in order:
-        if not censored[place]:
+    for index in order:
+        if not censored[index]:
             after = share * (survivors - 1) / survivors
-            im.append(float(capacity[place]))
+            im.append(float(capacity[index]))
             part.append(1.0 - 0.5 * (share + after))
             share = after
         survivors -= 1

@@ -1,4 +1,4 @@
-"""Intensity measures of the runs of a campaign, and how well they tell its demands."""
+"""Intensity measures of the runs of a campaign, and their efficiency and sufficiency."""
 
 from __future__ import annotations
 
@@ -34,41 +34,40 @@ from tdint.model.damage_states import DONE
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
 from tdint.written_numbers import Grid, how_many, parse_grid, parse_ratio
 
-# ---- Intensity measures of the runs of a campaign, and how well they tell its demands: efficiency
-# and sufficiency
+# ---- Intensity measures of the runs of a campaign: efficiency and sufficiency
 #
-# Sa at a period or at that of each building, Sa_avg, the largest displacement of a yielding
-# oscillator (SDi, Tothong and Cornell 2006), peaks, Arias intensity, cumulative absolute
-# velocities, durations; each of the component that the run had, times its factor. Those that are
-# not in proportion to it (SDi, CAV5) are found anew for each factor.
+# The measures are Sa at a period or at the first period of each building, Sa_avg, the maximum
+# displacement of a yielding oscillator (SDi, Tothong and Cornell 2006), peaks, Arias intensity,
+# cumulative absolute velocities, and durations. They refer to the component of the run times its
+# factor. Measures that are not a power of the factor (SDi, CAV5) are computed for each factor.
 #
 # Efficiency is the standard deviation beta of ln EDP about its line over ln IM (Luco and Cornell
-# 2007, Earthquake Spectra 23(2)), proficiency beta over the slope of that line (Padgett, Nielson
-# and DesRoches 2008, Earthquake Engineering and Structural Dynamics 37). A measure is sufficient
-# where what the line leaves does not depend on what else is known of the motions: the slope of the
-# residuals over it is told with its p-value, by which runs under one motion, or of one event where
-# events are known, count as alike.
+# 2007, Earthquake Spectra 23(2)). Proficiency is beta over the slope of that line (Padgett, Nielson
+# and DesRoches 2008, Earthquake Engineering and Structural Dynamics 37). A measure is sufficient if
+# the residuals of the line do not depend on other characteristics of the ground motions. The slope
+# of the residuals over a characteristic is reported with its p-value. Runs under the same ground
+# motion, or of the same event if events are known, are treated as correlated.
 
 FIRST = "T1"
-"""The first period of each building."""
+"""Name of the first period of each building."""
 
 
 @dataclass(frozen=True)
 class RunMeasure:
-    """An intensity measure of runs.
+    """Intensity measure of runs.
 
     Attributes
     ----------
     column : str
-        Its name in tables, without the unit.
+        Name of the column in tables, without the unit.
     unit, meaning : str
-        Its SI unit, and what it is.
+        SI unit and description.
     value : callable
-        Of a record and the first period of the building, s.
+        Function of a record and of the first period of the building, s.
     power : float or None
-        Of the factor on the record with which the measure grows; None: it must be found anew.
+        Exponent of the factor on the record; None if the measure must be computed for each factor.
     called : str
-        Its name in tables of functions; {} stands for the first period of the building.
+        Name in tables of functions; {} is replaced by the first period of the building.
     """
 
     column: str
@@ -79,18 +78,29 @@ class RunMeasure:
     called: str = ""
 
     def label(self, period: float | None) -> str:
-        """Its name of buildings whose first period is this, s; None: it is not one period, or not
-        known."""
+        """Return the name for buildings with this first period, s.
+
+        If the buildings have different or unknown periods (None), the name contains T1.
+        """
         return self.called.format(FIRST if period is None else f"{period:.6g}")
 
     def of(self, record: Record, factor: float, period: float) -> float:
-        """The measure of a record times a factor, for a building of a period (s); nan where there
-        is none."""
+        """Return the measure of a record times a factor; nan if it cannot be computed.
+
+        Parameters
+        ----------
+        record : Record
+            Ground motion.
+        factor : float
+            Factor on the record.
+        period : float
+            First period of the building, s.
+        """
         try:
             if self.power is None:
                 return self.value(record.scaled(abs(factor)), period)
             return self.value(record, period) * float(abs(factor) ** self.power)
-        except AnalysisError:  # The period is too short for the record.
+        except AnalysisError:  # the period is too short for the sampling interval of the record
             return math.nan
 
 
@@ -98,19 +108,24 @@ _FORMS = ("sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRE
 
 
 def run_measure(text: str) -> RunMeasure:
-    """The measure of a name: `pgv`, `sa:0.5` (s), `sa` at the first period of each building,
-    `sa-avg:0.2:2` (s), `sa-avg` from 0.2 to 3 times that period, `sdi:1:0.1` or `sdi:T1:10%` (yield
-    force over weight).
+    """Return the measure of a name.
+
+    Parameters
+    ----------
+    text : str
+        For example `pgv`, `sa:0.5` (period in s), `sa` (at the first period of each building),
+        `sa-avg:0.2:2` (periods in s), `sa-avg` (from 0.2 to 3 times the first period), `sdi:1:0.1`
+        or `sdi:T1:10%` (period and yield force over weight).
 
     Raises
     ------
     UsageError
-        There is no such measure, or a number is missing or wrong.
+        The measure is unknown, or a number is missing or invalid.
     """
-    name, _, rest = text.strip().partition(":")
-    # A name may be written as its column is, d5_75 for d5-75.
+    name, _, parameters = text.strip().partition(":")
+    # The name of the column is accepted also, for example d5_75 for d5-75.
     of_motion = MEASURES_OF_MOTION.get(name.replace("_", "-"))
-    if of_motion and not rest:
+    if of_motion and not parameters:
         value = of_motion.of
         head, unit, meaning = of_motion.head, of_motion.unit, of_motion.meaning
         return RunMeasure(
@@ -121,20 +136,20 @@ def run_measure(text: str) -> RunMeasure:
             of_motion.power,
             of_motion.name,
         )
-    kinds = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
-    if name not in kinds:
+    parsers = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
+    if name not in parsers:
         names = ", ".join((*MEASURES_OF_MOTION, *_FORMS))
-        hint = did_you_mean(name, [*kinds, *MEASURES_OF_MOTION])
+        hint = did_you_mean(name, [*parsers, *MEASURES_OF_MOTION])
         raise UsageError(f"unknown intensity measure {text!r}{hint} (known: {names})")
     try:
-        return kinds[name](rest)
+        return parsers[name](parameters)
     except (UsageError, ValueError) as error:
         form = next(possible for possible in _FORMS if re.match(rf"{name}[:\[]", possible))
-        raise UsageError(f"{text!r}: {error}; write {form}") from None
+        raise UsageError(f"{text!r}: {error}; expected {form}") from None
 
 
 def _period(text: str) -> tuple[float | None, str, str]:
-    """Seconds, None for the first period of each building; in words, and in names of functions."""
+    """Return the period (s; None for T1), its description, and its text in names of functions."""
     if text in ("", FIRST):
         return None, "the first period of the building", "{}"
     value = float(text)
@@ -144,14 +159,15 @@ def _period(text: str) -> tuple[float | None, str, str]:
 
 
 def _named(*parts: object) -> str:
-    """A name of a column: parts with _ between them, p for the decimal point."""
+    """Return the name of a column: parts joined by _, with p for the decimal point."""
     return "_".join(
         f"{part:g}" if isinstance(part, float) else str(part) for part in parts
     ).replace(".", "p")
 
 
-def _spectral(rest: str) -> RunMeasure:
-    period, where, at = _period(rest)
+def _spectral(parameters: str) -> RunMeasure:
+    """Return the measure Sa at a period."""
+    period, where, symbol = _period(parameters)
 
     def value(record: Record, first_period: float) -> float:
         return float(spectrum(record, np.array([period or first_period]), SA_DAMPING).psa[0])
@@ -161,15 +177,17 @@ def _spectral(rest: str) -> RunMeasure:
         "m/s^2",
         f"Sa at {where}, 5 % damping",
         value,
-        called=f"sa({at})",
+        called=f"sa({symbol})",
     )
 
 
-def _average(rest: str) -> RunMeasure:
-    grid = parse_grid(rest if rest.count(":") == 2 else f"{rest}:{AVERAGE.count}") if rest else None
+def _average(parameters: str) -> RunMeasure:
+    """Return the measure Sa_avg over a range of periods."""
+    with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
+    grid = parse_grid(with_count) if parameters else None
     if grid is not None and grid.count == 1:
-        raise UsageError("an average needs a first and a last period")
-    # By default from periods of higher modes to those of the damaged building.
+        raise UsageError("an average requires a first and a last period")
+    # The default range extends from periods of higher modes to periods of the damaged building.
     where = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
     where = f"{grid.first:g} to {grid.last:g} s" if isinstance(grid, Grid) else where
 
@@ -184,11 +202,12 @@ def _average(rest: str) -> RunMeasure:
     )
 
 
-def _inelastic(rest: str) -> RunMeasure:
-    seconds, _, text = rest.partition(":")
-    (period, where, at), strength = _period(seconds), parse_ratio(text)
+def _inelastic(parameters: str) -> RunMeasure:
+    """Return the measure SDi at a period, for a strength."""
+    seconds, _, text = parameters.partition(":")
+    (period, where, symbol), strength = _period(seconds), parse_ratio(text)
     if not 0.0 < strength < math.inf:
-        raise UsageError("the strength, yield force over weight, must be positive")
+        raise UsageError("the strength (yield force over weight) must be positive")
 
     def value(record: Record, first_period: float) -> float:
         return float(
@@ -198,10 +217,10 @@ def _inelastic(rest: str) -> RunMeasure:
         )
 
     meaning = (
-        f"largest displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at "
+        f"maximum displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at "
         f"{strength:g}"
     )
-    called = f"sdi({at},{strength:g})"
+    called = f"sdi({symbol},{strength:g})"
     return RunMeasure(
         _named("sdi", period or "t1", strength),
         "m",
@@ -214,8 +233,7 @@ def _inelastic(rest: str) -> RunMeasure:
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """A run as runs.csv names it, and the values of the measures asked for, nan where there is
-    none."""
+    """Run as named in runs.csv, with the values of the requested measures; nan if unavailable."""
 
     building: str
     record: str
@@ -226,12 +244,22 @@ class MeasuredRun:
 
 
 def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterator[MeasuredRun]:
-    """The measures of all runs that a store has of its plan, in the order of runs.csv."""
+    """Yield the measures of all stored runs of a plan, in the order of runs.csv.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan of the campaign.
+    store : Store
+        Store of its runs.
+    measures : sequence of RunMeasure
+        Requested measures.
+    """
     names, records = store.buildings(), store.records()
     period = cache(lambda building: plan.buildings[building].subject().period)
 
-    # A record is measured once at the scale 1; what grows by no power of a factor is measured at
-    # each.
+    # Measure a record one time at the scale 1. Measures that are not a power of the factor are
+    # computed at each scale.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
@@ -242,7 +270,7 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
             return measures[measure].of(plan.motions[motion].record, factor, first_period)
         return unscaled(measure, motion, first_period) * float(abs(factor) ** power)
 
-    # Runs of a building stand together: its period is found once.
+    # Runs of a building are contiguous, so that its period is computed one time.
     keys = (
         "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, "
         "sample"
@@ -253,7 +281,7 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
 
 
 def measure_named(text: str) -> RunMeasure:
-    """The measure that a text names, or a column of a table of runs, without its unit."""
+    """Return the measure of a name, or of a column of a table of runs without its unit."""
     try:
         return run_measure(text)
     except UsageError:
@@ -263,16 +291,21 @@ def measure_named(text: str) -> RunMeasure:
 
 
 class RunIntensities:
-    """A measure of the runs of a store, building by building in their order. Both components of a
-    pair have the geometric mean of theirs, for hazard is a pair's; what the campaign has brought to
-    levels has these.
+    """Intensities of the runs of a store, building by building in their order.
+
+    Both components of a pair have the geometric mean of their intensities, because the hazard
+    refers to pairs. Runs that the campaign has scaled to levels have the intensities of the levels.
 
     Parameters
     ----------
+    store : Store
+        Store of the campaign.
     folder : Path
-        Of the campaign, in which measures.csv may be.
+        Directory of the campaign, which may contain measures.csv.
+    measure : RunMeasure
+        Intensity measure.
     pair_demand : str or None
-        How the components of pairs count; None: as the campaign has it.
+        Rule by which the components of pairs are combined; None for the rule of the campaign.
 
     Raises
     ------
@@ -286,21 +319,21 @@ class RunIntensities:
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
         self._names = {number: keys[:2] for number, keys in records.items()}
-        # Pairs that were read as such have one intensity in any case, and pairs by their names if
-        # they count as one motion.
+        # Pairs that were read as pairs always have one intensity. Pairs recognized by their names
+        # have one intensity if they count as one ground motion.
         rule = store.pair_rule()
         if (pair_demand or rule.demand) == SEPARATE:
-            read = {number: number - (at > 1) for number, (*_, at) in records.items()}
+            read = {number: number - (part > 1) for number, (*_, part) in records.items()}
             rule = replace(rule, recordings=read)
         self._pairs = replace(rule, demand=LARGER)
         settings = store.parameters()
-        # What the campaign has brought to levels of this measure has these.
+        # Runs that were scaled to levels of this measure have the values of the levels.
         name, period = settings.get("measure"), settings.get("period")
-        at = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
+        suffix_ = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
         is_levelled = (
             name is not None
             and settings.get("damping", SA_DAMPING) == SA_DAMPING
-            and measure.called.format(FIRST) == f"{name}{at}"
+            and measure.called.format(FIRST) == f"{name}{suffix_}"
             and (name != "sa-avg" or period == FIRST)
         )
         self._levels = sorted(settings["levels"], key=abs) if is_levelled else []
@@ -309,8 +342,8 @@ class RunIntensities:
         self._own = None if self._levels else column
         self._rows: Iterator[tuple[int, list[str]]] = iter(())
         if not (self._levels or column):
-            # Only what `tdint campaign --im` has written is left; it is read along, a building at a
-            # time.
+            # Other measures are available only in the file of `tdint campaign --im`. Its rows are
+            # read together with the buildings.
             if not is_file(self._file):
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
@@ -321,7 +354,7 @@ class RunIntensities:
 
     @property
     def note(self) -> str:
-        """What to say of pairs; nothing without any."""
+        """Note on the intensity of pairs; empty without pairs."""
         if not self._pairs.pairs or self._levels:
             return ""
         return (
@@ -330,8 +363,7 @@ class RunIntensities:
         )
 
     def of(self, of: BuildingDamage) -> Array:
-        """The intensity of each run of a building, SI units, shape (runs,); nan where there is
-        none."""
+        """Return the intensity of each run of a building, SI units; nan if it has no intensity."""
         if self._levels:
             return np.array(self._levels)[of.rank]
         values = np.array(
@@ -343,40 +375,48 @@ class RunIntensities:
         return values
 
     def _next(self, of: BuildingDamage, key: Run) -> float:
-        """What the next row of measures.csv has, which is that of a run."""
+        """Return the value of the next row of measures.csv, which must belong to this run."""
         line, row = next(self._rows, (0, []))
-        # Rows are in the order of the runs: one that does not fit means another state of the
-        # folder.
-        told = [of.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
-        if row[: len(_KEYS)] != told:
+        # Rows are in the order of the runs; another order means that the runs have changed.
+        keys = [of.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
+        if row[: len(_KEYS)] != keys:
             raise ModelError(
-                f"{self._file}:{line}: has no row of {' '.join(told)}; call `tdint campaign` with "
-                "--im again"
+                f"{self._file}:{line}: row of {' '.join(keys)} not found; run `tdint campaign` "
+                "with --im again"
             )
         text = row[self._place] if self._place < len(row) else ""
         return self._factor * float(text) if text else math.nan
 
 
 MEASURES = "measures.csv"
-"""Beside runs.csv, by `tdint campaign --im`."""
+"""File name of the measures, next to runs.csv; written by `tdint campaign --im`."""
 
 _KEYS = ("building", "record", "component", "scale", "sample")
-_KINDS = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}
-_UNITS = {unit: (si, factor) for si, units in _KINDS.items() for unit, factor in units.items()}
-"""Of measures: their SI unit, and the factor to it."""
+_QUANTITIES = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}
+_UNITS = {unit: (si, factor) for si, units in _QUANTITIES.items() for unit, factor in units.items()}
+"""SI unit and conversion factor of the units of measures."""
 
 _NEEDS = (
-    "a table of characteristics has the column record and others of numbers, such as magnitude and "
-    "distance_km"
+    "a table of characteristics has the column record and columns of numbers, such as magnitude "
+    "and distance_km"
 )
-_LEAST = 3  # runs of a line with a dispersion
+_LEAST = 3  # minimum number of runs for a line with a dispersion
 _SCALE = "ln scale"
 
 
 @dataclass(frozen=True)
 class Dependence:
-    """Of the residuals on a characteristic of the motions: slope, and the chance of one as large if
-    there were none."""
+    """Dependence of the residuals on a characteristic of the ground motions.
+
+    Attributes
+    ----------
+    characteristic : str
+        Name of the characteristic.
+    slope : float
+        Slope of the residuals over the characteristic.
+    p_value : float
+        Probability of a slope of at least this size if the residuals are independent of it.
+    """
 
     characteristic: str
     slope: float
@@ -385,19 +425,20 @@ class Dependence:
 
 @dataclass(frozen=True)
 class MeasureFit:
-    """The line of ln EDP over ln IM of the runs that ended, EDP the largest drift ratio.
+    """Line of ln EDP over ln IM of the completed runs; EDP is the maximum drift ratio.
 
     Attributes
     ----------
     im, unit : str
-        The measure as it was asked for, and its unit in the table.
-    runs, collapsed : int
-        Runs on the line; runs left out, for they collapsed or have no result or no measure.
+        Measure as requested, and its unit in the table.
+    runs, left_out : int
+        Number of runs used for the line, and number of omitted runs, which collapsed or have no
+        result or no measure.
     slope, slope_error, beta, r_squared : float
-        Of the line, with the standard error of the slope and the standard deviation about it (n -
-        2).
+        Slope with its standard error, standard deviation about the line (n - 2), and squared
+        correlation.
     dependences : tuple of Dependence
-        Of what it leaves.
+        Dependence of the residuals on characteristics.
     """
 
     im: str
@@ -412,34 +453,34 @@ class MeasureFit:
 
     @property
     def proficiency(self) -> float:
-        """Beta over the slope: the dispersion in terms of the measure."""
+        """Beta over the slope: the dispersion in terms of the intensity measure."""
         return self.beta / self.slope if self.slope else math.inf
 
 
 def compare_measures(
     folder: str | Path, measures: Sequence[str], characteristics: str | Path | None = None
 ) -> list[MeasureFit]:
-    """Compare intensity measures on the runs of a campaign, from the least beta to the largest.
+    """Compare intensity measures for the runs of a campaign, in ascending order of beta.
 
     Parameters
     ----------
     folder : str or Path
-        Of a campaign of one building, with runs.csv and, for other measures than `sa` and `pga`,
-        measures.csv.
+        Directory of a campaign of one building, with runs.csv. Measures other than `sa` and `pga`
+        require measures.csv.
     measures : sequence of str
-        As `tdint.campaign.fragility.measures.run_measure` reads them.
+        Names, as in `tdint.campaign.fragility.measures.run_measure`.
     characteristics : str or Path, optional
-        CSV file of the motions, a row for each record; beside them stands the factor, where it
-        differs.
+        CSV file with one row per record. The scale factor is an additional characteristic if it
+        varies.
 
     Raises
     ------
     UsageError
-        A measure is unknown or was not found for these runs.
+        A measure is unknown or was not computed for these runs.
     ModelError
-        A table cannot be read, has several buildings, or lacks a record.
+        A table cannot be read, contains several buildings, or does not contain a record.
     AnalysisError
-        Fewer than three runs ended, or a measure is the same in all of them.
+        Fewer than three runs were completed, or a measure is equal for all runs.
     """
     table = with_measures(
         read_table(str(Path(folder) / "runs.csv"), "the runs of a campaign are a table")
@@ -447,12 +488,12 @@ def compare_measures(
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    # A collapse has no drift that could lie on a line.
+    # A collapse has no drift that can be used for a line.
     stood = (status == DONE) & (drift > 0.0)
-    told, events = _characteristics(table, characteristics)
-    logarithms = {_SCALE: np.log(np.abs(table.numbers("scale"))), **told}
+    stated, events = _characteristics(table, characteristics)
+    logarithms = {_SCALE: np.log(np.abs(table.numbers("scale"))), **stated}
     motions = events if events is not None else motions_of(table)
-    # What is the same in all runs explains nothing.
+    # Remove characteristics that are equal for all runs.
     logarithms = {
         name: values for name, values in logarithms.items() if np.unique(values[stood]).size > 1
     }
@@ -460,7 +501,7 @@ def compare_measures(
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
         im = of_pairs(table, np.array(table.numbers(column, empty=True)))
-        # Each measure on its own runs: a period too short for a record takes out few.
+        # Each measure uses its own runs, because a period may be too short for a few records.
         taken = stood & (im > 0.0)
         parts = {about: values[taken] for about, values in logarithms.items()}
         fit = line(np.log(im[taken]), np.log(drift[taken]), parts, name, motions[taken])
@@ -475,42 +516,54 @@ def line(
     name: str = "the measure",
     motion: NDArray[np.intp] | None = None,
 ) -> MeasureFit:
-    """The line of y over x, both logarithms, shape (n,), and how what it leaves depends on
-    characteristics. Runs under one `motion`, a number for each, err alike; by default each run has
-    its own."""
-    from scipy.stats import (
-        linregress,
-    )  # takes half a second, which tables of other studies need not wait for
+    """Fit a line and the dependence of its residuals on characteristics.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        Logarithms of the intensity measure and of the demand.
+    characteristics : dict
+        Values of each characteristic, shape (n,).
+    name : str
+        Name of the measure in messages.
+    motion : ndarray of int, shape (n,), optional
+        Ground motion of each run. Runs under the same ground motion are correlated; by default all
+        runs are independent.
+    """
+    # The import requires half a second, which other tables should not wait for.
+    from scipy.stats import linregress
 
     if x.size < _LEAST:
         raise AnalysisError(
-            f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs "
-            f"{_LEAST}"
+            f"{name}: {how_many(x.size, 'completed run')}; a line with a dispersion requires "
+            f"at least {_LEAST}"
         )
     if np.ptp(x) == 0.0:
-        raise AnalysisError(f"{name}: is the same in all runs")
-    # In logarithms; beta is what the line leaves, with two numbers taken from the runs.
+        raise AnalysisError(f"{name}: is equal in all runs; a line requires different values")
+    # Beta is the standard deviation of the residuals, with two parameters estimated from the runs.
     fit = linregress(x, y)
     residual = y - (fit.intercept + fit.slope * x)
     beta = math.sqrt(float(residual @ residual) / (x.size - 2))
     dependences = []
     for about, values in characteristics.items():
         if np.ptp(values) > 0.0:
-            # What the line leaves must not depend on what the motion is (sufficiency).
-            of = linregress(values, residual)
-            p_value = of.pvalue if motion is None else _clustered(values, residual, motion)
-            dependences.append(Dependence(about, float(of.slope), float(p_value)))
+            # A sufficient measure has residuals that do not depend on the characteristic.
+            dependence = linregress(values, residual)
+            p_value = dependence.pvalue if motion is None else _clustered(values, residual, motion)
+            dependences.append(Dependence(about, float(dependence.slope), float(p_value)))
     error = float(fit.stderr) if motion is None else _slope_error(x, y, motion)
     slope, r = float(fit.slope), float(fit.rvalue)
     return MeasureFit("", "", x.size, 0, slope, error, beta, r * r, tuple(dependences))
 
 
 def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """The standard error of the slope of y over x by leaving out clusters one by one; nan of less
-    than three."""
+    """Return the jackknife standard error of the slope of y over x, over clusters.
+
+    The result is nan for fewer than three clusters.
+    """
     place = np.unique(cluster, return_inverse=True)[1]
     x, y = x - np.mean(x), y - np.mean(y)
-    # Each line without a cluster by its sums: of all runs less those of the cluster.
+    # The line without a cluster follows from the sums over all runs minus the sums of the cluster.
     sums = np.column_stack(
         [np.bincount(place, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
     )
@@ -521,10 +574,13 @@ def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
 
 def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """The p-value of the slope of y over x where what is left is alike within clusters: the
-    variance by sums over them (Liang and Zeger 1986, Biometrika 73(1)), with the factor G / (G - 1)
-    (n - 1) / (n - 2) and Student's t of G - 1 (Cameron and Miller 2015, Journal of Human Resources
-    50(2)); nan of less than three clusters."""
+    """Return the p-value of the slope of y over x for residuals correlated within clusters.
+
+    The variance is a sum over clusters (Liang and Zeger 1986, Biometrika 73(1)), with the factor
+    G / (G - 1) (n - 1) / (n - 2) and Student's t distribution with G - 1 degrees of freedom
+    (Cameron and Miller 2015, Journal of Human Resources 50(2)). The result is nan for fewer than
+    three clusters.
+    """
     names, place = np.unique(cluster, return_inverse=True)
     count, groups = x.size, names.size
     if groups < 3:
@@ -532,8 +588,8 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     design = np.column_stack([np.ones(count), x - np.mean(x)])
     inverse = np.linalg.inv(design.T @ design)
     solution = inverse @ design.T @ y
-    left = design * (y - design @ solution)[:, np.newaxis]
-    sums = np.column_stack([np.bincount(place, column, groups) for column in left.T])
+    scores = design * (y - design @ solution)[:, np.newaxis]
+    sums = np.column_stack([np.bincount(place, column, groups) for column in scores.T])
     variance = (
         (inverse @ sums.T @ sums @ inverse)[1, 1]
         * groups
@@ -549,9 +605,11 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
 
 def motions_of(table: CsvTable) -> NDArray[np.intp]:
-    """The ground motion of each run of a table, or its event where events are known: a number. Both
-    components of a pair, as the store beside the table tells, are of one; without a store all of a
-    record or of files so named."""
+    """Return the index of the ground motion of each run, or of its event if events are known.
+
+    Both components of a pair have the same index. Pairs are defined by the store of the table.
+    Without a store, the components of a record and of files named as a pair have the same index.
+    """
     keys = (
         list(zip(table.texts("record"), table.texts("component"), strict=True))
         if table.has("component")
@@ -561,7 +619,7 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     if table.has("record"):
         names = list(motion_names(table.texts("record")))
     with _store_beside(table) as store:
-        # Without fields a column of that name is one of the inventory.
+        # Without ground motion fields, a column `event` belongs to the inventory.
         if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
         elif store is not None:
@@ -574,45 +632,60 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     return np.array([numbers[name] for name in names], np.intp)
 
 
-# Runs under one ground motion err alike, and so do those of an event where events are known: the
-# errors of a fit are those of leaving these out one by one (jackknife, Efron and Stein 1981, The
-# Annals of Statistics 9(3)), in groups where that is much work (delete-a-group, Kott 2001, Journal
-# of Official Statistics 17(4)).
+# Runs under the same ground motion, or of the same event if events are known, are correlated. The
+# errors of a fit are therefore jackknife estimates over ground motions or events (Efron and Stein
+# 1981, The Annals of Statistics 9(3)). For many runs, groups of ground motions are used
+# (delete-a-group jackknife, Kott 2001, Journal of Official Statistics 17(4)).
 
 Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 
-_GROUPS = 30  # of motions at the least, if there are so many: errors are then known to 13 %
-# runs that all fits see together until groups have several motions: seconds of a cloud
+_GROUPS = 30  # minimum number of groups of ground motions; errors are then known to 13 %
+# Maximum total number of runs in all fits before several ground motions form a group; several
+# seconds for a cloud
 _MOST_FITTED = 2_000_000
 
 
 def over_motions(
     fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None
 ) -> list[Fragility | AnalysisError]:
-    """Functions of those runs `of` some, shape (n,), that a mask tells, with the covariance of ln
-    theta and beta over their motions, shape (n,): nan where less than three leave a fit. As they
-    are fitted without motions."""
+    """Fit functions with a jackknife covariance of ln theta and beta over ground motions.
+
+    Parameters
+    ----------
+    fit : callable
+        Function that fits the runs selected by a mask of shape (n,).
+    of : ndarray of bool, shape (n,)
+        Selected runs.
+    motion : ndarray of int, shape (n,), or None
+        Ground motion of each run. If None, the covariance of the fit is kept.
+
+    Returns
+    -------
+    list
+        Functions, or errors that prevent them. The covariance is nan if fewer than three groups
+        permit a fit.
+    """
     functions = fit(of)
     if motion is None:
         return functions
-    # Groups of motions of about one size, in the order of their numbers.
+    # Form groups of ground motions of about equal size, in the order of their indices.
     motions = np.unique(motion[of])
     groups = min(motions.size, max(_GROUPS, _MOST_FITTED // max(int(np.sum(of)), 1)))
     group = (np.searchsorted(motions, motion) * groups) // motions.size
-    left: list[list[tuple[float, float]]] = [[] for _ in functions]
+    estimates: list[list[tuple[float, float]]] = [[] for _ in functions]
     for number in range(groups) if groups > 2 else ():
         try:
             fitted = fit(of & (group != number))
         except AnalysisError:
             continue
-        for place, function in enumerate(fitted):
+        for index, function in enumerate(fitted):
             if isinstance(function, Fragility):
-                left[place].append((math.log(function.theta), function.beta))
+                estimates[index].append((math.log(function.theta), function.beta))
     covariances = [
         (len(values) - 1) * np.cov(np.array(values).T, bias=True)
         if len(values) > 2
         else np.full((2, 2), math.nan)
-        for values in left
+        for values in estimates
     ]
     return [
         replace(function, covariance=covariance) if isinstance(function, Fragility) else function
@@ -621,18 +694,21 @@ def over_motions(
 
 
 def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, list[list[int]]]:
-    """Return the rule for pairs of a table of runs, and the rows that count as one motion at a
-    level; each row by itself if the table has no pairs or counts their components separately.
+    """Return the rule for pairs of a table of runs, and the rows that count as one ground motion.
+
+    Rows are combined level by level. Each row is separate if the table has no pairs or if their
+    components count separately.
 
     Parameters
     ----------
     table : CsvTable
-        Runs, with the columns record and component, and scale, sample, building as far as it has
-        them. Pairs are those of the store beside it, or those recognized by their names.
+        Runs, with the columns record and component, and optionally scale, sample and building.
+        Pairs are defined by the store in the same directory, otherwise by their names.
     pair_demand : str or None
-        One of `tdint.campaign.pairs.PAIR_DEMANDS`; None: that of the store, else the default.
+        One of `tdint.campaign.pairs.PAIR_DEMANDS`; None for the rule of the store, otherwise the
+        default.
     """
-    every = [[place] for place in range(len(table.rows))]
+    every = [[row] for row in range(len(table.rows))]
     if not table.has("record", "component"):
         return PairRule(pair_demand or LARGER), every
     names = list(zip(table.texts("record"), table.texts("component"), strict=True))
@@ -645,27 +721,27 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     if rule.demand == SEPARATE or not rule.pairs:
         return rule, every
 
-    # Levels by the intensity if the table has it, else by the rank of the factors, which may be
-    # each component's own.
+    # Levels are defined by the intensity if the table contains it, otherwise by the rank of the
+    # factors, because the factors of the components may differ.
     samples = table.texts("sample") if table.has("sample") else [""] * len(names)
     by_scale = "scale" if table.has("scale") else None
     column = "im" if table.has("im") else by_scale
     sizes = table.numbers(column, empty=True) if column else [1.0] * len(names)
     of_records: dict[tuple[int, str], list[int]] = {}
-    for place, (name, sample) in enumerate(zip(names, samples, strict=True)):
-        of_records.setdefault((numbers[name], sample), []).append(place)
+    for row, (name, sample) in enumerate(zip(names, samples, strict=True)):
+        of_records.setdefault((numbers[name], sample), []).append(row)
     groups: dict[tuple[int, str, object], list[int]] = {}
-    for (number, sample), places in of_records.items():
-        for rank, place in enumerate(sorted(places, key=lambda at: abs(sizes[at]))):
-            level = f"{sizes[place]:.6g}" if column == "im" else rank
-            groups.setdefault((rule.motion(number), sample, level), []).append(place)
+    for (number, sample), rows in of_records.items():
+        for rank, row in enumerate(sorted(rows, key=lambda index: abs(sizes[index]))):
+            level = f"{sizes[row]:.6g}" if column == "im" else rank
+            groups.setdefault((rule.motion(number), sample, level), []).append(row)
 
-    # Demands can be combined only at levels that both components have.
+    # Demands can be combined only at levels of both components.
     paired = {*rule.partners.values()}
-    alone = [key for key, places in groups.items() if key[0] in paired and len(places) == 1]
-    if alone and column == "im":
+    unpaired = [key for key, rows in groups.items() if key[0] in paired and len(rows) == 1]
+    if unpaired and column == "im":
         raise UsageError(
-            f"{table.source}: the two components of a pair ({names[groups[alone[0]][0]][0]}) were "
+            f"{table.source}: the components of a pair ({names[groups[unpaired[0]][0]][0]}) were "
             "run at different levels, so that their demands cannot be combined; use --fit ida, or "
             "--pair-demand separate"
         )
@@ -673,8 +749,7 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
 
 
 def of_pairs(table: CsvTable, im: Array) -> Array:
-    """The intensities of the runs of a table, with that of both components of a pair, their
-    geometric mean."""
+    """Return the intensities of the runs of a table, with the geometric mean for pairs."""
     with _store_beside(table) as store:
         records = store.records() if store is not None else {}
     seconds = {
@@ -685,17 +760,19 @@ def of_pairs(table: CsvTable, im: Array) -> Array:
     if not seconds:
         return im
     result, keys = im.copy(), _keys(table)
-    places = {key: place for place, key in enumerate(keys)}
-    for place, key in enumerate(keys):
-        other = places.get((key[0], *seconds.get((key[1], key[2]), ("", "")), *key[3:]))
+    indices = {key: row for row, key in enumerate(keys)}
+    for row, key in enumerate(keys):
+        other = indices.get((key[0], *seconds.get((key[1], key[2]), ("", "")), *key[3:]))
         if other is not None:
-            result[[place, other]] = math.sqrt(im[place] * im[other])
+            result[[row, other]] = math.sqrt(im[row] * im[other])
     return result
 
 
 def period_beside(table: CsvTable) -> float | None:
-    """The first period of the building of a table of runs, s, as the store beside it tells; None
-    where it does not."""
+    """Return the first period of the building of a table of runs, s, from the store of the table.
+
+    The result is None if it is unknown.
+    """
     with _store_beside(table) as store:
         numbers = (
             {name: number for number, (name, _) in store.buildings().items()}
@@ -708,7 +785,7 @@ def period_beside(table: CsvTable) -> float | None:
 
 @contextmanager
 def _store_beside(table: CsvTable) -> Iterator[Store | None]:
-    """The store that a table of runs was made of; None where there is none."""
+    """Open the store in the directory of a table of runs; None if it does not exist."""
     folder = Path(table.source).parent
     if table.source == "-" or Path(table.source).name != "runs.csv" or not is_file(folder / FILE):
         yield None
@@ -718,44 +795,45 @@ def _store_beside(table: CsvTable) -> Iterator[Store | None]:
 
 
 def with_measures(table: CsvTable) -> CsvTable:
-    """The table of runs with the columns of the measures beside it, if they are there.
+    """Return the table of runs with the columns of its measures, if they are available.
 
     Raises
     ------
     ModelError
-        They are not of these runs.
+        The measures do not belong to these runs.
     """
     file = Path(table.source).with_name(MEASURES)
     if table.source == "-" or not is_file(file):
         return table
     others = read_table(str(file), "the measures of a campaign are a table")
-    # By the names of the runs: the table may have been sorted since.
+    # Match rows by the names of the runs, because the table may have been sorted.
     cells = {key: row for key, (_, row) in zip(_keys(others), others.rows, strict=True)}
-    places = [place for place, name in enumerate(others.header) if name not in table.header]
+    columns = [column for column, name in enumerate(others.header) if name not in table.header]
     rows = []
     for key, (number, row) in zip(_keys(table), table.rows, strict=True):
         if key not in cells:
             raise ModelError(
-                f"{file}: has no row of {' '.join(key)}; call `tdint campaign` with --im again"
+                f"{file}: row of {' '.join(key)} not found; run `tdint campaign` with --im again"
             )
-        rows.append((number, [*row, *(cells[key][place] for place in places)]))
-    names = tuple(others.header[place] for place in places)
+        rows.append((number, [*row, *(cells[key][column] for column in columns)]))
+    names = tuple(others.header[column] for column in columns)
     return replace(
         table, header=(*table.header, *names), titles=(*table.titles, *names), rows=tuple(rows)
     )
 
 
 def _keys(table: CsvTable) -> list[tuple[str, ...]]:
+    """Return the keys of the runs of a table: building, record, component, scale, sample."""
     return list(zip(*(table.texts(name) for name in _KEYS), strict=True))
 
 
 def column_of(table: CsvTable, name: str) -> tuple[str, str]:
-    """The column of a measure, whatever its unit is, and this.
+    """Return the column of a measure in any unit, and this unit.
 
     Raises
     ------
     UsageError
-        The table has none.
+        The table does not contain the measure.
     """
     for unit in _UNITS:
         if table.has(f"{name}{suffix(unit)}"):
@@ -764,36 +842,38 @@ def column_of(table: CsvTable, name: str) -> tuple[str, str]:
 
 
 def no_measure(source: str, name: str) -> str:
-    """That runs have no such measure."""
+    """Return the message that runs do not have a measure."""
     return (
-        f"{source}: the runs have no measure {name}; call `tdint campaign` on the same folder with "
-        f"--im, which writes {MEASURES}"
+        f"{source}: the runs have no measure {name}; run `tdint campaign` on the same directory "
+        f"with --im, which writes {MEASURES}"
     )
 
 
 def _characteristics(
     table: CsvTable, file: str | Path | None
 ) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
-    """Of each run what is known of its record, by the names of the columns, and the number of its
-    event, if there is a column `event`."""
+    """Return the characteristics of the record of each run by name, and the index of its event.
+
+    The index is None if the file has no column `event`.
+    """
     if file is None:
         return {}, None
-    given = read_table(str(file), _NEEDS)
-    records = given.texts("record")
-    names = [name for name in given.header if name not in ("record", "component", "event")]
+    stated = read_table(str(file), _NEEDS)
+    records = stated.texts("record")
+    names = [name for name in stated.header if name not in ("record", "component", "event")]
     if not names:
         raise ModelError(f"{file}: {_NEEDS}")
-    by_name = {name: dict(zip(records, given.numbers(name), strict=True)) for name in names}
+    by_name = {name: dict(zip(records, stated.numbers(name), strict=True)) for name in names}
     records_of_runs = table.texts("record")
-    # Of every record, or the dependence would be of those alone that happen to be known.
+    # Every record is required, because a dependence for a selection of records would be biased.
     missing = [key for key in dict.fromkeys(records_of_runs) if key not in set(records)]
     if missing:
         raise ModelError(
-            f"{file}: has no row of the record {missing[0]}; records are named as in runs.csv"
+            f"{file}: row of the record {missing[0]} not found; records are named as in runs.csv"
         )
     events = None
-    if given.has("event"):
-        event = dict(zip(records, given.texts("event", empty=False), strict=True))
+    if stated.has("event"):
+        event = dict(zip(records, stated.texts("event", empty=False), strict=True))
         events = np.unique([event[key] for key in records_of_runs], return_inverse=True)[1]
     return {
         name: np.array([values[key] for key in records_of_runs]) for name, values in by_name.items()

@@ -1,11 +1,10 @@
-"""Damage of the buildings of a campaign: the state after each run, probabilities by type and level,
-and losses.
+"""Damage of the buildings of a campaign: state after each run, probabilities by type, and losses.
 
-A run that comes to its end has a demand; the probability of a state or a heavier one is
-Phi(ln(demand / median) / dispersion). A run under which the building falls is told as what it is,
-with the probability 1, and one without a result has no part in any probability. The standard error
-of a probability or a mean is that of a mean over the ground motions: runs under the same one are
-taken together, for they err alike.
+A completed run has a demand. The probability of reaching or exceeding a state is
+Phi(ln(demand / median) / dispersion). A collapse is an outcome with the probability 1. A run
+without a result does not contribute to any probability. Standard errors of probabilities and means
+are jackknife estimates over ground motions, because runs under the same ground motion are
+correlated.
 """
 
 from __future__ import annotations
@@ -41,42 +40,42 @@ _MADE_OF = {
     "acceleration": "peak_absolute_acceleration",
     "spectral_displacement": "peak_roof_displacement",
 }
-"""The quantity of the runs that each demand is made of."""
+"""Quantity of the runs from which each demand is computed."""
 
 _COLUMNS = {one.name: one.column for one in RUN}
 
 
 def stored_states(store: Store) -> dict[str, DamageStates]:
-    """The damage states of each type of a store; empty where nothing is said of damage."""
-    said = json.loads(store.damage() or "{}")
-    return {name: DamageStates.of_json(stored) for name, stored in said.get("types", {}).items()}
+    """Return the damage states of each type of a store; empty if it has no damage states."""
+    stored = json.loads(store.damage() or "{}")
+    return {name: DamageStates.of_json(item) for name, item in stored.get("types", {}).items()}
 
 
 @dataclass(frozen=True)
 class BuildingDamage:
-    """The damage of a building after each of its runs.
+    """Damage of a building after each of its runs.
 
     Attributes
     ----------
     number : int
-        Of the building.
+        Index of the building.
     building, type : str
-        Its name and its type.
+        Name and type of the building.
     period : float
         First period, s.
     states : DamageStates
-        Of its type.
+        Damage states of the type.
     keys : list of Run
-        Record, factor and draw of each run.
+        Record, factor and sample of each run.
     rank : ndarray of int, shape (runs,)
-        The place of the level among those of its motion, from 0.
+        Index of the level among the levels of the ground motion, from 0.
     status : list of str
-        How it ended.
+        Status at the end of each run.
     demand : ndarray, shape (runs,)
-        What the states are told by, SI units; nan of a run without a result. Of a run under which
-        the building falls what it had reached.
+        Demand of the damage states, SI units; nan for a run without a result. After a collapse, it
+        is the demand that was reached.
     probability : ndarray, shape (runs, outcomes)
-        Of each of `states.outcomes`; nan of a run without a result.
+        Probability of each of `states.outcomes`; nan for a run without a result.
     sa, pga : ndarray, shape (runs,)
         Pseudo-acceleration at the first period and peak ground acceleration, m/s^2.
     """
@@ -96,17 +95,16 @@ class BuildingDamage:
 
     @property
     def state(self) -> list[str]:
-        """What became of the building: the state that the medians tell, or how it fell; nothing
-        without a result."""
+        """State of the building by the medians, or the type of collapse; empty without a result."""
         reached = np.sum(self.demand[:, np.newaxis] >= np.array(self.states.medians), axis=1)
         return [
-            self.states.outcomes[place] if status == DONE else status if status in FALLEN else ""
-            for place, status in zip(reached.tolist(), self.status, strict=True)
+            self.states.outcomes[index] if status == DONE else status if status in FALLEN else ""
+            for index, status in zip(reached.tolist(), self.status, strict=True)
         ]
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Which runs have a result."""
+        """True for runs that have a result."""
         return np.array([status == DONE or status in FALLEN for status in self.status])
 
     @property
@@ -116,13 +114,22 @@ class BuildingDamage:
 
     @property
     def squared_loss(self) -> Array:
-        """Mean of the loss ratio's square, shape (runs,)."""
+        """Mean of the squared loss ratio, shape (runs,)."""
         return np.asarray(self.probability @ np.square(self.states.outcome_losses))
 
 
 def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) -> Array:
-    """The probability of each outcome after runs with these demands and ends, shape (runs,
-    outcomes)."""
+    """Return the probability of each outcome after runs, shape (runs, outcomes).
+
+    Parameters
+    ----------
+    states : DamageStates
+        Damage states.
+    demand : ndarray, shape (runs,)
+        Demands, SI units.
+    status : sequence of str
+        Status at the end of each run.
+    """
     exceeded = exceedance(states, demand)
     edges = np.column_stack([np.ones(demand.size), exceeded, np.zeros(demand.size)])
     result = np.zeros((demand.size, len(states.outcomes)))
@@ -138,7 +145,7 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
 
 
 def exceedance(states: DamageStates, demand: Array) -> Array:
-    """The probability of each state or a heavier one under these demands, shape (runs, states)."""
+    """Return the probability of reaching or exceeding each state, shape (runs, states)."""
     medians = np.array(states.medians)
     if states.dispersion == 0.0:
         return np.asarray(demand[:, np.newaxis] >= medians, float)
@@ -147,18 +154,18 @@ def exceedance(states: DamageStates, demand: Array) -> Array:
 
 
 def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDamage | None:
-    """The damage of a building after a single run; None where its model says nothing of it.
+    """Return the damage of a building after a single run; None if its model has no damage states.
 
     Raises
     ------
     ModelError
-        The building has not what the demand is made of.
+        The model lacks data from which the demand is computed.
     """
     states, type_ = model.damage, own_type(model)
     if states is None or type_ is None:
         return None
     (cells,) = demand_cells(stories)
-    demand, nothing = (
+    demand, unknown = (
         np.array([abs(cells[_MADE_OF[states.demand]])]) / type_.divisor,
         np.array([math.nan]),
     )
@@ -175,18 +182,27 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
         [status],
         demand,
         probability,
-        nothing,
-        nothing,
+        unknown,
+        unknown,
     )
 
 
 def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterator[BuildingDamage]:
-    """Of each building of a store, in their order, with `of_all`, of drift ratios, in place of its
-    own states; one building is held at a time."""
+    """Yield the damage of each building of a store, in their order.
+
+    Only one building is in memory at a time.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    of_all : DamageStates, optional
+        States of all buildings, by drift ratios, instead of their own states.
+    """
     types = stored_states(store)
     if not (types or of_all):
         return
-    # All types have one demand: one column of the runs is read.
+    # All types have the same demand, so that a single column of the runs is read.
     column = _COLUMNS[_MADE_OF[(of_all or next(iter(types.values()))).demand]]
     names = store.buildings() if of_all else {}
     query = (
@@ -194,20 +210,20 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
         "run_rows"
     )
     rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
-    # Rows come sorted by building, so that one is held at a time.
+    # Rows are sorted by building, so that only one building is in memory.
     for number, of_one in groupby(rows, key=itemgetter(0)):
         runs = list(of_one)
-        # With thresholds of the largest drift ratio a building needs no type and no divisor.
+        # Thresholds of the maximum drift ratio require neither a type nor a divisor.
         if of_all:
             building, divisor, period = names[number][0], 1.0, store.period(number) or math.nan
             name = building
         else:
             building, name, divisor, period = store.building_type(number)
         states, status = of_all or types[name], [run[4] for run in runs]
-        values, sa, pga = (np.array([run[place] for run in runs], float) for place in (5, 6, 7))
+        values, sa, pga = (np.array([run[column] for run in runs], float) for column in (5, 6, 7))
         demand = np.abs(values) / divisor
         keys = [Run(*run[1:4]) for run in runs]
-        # Levels are ranks of the factors, for factors may be each motion's own.
+        # Levels are ranks of the factors, because each ground motion can have other factors.
         ranks = level_ranks(keys)
         rank, probability = (
             np.array([ranks[key] for key in keys]),
@@ -219,23 +235,23 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
 
 
 def places_of_motions(of: BuildingDamage, rule: PairRule) -> list[list[int]]:
-    """Return the places of the runs of a building that count as one motion, level by level.
+    """Return the indices of the runs of a building that count as one ground motion, by level.
 
-    A pair has the runs of both components at a level, even if these have factors of their own.
+    A pair has the runs of both components at a level, even if their factors differ.
     """
     places: dict[tuple[int, int, int], list[int]] = {}
-    for place, (key, rank) in enumerate(zip(of.keys, of.rank.tolist(), strict=True)):
-        places.setdefault((rule.motion(key.motion), key.sample, rank), []).append(place)
+    for index, (key, rank) in enumerate(zip(of.keys, of.rank.tolist(), strict=True)):
+        places.setdefault((rule.motion(key.motion), key.sample, rank), []).append(index)
     return list(places.values())
 
 
 def by_motion(of: BuildingDamage, rule: PairRule) -> BuildingDamage:
-    """Return the damage of a building with one entry for each motion instead of each run.
+    """Return the damage of a building with one entry per ground motion instead of per run.
 
-    The demand of a pair is the one of the rule, and its damage follows from that demand. The
-    building has fallen under a pair if it has under one of the components, and a pair without a
-    result of one component has no result. Key, rank, intensity and peak acceleration are those of
-    the first component.
+    The demand of a pair follows from the rule, and its damage follows from that demand. A pair is a
+    collapse if the building collapses under at least one component. A pair has no result if one
+    component has no result. Key, rank, intensity and peak acceleration are taken from the first
+    component.
     """
     if rule.demand == SEPARATE or not rule.pairs:
         return of
@@ -243,16 +259,16 @@ def by_motion(of: BuildingDamage, rule: PairRule) -> BuildingDamage:
     firsts = [group[0] for group in groups]
     demand = np.array([rule.combine(of.demand[group]) for group in groups])
 
-    # What failed counts before what fell, as for profiles.
+    # A failure has precedence over a collapse, as in profiles.
     status = []
     for group in groups:
-        ends = [of.status[place] for place in group]
+        ends = [of.status[index] for index in group]
         failed = [end for end in ends if end not in (DONE, *FALLEN)]
         fell = [end for end in ends if end in FALLEN]
         status.append(next(iter([*failed, *fell]), DONE))
     return replace(
         of,
-        keys=[of.keys[place] for place in firsts],
+        keys=[of.keys[index] for index in firsts],
         rank=of.rank[firsts],
         status=status,
         demand=demand,
@@ -263,14 +279,17 @@ def by_motion(of: BuildingDamage, rule: PairRule) -> BuildingDamage:
 
 
 def level_values(store: Store) -> list[float]:
-    """The levels of a campaign from the smallest: values of a measure, SI units, or factors; none
-    where motions have factors of their own, whose levels are their numbers from 1."""
+    """Return the levels of a campaign in ascending order.
+
+    The levels are values of an intensity measure (SI units) or factors. The list is empty if the
+    ground motions have different factors; their levels are numbered from 1.
+    """
     settings = store.parameters()
     return sorted(settings.get("levels") or settings.get("scales") or (), key=abs)
 
 
 class Mean(NamedTuple):
-    """A mean over runs with its standard error over the ground motions; nan where there is none."""
+    """Mean over runs with its standard error over ground motions; nan if not available."""
 
     value: Array
     error: Array
@@ -278,37 +297,37 @@ class Mean(NamedTuple):
 
 @dataclass(frozen=True)
 class TypeDamage:
-    """The damage of a type of buildings, or of one building, in one event and at one level.
+    """Damage of a building type, or of one building, in one event and at one level.
 
     Attributes
     ----------
     type, building : str
-        The type, and the building; empty for all of the type.
+        Type, and building; empty for all buildings of the type.
     event : str
-        Of a ground motion field; empty where there are none.
+        Event of a ground motion field; empty without events.
     level : float
-        As `level_values` has it.
+        Level, as in `level_values`.
     states : DamageStates
-        Of the type.
+        Damage states of the type.
     buildings, runs, failed : int
-        Buildings, their runs, and those of them without a result, which have no part in what
-        follows. The runs under a pair that counts as one motion are one.
+        Number of buildings, of runs, and of runs without a result, which do not contribute to the
+        following values. Runs under a pair that counts as one ground motion are one run.
     probability : Mean
-        Of each of `states.outcomes`.
+        Probability of each of `states.outcomes`.
     loss : Mean
-        Of the loss ratio; arrays of one number, nan where losses are not told.
+        Loss ratio; arrays of one value, nan without losses.
     loss_sd : float
-        Standard deviation of the loss ratio of one building under one motion.
+        Standard deviation of the loss ratio of one building under one ground motion.
     value : float
-        What the buildings with a result cost, each as often as it is there; nan where the inventory
-        does not say it.
+        Cost of the buildings with a result, including identical buildings; nan if the inventory
+        does not specify costs.
     money : Mean
-        The mean loss of all of them together; arrays of one number, nan without costs.
+        Mean loss of all these buildings together; arrays of one value, nan without costs.
     part : str
-        What stands in the column of the inventory by which buildings are taken together.
+        Entry of the column of the inventory by which buildings are grouped.
     scatter : tuple of two floats
-        Standard deviation of the money, or without costs of the mean loss ratio: with losses of the
-        buildings that are independent of each other, and fully correlated.
+        Standard deviation of the loss (of the mean loss ratio without costs), for independent and
+        for fully correlated losses of the buildings.
     """
 
     type: str
@@ -329,16 +348,18 @@ class TypeDamage:
 
 
 class _Group:
-    """Runs that are taken together: sums under each ground motion, a row of outcomes, loss and its
-    square, and one of what the buildings cost and lose."""
+    """Group of runs with sums for each ground motion.
+
+    The sums contain the number of runs, the outcomes, the loss ratio and its square; and separately
+    the cost and the loss of the buildings.
+    """
 
     def __init__(self, states: DamageStates) -> None:
         self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
         self._sums: dict[int, Array] = {}
         self._money: dict[int, Array] = {}
-        self._scatter = np.zeros(
-            (2, 2)
-        )  # of money, and of the loss ratio: sums of variances, and of deviations
+        # Sums of variances and of standard deviations, for the loss and for the loss ratio
+        self._scatter = np.zeros((2, 2))
 
     def add(
         self,
@@ -348,8 +369,21 @@ class _Group:
         value: float = math.nan,
         number: float = 1.0,
     ) -> None:
-        """Take the runs of a building at one level; motions tells which one each run is under. It
-        costs a value, that of a `number` of buildings alike."""
+        """Add the runs of a building at one level.
+
+        Parameters
+        ----------
+        of : BuildingDamage
+            Damage of the building after each run.
+        chosen : ndarray of bool, shape (runs,)
+            Runs at the level.
+        motions : ndarray of int, shape (runs,)
+            Ground motion of each run.
+        value : float
+            Cost of all identical buildings together.
+        number : float
+            Number of identical buildings.
+        """
         counted = chosen & of.known
         self.buildings += 1
         self.runs += int(np.sum(chosen))
@@ -359,12 +393,13 @@ class _Group:
         for motion in np.unique(motions[counted]).tolist():
             added = rows[counted & (motions == motion)].sum(axis=0)
             self._sums[motion] = self._sums[motion] + added if motion in self._sums else added
-            if of.states.losses and value == value:  # its runs share what it costs
+            # Each run has an equal part of the cost of the building.
+            if of.states.losses and value == value:
                 share = value / float(np.sum(counted)) * added[[0, -2]]
                 self._money[motion] = (
                     self._money[motion] + share if motion in self._money else share
                 )
-        # How its loss scatters: from run to run, and with the thresholds of its states.
+        # Accumulate the variance of the loss, which is due to the runs and the thresholds.
         if of.states.losses and counted.any() and number > 0.0:
             mean = float(of.loss[counted].mean())
             deviation = math.sqrt(max(float(of.squared_loss[counted].mean()) - mean**2, 0.0))
@@ -375,27 +410,38 @@ class _Group:
     def damage(
         self, name: str, building: str, event: str, level: float, part: str = ""
     ) -> TypeDamage:
-        """What the runs tell."""
+        """Return the damage of the group.
+
+        Parameters
+        ----------
+        name, building, event : str
+            Type, building and event.
+        level : float
+            Level, as in `level_values`.
+        part : str
+            Entry of the column of the inventory.
+        """
         count = len(self.states.outcomes)
-        # Rows by motion: the error is that between motions, under which buildings err alike.
+        # The sums have one row per ground motion, because runs under a ground motion are
+        # correlated.
         sums = np.array(list(self._sums.values()))
         mean = _mean(sums) if len(sums) else Mean(*np.full((2, count), math.nan))
         probability = Mean(mean.value[:count], mean.error[:count])
         loss = money = Mean(*np.full((2, 1), math.nan))
         sd = value = math.nan
-        # The last two sums are those of the loss and its square.
+        # The last two sums are the loss ratio and its square.
         if self.states.losses and len(sums):
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
             sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
-        # The mean over motions of what is lost, as a part of what the buildings cost under each.
+        # The mean loss is a fraction of the cost under each ground motion, averaged over them.
         squares, deviations = self._scatter[0 if self._money else 1].tolist()
-        whole = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
+        total = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
         if self._money:
             rows = np.array(list(self._money.values()))
             value = float(rows[:, 0].sum())
             if value > 0.0:
                 money = Mean(*(value * part for part in _mean(rows)))
-        told = (
+        values = (
             self.states,
             self.buildings,
             self.runs,
@@ -411,20 +457,22 @@ class _Group:
             building,
             event,
             level,
-            *told,
+            *values,
             part,
-            (math.sqrt(squares) / whole, deviations / whole),
+            (math.sqrt(squares) / total, deviations / total),
         )
 
 
 def _mean(sums: Array) -> Mean:
-    """The mean over all runs of rows of sums under each motion, the first of which counts the runs;
-    its error that of leaving out the motions one by one (jackknife)."""
+    """Return the mean over all runs with a jackknife standard error over ground motions.
+
+    `sums` has one row per ground motion; its first column is the number of runs.
+    """
     counts, motions = sums[:, :1], len(sums)
     value = sums[:, 1:].sum(axis=0) / counts.sum()
     if motions < 2:
         return Mean(value, np.full(value.size, math.nan))
-    # By how much the mean changes without each; nan where only one motion counts.
+    # Change of the mean if a ground motion is omitted; nan if only one ground motion contributes.
     with np.errstate(divide="ignore", invalid="ignore"):
         change = (counts * value - sums[:, 1:]) / (counts.sum() - counts)
         return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
@@ -433,16 +481,26 @@ def _mean(sums: Array) -> Mean:
 def group_damages(
     store: Store, *, by_building: bool = False, by: str | None = None
 ) -> Iterator[TypeDamage]:
-    """The damage of each type in each event and at each level, or of each building, or `by` a
-    column of the inventory, of all types together; by nothing ("") of all buildings. One building
-    is held at a time."""
+    """Yield the damage of each group of buildings, in each event and at each level.
+
+    Only one building is in memory at a time.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    by_building : bool
+        True for one group per building.
+    by : str, optional
+        Column of the inventory that defines the groups, for all types together; "" for a single
+        group of all buildings. By default the groups are the types.
+    """
     rule, levels, events = store.pair_rule(), level_values(store), ["", *store.events()]
     of_types: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]
 
-    # What a row is called by: the type, the event and the level, or a value of the column asked
-    # for.
-    def told(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
+    # The name of a row is the type, or the entry of the requested column.
+    def result(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
         name, event, rank = key
         level = levels[rank] if levels else rank + 1.0
         return group.damage(
@@ -456,13 +514,13 @@ def group_damages(
             if COST in columns or by
             else {}
         )
-        # A row of an inventory may stand for several buildings, each of this cost.
+        # A row of an inventory can represent several buildings, each with this cost.
         number_alike = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
         value = cell_number(cells.get(COST, "")) * number_alike
         name = of.type if by is None else cells.get(by.lower(), "")
         motions = np.array([rule.recordings[record] for record, _, _ in of.keys])
         event = np.array([sample if len(events) > 1 else 0 for _, _, sample in of.keys])
-        # A building's own numbers are given out at once; those of types are summed up to the end.
+        # Results of a building are complete now; groups of several buildings are summed.
         for number, rank in sorted(set(zip(event.tolist(), of.rank.tolist(), strict=True))):
             chosen, key = (of.rank == rank) & (event == number), (name, number, rank)
             group = (
@@ -470,6 +528,6 @@ def group_damages(
             )
             group.add(of, chosen, motions, value, number_alike)
             if by_building:
-                yield told(group, of.building, key)
+                yield result(group, of.building, key)
     for key in sorted(of_types):
-        yield told(of_types[key], "", key)
+        yield result(of_types[key], "", key)

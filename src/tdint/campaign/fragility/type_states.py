@@ -1,5 +1,8 @@
-"""The damage states of the types of buildings of a campaign: what its key `damage` says, the tables
-of thresholds and losses that it names, and the type that each building belongs to."""
+"""Damage states of the building types of a campaign.
+
+The module reads the key `damage` with its tables of thresholds and losses, and determines the type
+of each building.
+"""
 
 from __future__ import annotations
 
@@ -33,15 +36,13 @@ from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.modes import solve_modes
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
-_WHERE = (
-    "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
-)
+_WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with one row per class"
 _THRESHOLDS, _LOSSES = (
     Either((sections.THRESHOLDS, Words())),
     Either((sections.ByState(sections.LOSS), Words())),
 )
 _NAMES = EntriesOf(
-    Words(), 1, what="a list of names, from the lightest", distinct="names, each its own"
+    Words(), 1, what="a list of names, from the lightest", distinct="different names"
 )
 DAMAGE = Keys(
     (
@@ -53,37 +54,37 @@ DAMAGE = Keys(
     )
 )
 _OF_RULES = {HAZUS: ("roof_drift_ratio", "drift_ratio"), CAPACITY: ("spectral_displacement",)}
-"""The demands that these thresholds may be of; the first by default."""
+"""Possible demands of these thresholds; the first demand is the default."""
 
 _SUFFIXES = {
     "1": {"": 1.0},
     "m": {f"_{unit}": factor for unit, factor in LENGTH.items()},
     "m/s^2": {"_g": STANDARD_GRAVITY, "_m_s2": ACCELERATION["m/s^2"]},
 }
-"""What follows the name of a state in the header of a table of thresholds, and the value in SI
+"""Suffixes of the state names in the header of a table of thresholds, with their factors to SI
 units."""
 
 
 @dataclass(frozen=True)
 class DamageWishes:
-    """What a campaign file says of damage.
+    """Settings of damage in a campaign file.
 
     Attributes
     ----------
     demand : str
-        What states are told by, one of `tdint.model.definition.DEMANDS`.
+        Demand of the states, one of `tdint.model.definition.DEMANDS`.
     states : tuple of str
         Names of the states, from the lightest.
     of_all : DamageStates or None
-        Where all buildings have the same.
+        States of all buildings, if they are equal.
     source : str
-        Else `hazus`, `capacity` or a CSV file of thresholds by class.
+        Otherwise `hazus`, `capacity` or a CSV file of thresholds by class.
     dispersion : float or None
-        As of `tdint.model.definition.DamageStates`; None where a table has it.
+        As in `tdint.model.definition.DamageStates`; None if a table specifies it.
     losses : tuple of float
-        The loss ratio of each state and after a collapse, the same for all.
+        Loss ratio of each state and after a collapse, if equal for all buildings.
     loss_file : str or None
-        A CSV file of loss ratios by class.
+        CSV file of loss ratios by class.
     """
 
     demand: str
@@ -96,60 +97,71 @@ class DamageWishes:
 
 
 def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
-    """What is wanted of damage; None without any, or after a fault. `rules` are those of an
-    inventory."""
+    """Read the settings of damage; None if they are missing or invalid.
+
+    `rules` are the rules of an inventory.
+    """
     section = value.section(DAMAGE) if value else None
-    advice = f"give the demand of each state, {_WHERE}"
+    advice = f"specify the demand of each state, {_WHERE}"
     thresholds = section.need("thresholds", advice) if section else None
     if section is None or thresholds is None:
         return None
     if not thresholds.is_mapping:
         return _by_class(section, thresholds, rules)
     if entry := section.get("states"):
-        entry.fault("the thresholds name the states; leave one of the two out")
+        entry.fault("the thresholds name the states; remove `states` or use a table of thresholds")
     losses = section.get("losses")
     demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
         read = sections.states_of(section, demand or "", thresholds)
         return DamageWishes(read.demand, read.states, read) if read else None
-    losses.fault("must be a mapping by state, as the thresholds are")
+    losses.fault("must be a mapping by state, because the thresholds are a mapping")
     return None
 
 
 def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageWishes | None:
-    """Thresholds by rules or of a table; None after a fault."""
+    """Read the settings for thresholds by rules or of a table; None if they are invalid.
+
+    Parameters
+    ----------
+    section : Section
+        Section `damage`.
+    thresholds : Value
+        Its key `thresholds`.
+    rules : str or None
+        Rules of the inventory.
+    """
     source = thresholds.text()
-    # Published thresholds belong to the rules whose types they are of.
+    # Published thresholds apply to the types of certain rules.
     needed = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
     if needed and rules != needed:
-        thresholds.fault(
-            f"{source} has thresholds of buildings of an inventory by the rules {needed}"
-        )
+        thresholds.fault(f"{source} provides thresholds for inventories with the rules {needed}")
         return None
     demand = section.read("demand", _OF_RULES.get(source or "", ("",))[0])
     states = _names(section)
     if source is None or demand is None or states is None:
         return None
-    # A table does not say what its thresholds are of; published ones do.
+    # A table does not specify the demand of its thresholds; published thresholds do.
     if not demand:
-        section.need("demand", f"give one of {', '.join(DEMANDS)}")
+        section.need("demand", f"specify one of {', '.join(DEMANDS)}")
         return None
-    # Published states are four, and only some demands have them.
+    # Published thresholds have four states and are available for some demands only.
     if needed and (demand not in _OF_RULES[source] or len(states) != len(STATES)):
-        of = " or ".join(_OF_RULES[source])
+        available = " or ".join(_OF_RULES[source])
         section.value.fault(
-            f"the thresholds {source} are of {len(STATES)} states, by {of}; leave the others out"
+            f"the thresholds {source} have {len(STATES)} states, by {available}; remove other "
+            "states and demands"
         )
         return None
-    # Hazus has a dispersion of its own; beside capacity curves the user gives it.
+    # Hazus specifies a dispersion; for capacity curves the user must specify it.
     beta = section.read("dispersion")
     if source == CAPACITY and not section.has("dispersion"):
-        section.need("dispersion", "give 0 for exact thresholds")
-    # Losses are the same for all classes in the file itself, or by class in a table.
-    given = section.get("losses")
-    of_all = given if given and given.is_mapping else None
+        section.need("dispersion", "specify 0 for exact thresholds")
+    # Losses are equal for all classes in the campaign file, or depend on the class in a table.
+    stated = section.get("losses")
+    of_all = stated if stated and stated.is_mapping else None
     losses = sections.read_losses(of_all, states)
-    file = given.file() if given and not of_all else None
+    file = stated.file() if stated and not of_all else None
     if losses is None:
         return None
     dispersion = HAZUS_DISPERSION if source == HAZUS and beta is None else beta
@@ -160,30 +172,29 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
 
 
 def _names(section: Section) -> tuple[str, ...] | None:
-    """The names of the states; None after a fault."""
+    """Return the names of the states; None if they are invalid."""
     names: tuple[str, ...] | None = section.read("states", STATES)
     if names and not all(map(sections.is_state, names)):
-        section.refuse(("states",), "must be names: words of letters, digits, _ and -")
+        section.refuse(("states",), "must be names of letters, digits, _ and -")
         return None
     return names
 
 
 @dataclass(frozen=True)
 class ClassDamage:
-    """The damage states and the loss ratios of classes by their names, as far as tables have
-    them."""
+    """Damage states and loss ratios of classes by name, as far as tables specify them."""
 
     states: Mapping[str, DamageStates] = field(default_factory=dict)
     losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 def read_class_damage(request: DamageWishes | None) -> ClassDamage:
-    """What the tables say that a campaign names.
+    """Read the tables that a campaign refers to.
 
     Raises
     ------
     ModelError
-        One cannot be read, or what it says makes no sense.
+        A table cannot be read or contains invalid values.
     """
     if request is None:
         return ClassDamage()
@@ -191,10 +202,10 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
     if not request.loss_file:
         return ClassDamage(states)
 
-    # Loss ratios: a column for each state and, if wanted, one for a collapse.
+    # Loss ratios have a column for each state, and optionally a column for a collapse.
     table = read_table(
         request.loss_file,
-        "losses are a CSV file with the column class and one for each damage state",
+        "losses are a CSV file with the column class and a column for each damage state",
     )
     columns = {state: state for state in request.states}
     if table.has(sections.COLLAPSE):
@@ -203,31 +214,33 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
     for name, values in rows.items():
         if not all(map(sections.LOSS.allow, values.values())):
             raise ModelError(
-                f"{request.loss_file}: class {name}: a loss ratio is a number from 0 to 1"
+                f"{request.loss_file}: class {name}: a loss ratio must be a number from 0 to 1"
             )
     losses = {name: sections.losses_of(values, request.states) for name, values in rows.items()}
     return ClassDamage(states, losses)
 
 
 def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
-    """The damage states by class of a CSV file, which may be the one of capacity curves: the column
-    `class`, one for each state with the unit of the demand (`slight` of a ratio, `slight_m`,
-    `slight_g`), and if wanted `beta`. Of the rows of a class one has them; the others may repeat
-    them or be empty."""
+    """Read the damage states by class of a CSV file, which can be the file of capacity curves.
+
+    The columns are `class`, one column for each state with the unit of the demand (`slight` for a
+    ratio, `slight_m`, `slight_g`), and optionally `beta`. One row of a class must contain the
+    values; the other rows may repeat them or be empty.
+    """
     table = read_table(
         request.source,
-        "thresholds are a CSV file with the column class and one for each damage state",
+        "thresholds are a CSV file with the column class and a column for each damage state",
     )
-    # The unit stands in the columns' names, one for all states.
+    # The names of the columns contain the unit, which is the same for all states.
     suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
-    there = (
+    available = (
         ending
         for ending in suffixes
         if table.has(*(f"{state}{ending}" for state in request.states))
     )
-    suffix = next(there, next(iter(suffixes)))
+    suffix = next(available, next(iter(suffixes)))
     columns = {state: f"{state}{suffix}" for state in request.states}
-    # Without a dispersion in the campaign's file each class must have one.
+    # If the campaign file specifies no dispersion, each class must specify it.
     if request.dispersion is None:
         table.need(*columns.values(), "beta")
     rows = _of_classes(
@@ -236,7 +249,7 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
     by_class = {}
     for name, values in rows.items():
         beta = values.pop("beta", request.dispersion or 0.0)
-        # What the medians may be together the states know themselves.
+        # The constructor checks the order of the medians.
         try:
             medians = tuple(suffixes[suffix] * values[state] for state in request.states)
             by_class[name] = DamageStates(
@@ -248,32 +261,41 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
 
 
 def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
-    """The numbers of each class that has some, by the keys of their columns."""
+    """Return the values of each class that has values, by the keys of their columns."""
     table.need("class", *columns.values())
     cells = {key: list(table.lines(column)) for key, column in columns.items()}
     by_class: dict[str, dict[str, float]] = {}
     for row, name in enumerate(table.texts("class", empty=False)):
         texts = {key: lines[row] for key, lines in cells.items()}
-        # Of the rows of a curve's points one alone may have the numbers of its class.
+        # A class has one row per point of its curve; a single row must contain the values.
         if not any(text for _, text in texts.values()):
             continue
         values = {}
         for key, (line, text) in texts.items():
             values[key] = number(text)
             if math.isnan(values[key]) or values[key] < 0.0:
-                said = no_number(text, "zero or a positive number") if text else "is missing"
-                raise ModelError(f"{table.source}:{line}: {columns[key]} {said}")
-        # Repeated numbers must be the same: which would count is nothing to guess.
+                problem = no_number(text, "zero or a positive number") if text else "is missing"
+                raise ModelError(f"{table.source}:{line}: {columns[key]} {problem}")
+        # Repeated values must be equal, because no row has precedence.
         if by_class.setdefault(name, values) != values:
             raise ModelError(
-                f"{table.source}:{line}: class {name} has other numbers in a row above"
+                f"{table.source}:{line}: class {name} has different values in a row above"
             )
     return by_class
 
 
 class BuildingType(NamedTuple):
-    """What a building is for its damage: the type that it belongs to, what the displacement of its
-    roof is divided by for the demand, and its first period, s."""
+    """Properties of a building for its damage.
+
+    Attributes
+    ----------
+    type : str
+        Type of the building.
+    divisor : float
+        Divisor of the roof displacement for the demand.
+    period : float
+        First period, s.
+    """
 
     type: str
     divisor: float
@@ -282,49 +304,56 @@ class BuildingType(NamedTuple):
 
 @dataclass(frozen=True)
 class Damage:
-    """How the damage of a campaign is told: the states of each type, and the type of each building
-    by its number."""
+    """Damage states of each type of a campaign, and the type of each building by its index."""
 
     types: Mapping[str, DamageStates]
     buildings: Sequence[BuildingType]
 
     def description(self) -> str:
-        """The states of each type as a store keeps them, and the SHA-256 of what its buildings are;
-        JSON."""
+        """Return the states of each type and the SHA-256 of the buildings, as JSON for a store."""
         texts = {building: repr(tuple(building)) for building in set(self.buildings)}
-        whole = hashlib.sha256("".join(map(texts.__getitem__, self.buildings)).encode())
+        digest = hashlib.sha256("".join(map(texts.__getitem__, self.buildings)).encode())
         types = {name: asdict(states) for name, states in self.types.items()}
-        return json.dumps({"types": types, "buildings_sha256": whole.hexdigest()})
+        return json.dumps({"types": types, "buildings_sha256": digest.hexdigest()})
 
 
 def damage_of(
     request: DamageWishes | None, classes: ClassDamage, buildings: Buildings
 ) -> Damage | None:
-    """How the damage of a campaign is told; None where nothing is said of it.
+    """Return the damage states of a campaign; None if they are not specified.
+
+    Parameters
+    ----------
+    request : DamageWishes or None
+        Settings of the campaign file.
+    classes : ClassDamage
+        Tables of the settings.
+    buildings : Buildings
+        Buildings of the campaign.
 
     Raises
     ------
     ModelError
-        A type has no states, or its buildings have not what the demand is made of.
+        A type has no states, or a building lacks data from which the demand is computed.
     """
-    # Models may say their states themselves; then all of them must.
+    # Models can specify states; in this case all of them must.
     models = models_of(buildings)
     if request is None and not any(model.damage for model in models):
         return None
-    # The states of a type are looked for once, by its first building.
+    # The states of a type are determined one time, for its first building.
     types: dict[str, DamageStates] = {}
     of_buildings: list[BuildingType] = []
-    # Buildings of an inventory that differ by place and size alone are made once.
+    # Buildings of an inventory that differ only by location and size are built one time.
     firsts: Sequence[int] = range(len(buildings))
     if isinstance(buildings, RowBuildings) and not (
         buildings.rules.stiffness or buildings.rules.damping
     ):
         firsts = buildings.rows.alike
-    for at, first in enumerate(firsts):
-        if first < at:
+    for index, first in enumerate(firsts):
+        if first < index:
             of_buildings.append(of_buildings[first])
             continue
-        building = buildings[at]
+        building = buildings[index]
         if isinstance(building, RowBuilding):
             rules, facts = building.rules, building.row.facts
             name = type_of(facts)
@@ -353,14 +382,19 @@ def damage_of(
 
 
 def type_of(facts: BuildingFacts | CapacityFacts) -> str:
-    """The name of the type of a building of an inventory: its class, or Hazus' type and design
-    level (C1M-high)."""
+    """Return the type of a building of an inventory.
+
+    The type is its class, or the type and design level of Hazus (for example C1M-high).
+    """
     return facts.name if isinstance(facts, CapacityFacts) else "{1}-{0}".format(*code_of(facts))
 
 
 def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
-    """Spectral displacements of four damage states from a capacity curve, m, as GEM's toolkit of
-    single-degree buildings has them: from yielding to the end of the curve."""
+    """Return the spectral displacements of four damage states from a capacity curve, m.
+
+    The formulas are those of GEM's toolkit for single-degree-of-freedom systems: from yielding to
+    the end of the curve.
+    """
     first, last = facts.curve.damage_begins, facts.curve.displacement[-1]
     return 0.75 * first, 0.5 * first + 0.33 * last, 0.25 * first + 0.67 * last, last
 
@@ -371,7 +405,19 @@ def _states(
     name: str,
     facts: BuildingFacts | CapacityFacts | None = None,
 ) -> DamageStates:
-    """The states of a type as the campaign says."""
+    """Return the states of a type as specified by the campaign.
+
+    Parameters
+    ----------
+    request : DamageWishes or None
+        Settings of the campaign file.
+    classes : ClassDamage
+        Tables of the settings.
+    name : str
+        Type of the building.
+    facts : BuildingFacts or CapacityFacts, optional
+        Data of the inventory.
+    """
     assert request is not None
     if request.of_all:
         return request.of_all
@@ -385,14 +431,15 @@ def _states(
     elif name in classes.states:
         states = classes.states[name]
     else:
-        raise ModelError(f"{request.source}: has no damage thresholds of the class {name!r}")
-    # Losses may come from another file than thresholds, class by class.
+        raise ModelError(f"{request.source}: damage thresholds of the class {name!r} not found")
+    # Loss ratios can be in another file than thresholds, by class.
     if request.loss_file and name not in classes.losses:
-        raise ModelError(f"{request.loss_file}: has no losses of the class {name!r}")
+        raise ModelError(f"{request.loss_file}: losses of the class {name!r} not found")
     return replace(states, losses=classes.losses[name]) if request.loss_file else states
 
 
 def _hazus_medians(facts: Any) -> tuple[float, ...]:
+    """Return the median drift ratios of the four states of Hazus."""
     row = hazus_types()[code_of(facts)]
     return (
         row.slight_drift_ratio,
@@ -403,28 +450,28 @@ def _hazus_medians(facts: Any) -> tuple[float, ...]:
 
 
 def _own(model: Model, models: Sequence[Model]) -> DamageStates:
-    """The states that a model says for itself, which are those of the others by name and demand."""
-    # Functions and losses are summed over models: they need the same states by the same demand.
+    """Return the states of a model, which must match the other models in names and demand."""
+    # Functions and losses are summed over models, so the states and the demand must be the same.
     first = next(candidate.damage for candidate in models if candidate.damage)
     if model.damage is None:
         raise ModelError(
-            f"{model.source}: says nothing of `damage`, as other models of the campaign do"
+            f"{model.source}: `damage` is required, because other models of the campaign have it"
         )
     assert first is not None
     if (model.damage.demand, model.damage.states) != (first.demand, first.states):
         raise ModelError(
-            f"{model.source}: damage: has another demand or other states than the models before it"
+            f"{model.source}: damage: demand and states must be the same as in the other models"
         )
     return model.damage
 
 
 def own_type(model: Model) -> BuildingType | None:
-    """What a building is for the damage states of its own model; None where that has none.
+    """Return the properties of a building for the states of its model; None without states.
 
     Raises
     ------
     ModelError
-        It has not what the demand is made of.
+        The model lacks data from which the demand is computed.
     """
     return (
         BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
@@ -432,13 +479,25 @@ def own_type(model: Model) -> BuildingType | None:
 
 
 def _of_model(model: Model, demand: str) -> tuple[float, float]:
+    """Return divisor and period of a model, see `_divisor_and_period`."""
     return _divisor_and_period(model.stories, demand, model.source or model.name)
 
 
 def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tuple[float, float]:
+    """Return the divisor of the roof displacement for a demand, and the first period (s).
+
+    Parameters
+    ----------
+    stories : sequence of Story
+        Stories from the bottom.
+    demand : str
+        Demand of the damage states.
+    name : str
+        Source of the model in messages.
+    """
     heights = [story.height for story in stories]
     if "ratio" in demand and (None in heights if DEMANDS[demand].per else not any(heights)):
-        raise ModelError(f"{name}: damage by {demand} needs the heights of the stories")
+        raise ModelError(f"{name}: damage by {demand} requires the heights of the stories")
     links = np.minimum(np.arange(len(stories)), 1.0)
     modes = solve_modes(
         np.array([story.mass for story in stories]),
