@@ -1,5 +1,4 @@
-"""Elastic response spectra: the work behind `tdint spectrum`; and Sa(T1) of a building's first
-mode."""
+"""Elastic response spectra for `tdint spectrum`, and Sa(T1) of the first mode of a building."""
 
 from __future__ import annotations
 
@@ -56,21 +55,29 @@ InterpolationName = Annotated[
 ]
 """What all spectra declare alike; the last two are columns where they are asked for."""
 
-_LANES = (
-    56  # oscillators marched together at most: their numbers stay in the processor's first cache
-)
-_REGISTER = 8  # numbers that the processor handles at once
-_ROUNDING = 1e-9  # keeps a quotient that is a whole number from the next one
+_LANES = 56  # maximum number of oscillators integrated together; their data fit into the L1 cache
+_REGISTER = 8  # number of values in a vector register
+_ROUNDING = 1e-9  # relative; prevents rounding an integer quotient up to the next integer
 
 
 def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
-    """Exact steps h (s, shape (k,)) of oscillators with omega (rad/s, shape (k,)) and a damping
-    ratio.
+    """Return the exact recursion over one time step for oscillators with a damping ratio.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (k,)
+        Natural circular frequencies, rad/s.
+    h : ndarray, shape (k,)
+        Time steps, s.
+    damping : float
+        Damping ratio.
+    more : int
+        Number of additional rows to allocate.
 
     Returns
     -------
     ndarray, shape (RECURSION_ROWS + more, k)
-        The rows of `tdint.kernels.oscillators.between_steps`, and room for so many `more`.
+        Rows of `tdint.kernels.oscillators.between_steps`, and the additional rows.
     """
     steps = oscillator(omega * h, np.full_like(omega, damping))
     table = np.empty((RECURSION_ROWS + more, omega.size))
@@ -84,31 +91,42 @@ def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
 
 
 def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "") -> None:
-    """Refuse periods (s) that are not 0 and below `least` times the sampling interval dt (s).
+    """Reject periods that are positive and shorter than `least` sampling intervals.
+
+    Parameters
+    ----------
+    periods : ndarray
+        Periods, s.
+    dt : float
+        Sampling interval, s.
+    least : float
+        Minimum period in sampling intervals.
+    otherwise : str, optional
+        Alternative to longer periods, appended to the message.
 
     Raises
     ------
     AnalysisError
-        Such a period; the message ends with what to do `otherwise`.
+        There is such a period.
     """
     shortest = float(np.min(periods[periods > 0.0]))
     if shortest < least * dt:
         raise AnalysisError(
             f"the period {shortest:.6g} s is less than {least:g} sampling intervals of {dt:.6g} s; "
-            f"ask for periods from {least * dt:.6g} s on{otherwise}"
+            f"request periods of at least {least * dt:.6g} s{otherwise}"
         )
 
 
 @dataclass(frozen=True)
 class Maxima:
-    """Where the largest values are looked for.
+    """Definition of the times at which maxima are evaluated.
 
     Attributes
     ----------
     name : str
-        Its name on the command line and in tables.
+        Name on the command line and in tables.
     parts : callable
-        Parts into which the sampling interval is divided, shape (k,), from omega (rad/s, shape
+        Returns the number of parts of the sampling interval, shape (k,), for omega (rad/s, shape
         (k,)) and the interval (s).
     between : bool
         True if maxima between the endpoints of these parts are also found.
@@ -123,17 +141,21 @@ class Maxima:
 
 
 def _resolving(omega: Array, dt: float) -> Parts:
-    """omega h <= 1, which the search between the steps' ends relies on; powers of two, so that many
-    march together."""
+    """Return numbers of parts for omega h <= 1, which the search between time steps requires.
+
+    They are powers of two, so that many oscillators are integrated together.
+    """
     return 2 ** np.ceil(np.log2(np.maximum(1.0, omega * dt * (1.0 - _ROUNDING)))).astype(np.int64)
 
 
 def _ten_per_period(omega: Array, dt: float) -> Parts:
+    """Return numbers of parts for at least `STEPS_PER_PERIOD` time steps per period."""
     periods = 2.0 * math.pi / omega
     return np.ceil(STEPS_PER_PERIOD * dt / periods * (1.0 - _ROUNDING)).astype(np.int64)
 
 
 def _whole(omega: Array, dt: float) -> Parts:
+    """Return one part: the sampling interval."""
     return np.ones(omega.shape, dtype=np.int64)
 
 
@@ -155,18 +177,26 @@ MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
 
 def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxima) -> Array:
-    """Largest relative displacement (m) and velocity (m/s) and absolute acceleration (m/s^2), shape
-    (3, k).
+    """Return maximum relative displacement (m), velocity (m/s) and absolute acceleration (m/s^2).
 
     Parameters
     ----------
     ground : ndarray, shape (samples,)
-        Ground acceleration, m/s^2, linear between samples dt (s) apart; the oscillators are at rest
-        at the first one and watched until the last.
+        Ground acceleration, m/s^2, linear between samples. The oscillators are at rest at the first
+        sample, and maxima are evaluated until the last sample.
+    dt : float
+        Sampling interval, s.
     omega : ndarray, shape (k,)
         Natural circular frequencies, rad/s.
     damping : float
         Damping ratio, in [0, 1).
+    maxima : Maxima
+        Times at which maxima are evaluated.
+
+    Returns
+    -------
+    ndarray, shape (3, k)
+        Maxima.
     """
     result = np.empty((spectra.PEAKS, omega.size))
     for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
@@ -183,11 +213,11 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
 def groups(
     omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
 ) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
-    """Oscillators whose sampling interval is divided into the same number of parts: their places,
-    that number, a table.
+    """Yield groups of oscillators with the same number of parts of the sampling interval.
 
-    The table is the kernel's, the last oscillator repeated to fill a multiple of `lanes` columns:
-    that many of so many oscillators march together.
+    Each group consists of the indices of the oscillators, the number of parts, and the table for
+    the kernel. The last oscillator is repeated until the number of columns is a multiple of
+    `lanes(count)`, the number of oscillators that are integrated together.
     """
     parts = maxima.parts(omega, dt)
     table = recursion_table(omega, dt / parts, damping, more=2)
@@ -200,7 +230,9 @@ def groups(
 
 
 def _lanes(count: int) -> int:
-    """How many of `count` oscillators march together: whole registers, in equal groups."""
+    """Return the number of oscillators that are integrated together: complete registers, in equal
+    groups.
+    """
     alike = -(-count // _LANES)
     return -(-count // (alike * _REGISTER)) * _REGISTER
 
@@ -210,7 +242,9 @@ def _lanes(count: int) -> int:
 Choice = TypeVar("Choice")
 
 SHORTEST = 0.05
-"""Shortest period above 0, in sampling intervals: below it there is nothing in a record."""
+"""Minimum positive period in sampling intervals. A record contains no information on shorter
+periods.
+"""
 
 OR_ZERO = ", or for 0: the peak ground acceleration"
 
@@ -219,7 +253,7 @@ OR_ZERO = ", or for 0: the peak ground acceleration"
 class Spectrum(Tabular):
     """Elastic response spectrum of one record for one damping ratio; arrays of shape (k,).
 
-    `method` is `exact`, or the method that integrated the oscillators; `maxima` and `interpolation`
+    `method` is `exact`, or the method that integrated the oscillators. `maxima` and `interpolation`
     are names of `MAXIMA` and `INTERPOLATIONS`.
     """
 
@@ -244,8 +278,9 @@ class Spectrum(Tabular):
 
 @dataclass(frozen=True)
 class SpectrumSettings:
-    """How a spectrum is computed: the method (None for the exact solution), its maxima, the motion
-    between samples."""
+    """Computation of a spectrum: method (None for the exact solution), maxima, and interpolation
+    between samples.
+    """
 
     method: str | None
     maxima: Maxima
@@ -262,42 +297,43 @@ def spectrum(
     maxima: str | None = None,
     interpolation: str | None = None,
 ) -> Spectrum:
-    """Elastic response spectrum of a record.
+    """Compute the elastic response spectrum of a record.
 
     Parameters
     ----------
     record : Record, str, Path or ObsPy trace
-        Ground motion, or a list of them, for which the spectra are a `ResultList`; the oscillators
-        are at rest at its first sample and watched until its last one. For what they do after it,
-        append zeros to it.
+        Ground motion, or a list of ground motions, for which the result is a `ResultList`. The
+        oscillators are at rest at its first sample, and maxima are evaluated until its last sample.
+        To include the free vibration after the record, append zeros to it.
     periods : ndarray, shape (k,)
-        Periods, s. At period 0, a rigid oscillator, accelerations are the peak ground acceleration
-        and all else is 0.
-    damping : float
+        Periods, s. At period 0 (rigid oscillator), accelerations are the peak ground acceleration
+        and all other quantities are 0.
+    damping : float, default 0.05
         Damping ratio, in [0, 1).
     method : str, optional
-        Integrate with this method at the record's step, instead of the exact solution (Nigam and
-        Jennings 1969).
+        Method that integrates the oscillators with the sampling interval as time step. By default,
+        the exact solution is used (Nigam and Jennings 1969).
     maxima : str, optional
-        `exact`, the default: between the samples, too. `peer`: at steps of dt / ceil(10 dt / T), as
-        PEER publishes them. `samples`: at the record's samples, as USGS does. A method has none of
-        these but its own, `interpolated`: between its steps on the quintic through displacements,
-        velocities and accelerations at their ends.
+        `exact`, the default, includes maxima between samples. `peer` evaluates steps of dt /
+        ceil(10 dt / T), as in spectra published by PEER. `samples` evaluates the samples of the
+        record, as USGS does. These names cannot be used with a method; its maxima are
+        `interpolated` between time steps by the quintic through displacements, velocities and
+        accelerations at the endpoints.
     interpolation : str, optional
-        The ground motion between its samples: `linear`, the default, or `band-limited`, the one
+        Ground motion between its samples: `linear`, the default, or `band-limited`, the unique
         motion through the samples without frequencies above half the sampling rate.
 
     Returns
     -------
     Spectrum
-        Exact maxima are those of the motion between its samples, with a relative error below 1e-8
-        (measured) if it is linear. The error of the band-limited motion is told in
+        Exact maxima of the motion between samples have a relative error below 1e-8 (measured) for
+        linear interpolation. The error of the band-limited motion is given in
         `tdint.ground_motion.processing_steps`.
 
     Raises
     ------
     UsageError
-        Periods or damping out of range, an unknown name, choices that do not go together.
+        Periods or damping are out of range, a name is unknown, or options cannot be combined.
     AnalysisError
         A period is too short for the record, or the method is unstable at a period.
     """
@@ -320,7 +356,7 @@ def spectrum(
             values[:, positive] = largest(ground, dt, oscillating, damping, settings.maxima)
     sd, sv, sa = values
     psv, psa = omega * sd, omega**2 * sd
-    # A rigid oscillator goes with the ground.
+    # A rigid oscillator moves with the ground.
     if not np.all(positive):
         psa[~positive] = sa[~positive] = settings.interpolation.peak(record)
     return Spectrum(
@@ -363,34 +399,38 @@ class OscillatorMotion:
     def ground_acceleration(
         self,
     ) -> Annotated[Array, Quantity("m/s^2", "acceleration of the ground")]:
-        """Of the record."""
+        """Ground acceleration of the record."""
         return self.record.acceleration
 
     @property
     def time(self) -> Annotated[Array, Quantity("s", "time from the first sample")]:
-        """From 0."""
+        """Time from 0 at the first sample."""
         return np.asarray(np.arange(self.displacement.size) * self.record.dt, dtype=np.float64)
 
 
 def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> OscillatorMotion:
-    """The motion of an oscillator that is at rest at the first sample, exact for a ground
-    acceleration that is linear between its samples (Nigam and Jennings 1969).
+    """Return the motion of an oscillator that is at rest at the first sample of a record.
+
+    The solution is exact for a ground acceleration that is linear between samples (Nigam and
+    Jennings 1969).
 
     Parameters
     ----------
+    record : Record
+        Ground motion.
     period, damping : float
-        Natural period, s, positive; damping ratio in [0, 1).
+        Natural period, s, positive; damping ratio in [0, 1), default 0.05.
 
     Raises
     ------
     UsageError
-        One of them is out of range.
+        The period or the damping ratio is out of range.
     """
     (period,), damping = checked_periods(np.array([period])).tolist(), damping_of(damping)
     if period == 0.0:
         raise UsageError("the period of an oscillator must be positive")
     omega = 2.0 * math.pi / period
-    # Python's floats: a loop over numbers of numpy takes several times as long.
+    # Python floats: a loop over NumPy scalars takes several times as long.
     table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
     a11, a12, b10, b11, a21, a22, b20, b21 = (
         table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21)
@@ -408,11 +448,11 @@ def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> O
 
 
 LONGEST_PERIOD = 1e6
-"""s; squares of longer ones leave what floats hold."""
+"""Maximum period, s. Squares of longer periods could exceed the range of floating-point numbers."""
 
 
 def checked_periods(periods: Array) -> Array:
-    """The periods as an array, shape (k,); UsageError if they make no sense."""
+    """Return the periods as an array, shape (k,); raise UsageError if they are invalid."""
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
         raise UsageError("periods must be numbers of seconds, 0 or positive")
@@ -427,12 +467,12 @@ def checked_periods(periods: Array) -> Array:
 def choose_settings(
     method: str | None, maxima: str | None, interpolation: str | None
 ) -> SpectrumSettings:
-    """What is meant by the names that are given; those that are None follow from the others.
+    """Return the settings for the specified names; unspecified settings follow from the others.
 
     Raises
     ------
     UsageError
-        An unknown name, or choices that do not go together.
+        A name is unknown, or settings cannot be combined.
     """
     integrated = method is not None and _parse(method).method.name != "exact"
     where = (
@@ -466,8 +506,10 @@ def _named(table: dict[str, Choice], name: str, quantity: str) -> Choice:
 
 
 def _integrated(record: Record, omega: Array, damping: float, method: str) -> tuple[str, Array]:
-    """Largest values, all oscillators integrated side by side by a method of the catalogue."""
-    # Late: they load every method, and most spectra need none.
+    """Return maxima of oscillators that are integrated simultaneously by a method of the
+    catalogue.
+    """
+    # Imported at this point because they load all methods, which most spectra do not need.
     from tdint.analysis.run.prepared import PreparedBuilding
     from tdint.analysis.run.workspace import Steps, find_instability
     from tdint.kernels import layout as rows
@@ -475,7 +517,8 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
 
     integrator = _parse(method)
     ratios = np.full_like(omega, damping)
-    # Asked for before: an unstable oscillator would end the march of all of them.
+    # Checked in advance, because an unstable oscillator would end the integration of all
+    # oscillators.
     instability = find_instability(integrator, omega, ratios, record.dt)
     if instability is not None:
         raise AnalysisError(
@@ -502,18 +545,18 @@ SA_DAMPING = 0.05
 
 @dataclass(frozen=True)
 class FirstMode:
-    """The first mode of a building's initial stiffness.
+    """First mode of the initial stiffness of a building.
 
     Attributes
     ----------
     period, damping : float
-        T1, s, and its viscous damping ratio (of the diagonal of the modal damping matrix, without
+        T1, s, and its viscous damping ratio (diagonal of the modal damping matrix, without
         power-law dashpots).
     sa : float or None
-        Pseudo-acceleration of the ground motion at T1, m/s^2; None without a motion, or for a
-        period that is too short for it.
+        Pseudo-acceleration of the ground motion at T1, m/s^2; None without ground motion, or if the
+        period is too short for it.
     sa_damping : float
-        The damping ratio of `sa`.
+        Damping ratio of `sa`.
     """
 
     period: float
@@ -523,7 +566,7 @@ class FirstMode:
 
 
 def first_mode(building: Building, record: Record | None) -> FirstMode:
-    """The first mode, and Sa(T1) of a record."""
+    """Return the first mode, and Sa(T1) of a record."""
     omega, damping = building.first_mode()
     period, sa = 2.0 * math.pi / omega, None
     if record is not None:
