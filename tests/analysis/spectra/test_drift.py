@@ -169,7 +169,8 @@ def test_periods_that_do_not_fit_the_sampling_interval():
     with pytest.raises(AnalysisError, match=r"too many modes .* ask for periods up to 200 s"):
         drift_spectrum(noise(samples=21), np.array([300.0]), beam=True)
     with pytest.raises(
-        AnalysisError, match=r"the period 9e-06 s is less than .* request periods of at least 1e-05 s"
+        AnalysisError,
+        match=r"the period 9e-06 s is less than .* request periods of at least 1e-05 s",
     ):
         drift_spectrum(noise(samples=21), np.array([9e-6, 1.0]))
 
