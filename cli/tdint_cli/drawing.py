@@ -1,5 +1,4 @@
-"""Tables as a person at a terminal reads them: columns under each other, a few digits, no wider
-than the screen."""
+"""Tables for a terminal: aligned columns, few digits, no wider than the screen."""
 
 from __future__ import annotations
 
@@ -19,20 +18,19 @@ T = TypeVar("T")
 _DIGITS = 5
 _GAP = "  "
 _NARROWEST = 8
-"""Characters of a column's name on one line at least."""
+"""Minimum width of a column header, in characters, before its words are wrapped."""
 
 _ERROR = "error_%"
 _NO_FILES = ("unit", "units", "notes")
-"""Columns of words that are no paths: m/s^2."""
+"""Text columns whose values may contain a slash but are not paths, such as m/s^2."""
 
 _FOLDER = "/"
 _FEW = 3
-"""So many rows are drawn as columns where they are too wide: every name with its values beside
-it."""
+"""Maximum number of rows that are transposed if the table is too wide for the screen."""
 
 
 def reading_width() -> int | None:
-    """Columns of the screen that standard output is, or None if it is none."""
+    """Return the width of the terminal in characters, or None if there is no terminal."""
     if not is_terminal(sys.stdout):
         return None
     import shutil
@@ -41,7 +39,7 @@ def reading_width() -> int | None:
 
 
 def table_bytes(table: Table, width: int | None) -> bytes:
-    """A table as it goes to standard output: drawn for a screen of this width, else CSV."""
+    """Return a table as text for a screen of `width` characters, or as CSV if `width` is None."""
     if width is None:
         return table.csv()
     table = _errors_beside(table)
@@ -50,8 +48,10 @@ def table_bytes(table: Table, width: int | None) -> bytes:
 
 
 def _errors_beside(table: Table) -> Table:
-    """A table whose errors stand behind what they are errors of, in percent of it, two digits:
-    there are more columns than a screen is wide."""
+    """Return the table with each error column directly after its value column, to save width.
+
+    The errors are in percent of the value, with two significant digits.
+    """
     from tdint.output.tables.table import Table
 
     places = {name: i for i, name in enumerate(table.columns)}
@@ -65,7 +65,7 @@ def _errors_beside(table: Table) -> Table:
         for row, cells in zip(rows, table.rows, strict=True):
             row.append(cells[i])
             if i in errors:
-                # Of zero, and of what is no number, there is no percentage.
+                # The percentage is undefined if the value is zero or is not a number.
                 value, error = cells[i], cells[errors[i]]
                 percent = None
                 if (
@@ -80,8 +80,7 @@ def _errors_beside(table: Table) -> Table:
 
 
 def emit_table(table: Table) -> None:
-    """Write a table to standard output: drawn where a person reads it, CSV into a pipe or a
-    file."""
+    """Write a table to standard output: aligned text to a terminal, CSV to a pipe or a file."""
     emit(table_bytes(table, reading_width()))
 
 
@@ -91,13 +90,23 @@ def draw(
     width: int,
     units: Mapping[str, str] | None = None,
 ) -> str:
-    """A table as text, lines of at most `width` characters if that can be done; `units` of the
-    columns.
+    """Return a table as text with lines of at most `width` characters, if possible.
 
-    Columns without any value are left out, a text that is the same in all rows stands above, and
-    the folder of files that all lie in one; names of columns stand on several lines. What is too
-    wide is drawn in blocks of columns, each with the columns before it that name the row; a few
-    rows that are too wide are drawn as columns instead.
+    Columns without values are omitted. A text that is equal in all rows, and the common directory
+    of all files, are printed once above the table. Column names are wrapped. A table that is too
+    wide is split into blocks of columns, and each block repeats the columns that identify the row.
+    A table with few rows is transposed instead.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Column names.
+    rows : sequence of sequence
+        Values of each row, in the order of `columns`. None is an empty cell.
+    width : int
+        Width of the screen in characters.
+    units : mapping, optional
+        Unit of each column name. The default unit is 1.
     """
     cells = [[_cell(value) for value in row] for row in rows]
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
@@ -106,8 +115,8 @@ def draw(
         for i in filled
         if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))
     }
-    # Said once, above: the text of all rows, but in the last column; the folder with its / that all
-    # files lie in.
+    # Print a text that is equal in all rows once above the table, except in the last column. Print
+    # the common directory of all files, with its slash, in the same way.
     common = [
         i
         for i in filled[:-1]
@@ -119,7 +128,10 @@ def draw(
     for i in shown:
         if i in numeric or columns[i] in _NO_FILES or len(cells) < 2:
             continue
-        first, last = min(_at(cells, i)), max(_at(cells, i))  # what these begin with alike, all do
+        first, last = (
+            min(_at(cells, i)),
+            max(_at(cells, i)),
+        )  # Their common prefix is common to all.
         same = next(
             (
                 k
@@ -143,13 +155,13 @@ def draw(
         )
         for i in shown
     ]
-    # A few rows that are too wide: a line for each column, with its name and its values.
+    # Transpose a wide table with few rows: each line contains the name and values of a column.
     whole = sum(len(column[0]) + len(_GAP) for column in drawn) - len(_GAP)
     if whole > width and 0 < len(rows) <= _FEW:
         longest = max(len(columns[i]) for i in filled)
         room = max(
             8, (width - longest) // len(cells) - len(_GAP)
-        )  # for three letters and the dots of a cut
+        )  # The minimum leaves room for the three dots of a shortened text.
         wides = [
             min(room, max(len(row[i]) for i in filled)) if len(cells) > 1 else None for row in cells
         ]
@@ -171,7 +183,7 @@ def _at(rows: Sequence[Sequence[T]], i: int) -> list[T]:
 
 
 def _cell(value: object) -> str:
-    """A cell in few digits; nothing that could command a terminal."""
+    """Return a cell as text with few digits and without terminal control characters."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     if isinstance(value, bool):
@@ -182,15 +194,29 @@ def _cell(value: object) -> str:
 
 
 def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: int) -> list[str]:
-    """A column: its name on as many lines as it takes, a rule, its cells; all of one width."""
+    """Return the lines of a column, padded to equal width: wrapped name, rule, cells.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column.
+    unit : str
+        Unit of the column. The name may end with it.
+    cells : sequence of str
+        Text of each cell.
+    right : bool
+        Align the lines to the right.
+    limit : int
+        Maximum width of a cell in characters. Longer cells are shortened.
+    """
     from tdint.units import suffix
 
-    # The words of the name, its unit last and whole
+    # Split the name into words. The unit is the last word and is not split.
     bare = name.removesuffix("_error")
     end = suffix(unit) if bare.endswith(suffix(unit)) else ""
     error = ["error"] if bare != name else []
     words = [*bare.removesuffix(end).split("_"), *error, *([unit] if end else [])]
-    # On lines that are no longer than the cells, if a word is not
+    # Wrap the words to the width of the cells. A longer word has a line of its own.
     cells = [_shortened(cell, limit) for cell in cells]
     room = max(_NARROWEST, *map(len, cells), 0)
     head = [""]
@@ -212,10 +238,22 @@ def _shortened(text: str, room: int) -> str:
 def _side_by_side(
     columns: Sequence[list[str]], texts: Sequence[bool], errors: Collection[int], width: int
 ) -> str:
-    """Columns beside each other, in blocks that fit on the screen; `texts` are those of words."""
+    """Return the columns side by side, in blocks that fit on the screen.
+
+    Parameters
+    ----------
+    columns : sequence of list of str
+        Lines of each column, all of equal width within a column.
+    texts : sequence of bool
+        True for each column that contains text.
+    errors : collection of int
+        Indices of the error columns.
+    width : int
+        Width of the screen in characters.
+    """
     widths = [len(column[0]) for column in columns]
-    # The row is named by words at the start that leave most of the screen, but by one column at
-    # least: in every block.
+    # Every block repeats the leading text columns, which identify the row. These columns use at
+    # most a third of the screen, but at least one column is repeated.
     names, used = 1, 0
     for count, is_text in enumerate(texts):
         used += widths[count] + len(_GAP)
@@ -223,7 +261,7 @@ def _side_by_side(
             names = max(1, count)
             break
     keys = list(range(min(names, len(columns))))
-    # Errors stand with what they are errors of.
+    # Keep each error column in the same block as its value column.
     blocks = [list(keys)]
     for i in range(len(keys), len(columns)):
         used = sum(widths[k] + len(_GAP) for k in blocks[-1])
@@ -231,7 +269,7 @@ def _side_by_side(
         if i not in errors and used + both > width and len(blocks[-1]) > len(keys):
             blocks.append(list(keys))
         blocks[-1].append(i)
-    # The rules of a block stand in one line, and the names above it end there.
+    # Align the rules of a block in one line by padding the shorter headers at the top.
     text = []
     for block in blocks:
         rules = [

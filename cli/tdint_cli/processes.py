@@ -1,9 +1,9 @@
-"""The same work on one record after another, in this process or in several; the outcomes come in
-the order given.
+"""Apply a function to each record, in this process or in several; results keep the order of the
+tasks.
 
-A process does each task by itself: one that is lost takes no other's work with it. It never
-outlives the process that started it, however that one ends: Linux sends it SIGKILL then, and
-everywhere it ends when the pipe to the first process is gone.
+Each worker process handles one task at a time, so a lost process loses only its own task. A worker
+never outlives the process that started it: Linux sends SIGKILL to the worker, and on every system
+the worker ends when the pipe to the first process is closed.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 _GRACE = 5.0
-"""Seconds that a worker has to end before it is killed."""
+"""Time in seconds that a worker has to end before it is killed."""
 
 
 class Lost(Exception):
-    """The process that had a task ended before it was done."""
+    """Outcome of a task whose process ended before the task was finished."""
 
 
 class Workers(Generic[Result]):
-    """Processes that apply a function to tasks, until they are ended.
+    """Worker processes that apply a function to tasks, until `end` is called.
 
     Parameters
     ----------
     function : callable
-        A function of a module, or a `functools.partial` of one: new processes find it by its name.
-        What it raises is raised here.
+        A module-level function, or a `functools.partial` of a module-level function, because new
+        processes import the function by name. Its exceptions are raised in this process.
     count : int
         Number of processes.
     """
@@ -60,12 +60,12 @@ class Workers(Generic[Result]):
         self._workers: list[_Worker] = []
 
     def end(self) -> None:
-        """Leave none of them."""
+        """End all worker processes."""
         for worker in self._workers:
             worker.end()
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Result | Lost]]:
-        """The outcome of each task with its place, in the order in which they come."""
+        """Yield the index and the outcome of each task, in the order of completion."""
         waiting = deque(enumerate(tasks))
         while waiting or any(worker.place is not None for worker in self._workers):
             self._hand_out(waiting)
@@ -80,7 +80,7 @@ class Workers(Generic[Result]):
                 place = worker.place
                 try:
                     succeeded, outcome = worker.pipe.recv()
-                except (EOFError, OSError):  # It has ended, and its task is lost.
+                except (EOFError, OSError):  # The worker ended, and its task is lost.
                     self._remove(worker)
                     yield place, Lost()
                     continue
@@ -90,8 +90,7 @@ class Workers(Generic[Result]):
                 yield place, outcome
 
     def _hand_out(self, waiting: deque[tuple[int, Task]]) -> None:
-        """Give every process that has nothing to do a task, as long as there are any; start those
-        that are missing."""
+        """Assign waiting tasks to idle workers; start new workers up to the requested number."""
         while waiting:
             idle = next((worker for worker in self._workers if worker.place is None), None)
             if idle is None:
@@ -101,19 +100,20 @@ class Workers(Generic[Result]):
             try:
                 idle.pipe.send(waiting[0][1])
                 idle.place, _ = waiting.popleft()
-            except OSError:  # It has ended while it had nothing to do.
+            except OSError:  # The worker ended while it was idle.
                 self._remove(idle)
 
     def _start(self) -> _Worker:
         ours, theirs = self._context.Pipe()
         with warnings.catch_warnings():
-            # numpy's threads, which know how to be forked, are all there are.
+            # The only threads are those of NumPy, which are safe to fork.
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
             process = self._context.Process(
                 target=_work, args=(self._function, theirs, os.getpid()), daemon=True
             )
             worker = _Worker(process, ours)
-            # An exception in what Python does after a fork would be lost, and the signal with it.
+            # Python discards an exception that is raised in its hooks after a fork. The signal
+            # would be lost with the exception.
             with held_back(ENDING):
                 self._workers.append(worker)
                 process.start()
@@ -126,8 +126,7 @@ class Workers(Generic[Result]):
 
 
 class _Worker:
-    """A process, this side of the pipe to it, and the place of the task that it has; None for
-    nothing."""
+    """Worker process with the local end of its pipe and the index of its task (None if idle)."""
 
     def __init__(self, process: BaseProcess, pipe: Connection) -> None:
         self.process = process
@@ -135,7 +134,7 @@ class _Worker:
         self.place: int | None = None
 
     def end(self) -> None:
-        """End the process, whatever it does, and wait for it."""
+        """Terminate the process, kill it if necessary, and wait until it has ended."""
         self.pipe.close()
         if self.process.pid is None:
             return
@@ -147,10 +146,10 @@ class _Worker:
 
 
 def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
-    """Do tasks until the pipe ends."""
-    # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by
-    # SIGTERM.
-    signal.set_wakeup_fd(-1)  # that of the first process, where they are forked
+    """Process tasks until the pipe is closed."""
+    # Ctrl-C reaches all processes of a terminal. The first process reports the interrupt and ends
+    # the workers by SIGTERM.
+    signal.set_wakeup_fd(-1)  # A forked worker inherits the descriptor of the first process.
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
     let_through(ENDING)
@@ -167,9 +166,16 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
 
 @dataclass(frozen=True)
 class Task:
-    """A record to work on, and the table to make of it; None if it goes into a table with others.
+    """Record to process.
 
-    `others` are files that belong to the same record.
+    Attributes
+    ----------
+    source : str
+        Path of the record.
+    table : Path or None
+        Output table of this record. None if several records share a table.
+    others : tuple of str
+        Further files that belong to the same record.
     """
 
     source: str
@@ -186,21 +192,23 @@ def outcomes(
     label: str,
     to_terminal: bool,
 ) -> Iterator[Iterable[Result | TdintError]]:
-    """Do the work on all tasks: of each its result, or why it failed (RecordError, AnalysisError).
+    """Apply `work` to all tasks; yield the result or the error (RecordError, AnalysisError) of
+    each.
 
     Parameters
     ----------
     work : callable
-        A function of a module, or a `functools.partial` of one: processes find it by its name.
+        A module-level function, or a `functools.partial` of a module-level function, because
+        processes import the function by name.
     tasks : sequence of Task
-        What to do.
+        Records to process.
     jobs : int
-        Number of processes at most.
+        Maximum number of processes.
     label : str
-        What the progress bar is called that is shown if standard error is a terminal.
+        Label of the progress bar, which is shown if standard error is a terminal.
     to_terminal : bool
-        Whether the data go to standard output; if that is a terminal, too, no bar is drawn into
-        them.
+        True if the data are written to standard output. If standard output is also a terminal, no
+        progress bar is shown.
     """
     with ExitStack() as stack:
         results = _outcomes(partial(_attempt, work), tasks, jobs, stack)
@@ -213,8 +221,10 @@ def _outcomes(
     jobs: int,
     stack: ExitStack,
 ) -> Iterator[Result | TdintError]:
-    """In this process up to the first record that is done: what it loads or compiles is then there
-    for the others."""
+    """Yield the outcomes; start worker processes after the first successful record.
+
+    The workers can then use the modules and compiled loops that the first record has loaded.
+    """
     for done, task in enumerate(tasks, start=1):
         outcome = attempt(task)
         yield outcome
@@ -231,11 +241,13 @@ def _shared(
     tasks: Sequence[Task],
     workers: Workers[Result | TdintError],
 ) -> Iterator[Result | TdintError]:
-    """The outcomes of processes in the order of the tasks; a process that is lost costs its own
-    record only."""
+    """Yield the outcomes of the workers in the order of the tasks.
+
+    A lost process affects only its own record.
+    """
     from_stdin = [
         place for place, task in enumerate(tasks) if task.source == STDIN
-    ]  # Others have no standard input.
+    ]  # Worker processes have no standard input.
     shared = [place for place in range(len(tasks)) if place not in from_stdin]
     come = workers.outcomes([tasks[place] for place in shared])
     done: dict[int, Result | TdintError] = {}
@@ -257,7 +269,8 @@ def _shared(
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
     try:
-        # As another process makes it: what it reads is told by its records alone.
+        # Do not register the files that are read here, as in a worker process. Only the records
+        # report their files.
         context = copy_context()
         context.run(READ.set, None)
         return context.run(work, task)
