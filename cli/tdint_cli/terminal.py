@@ -1,5 +1,4 @@
-"""What a person at a terminal sees beside data: words, progress; and what holds for a whole command
-line."""
+"""Messages and progress on the terminal, error reports, exit codes and signals of a command."""
 
 from __future__ import annotations
 
@@ -33,13 +32,13 @@ class Settings:
     debug : bool
         Show a traceback with an error.
     quiet : bool
-        Say nothing but warnings and errors.
+        Print only warnings and errors.
     bar : bool
-        A progress bar is shown.
+        True while a progress bar is shown.
     options : frozenset of str
-        The options of the command that runs, --units and so on.
+        Names of the options of the running command, such as --units.
     arguments : tuple of str
-        The command line behind `tdint`, as it was typed, without what no output depends on.
+        Arguments of `tdint` as typed, without the options that do not affect the output.
     """
 
     debug: bool = False
@@ -50,37 +49,38 @@ class Settings:
 
 
 def current() -> Settings:
-    """Settings of the command that runs."""
+    """Return the settings of the running command."""
     context = click.get_current_context(silent=True)
     return (context and context.find_object(Settings)) or Settings()
 
 
 def is_quiet() -> bool:
-    """Whether the command that runs was asked to be quiet."""
+    """Return True if the running command has the option --quiet."""
     return current().quiet
 
 
-_EMPTY_LINE = "\r\x1b[K"  # in place of the line on which the terminal's cursor is
+_EMPTY_LINE = "\r\x1b[K"  # Clears the line of the terminal that contains the cursor.
 _SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
 
 def emit(data: bytes) -> None:
-    """Write data to standard output, now.
+    """Write data to standard output without delay.
 
-    A reader that has gone (`| head`) has what it wanted: the rest is dropped without a word, and
-    the command goes on.
+    If the reader has closed the pipe (`| head`), the remaining data are discarded without a
+    message, and the command continues.
 
     Raises
     ------
     OutputError
-        Standard output is closed, or the disk behind it is full.
+        Standard output is closed, or its disk is full.
     """
     if sys.stdout is None:
         raise OutputError("standard output is closed")
     try:
         sys.stdout.flush()
-        # Without a buffer (PYTHONUNBUFFERED) `write` may take a part and say so only by a number.
+        # Without a buffer (PYTHONUNBUFFERED), `write` may write only a part of the data. The return
+        # value is then the number of written bytes.
         rest = memoryview(data)
         while rest:
             written = sys.stdout.buffer.write(rest)
@@ -98,28 +98,28 @@ def emit(data: bytes) -> None:
 
 
 def say(*lines: str) -> None:
-    """Write lines to standard error, unless the command is asked to be quiet."""
+    """Write lines to standard error, unless the command has the option --quiet."""
     if not is_quiet():
         for line in lines:
             complain(line)
 
 
 def note(*texts: str) -> None:
-    """Say what is good to know."""
+    """Print notes, which do not affect the meaning of the results."""
     say(*(f"note: {text}" for text in _of_a_kind(texts)))
 
 
 def warn(*texts: str) -> None:
-    """Say what changes what a number means; nothing silences it."""
+    """Print warnings that affect the meaning of the results; --quiet does not suppress them."""
     for text in texts:
         complain(f"Warning: {text}")
 
 
-_FEW = 2  # files of which each has a line, where the same is said of several
+_FEW = 2  # maximum number of files with the same message that are listed on separate lines
 
 
 def _of_a_kind(texts: Sequence[str]) -> list[str]:
-    """What is said of many files (`FILE: WORDS`) in one line behind what is said of single ones."""
+    """Combine equal messages (`FILE: MESSAGE`) about many files; put the combined lines last."""
     files: dict[str, list[str]] = {}
     for text in texts:
         file, _, words = text.rpartition(": ")
@@ -132,10 +132,18 @@ def _of_a_kind(texts: Sequence[str]) -> list[str]:
 
 
 def complain(text: str, settings: Settings | None = None) -> None:
-    """Write a line to standard error whatever was asked; without one there is nobody to tell.
+    """Write a line to standard error, also with --quiet.
 
-    What the library calls `skip_lines=1` is --skip-lines 1 where the command has that option, else
-    a key of a file.
+    The line is discarded if standard error is closed. A library argument such as `skip_lines=1` is
+    shown as --skip-lines 1 if the command has this option. Otherwise it is shown as a key of a
+    file.
+
+    Parameters
+    ----------
+    text : str
+        Line to write.
+    settings : Settings, optional
+        Settings of the command. By default, the settings of the running command.
     """
     if sys.stderr is None:
         return
@@ -149,7 +157,7 @@ def complain(text: str, settings: Settings | None = None) -> None:
         return f"{option} {shlex.quote(value)}" if value else option
 
     text = abridged(_SETTING.sub(in_words_of_the_command, text))
-    # What would steer a terminal, as a file's name or header may, is shown as text.
+    # File names and headers may contain terminal control characters. Show these as text.
     text = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
     try:
         over_the_bar = _EMPTY_LINE if settings.bar else ""
@@ -160,40 +168,46 @@ def complain(text: str, settings: Settings | None = None) -> None:
 
 
 def say_table(rows: Sequence[Sequence[str]]) -> None:
-    """Rows of words on standard error, in columns; the first row is the header."""
+    """Write rows of text to standard error in aligned columns; the first row is the header."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def _discard_from_now_on() -> None:
-    """Let standard output lead nowhere, so that what is left in its buffer raises nothing when
-    Python ends."""
+    """Redirect standard output to the null device.
+
+    Data that remain in the buffer then raise no error when Python exits.
+    """
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)
 
 
-_PARTS = 1000  # of a bar: a tenth of a percent each
+_PARTS = 1000  # Number of steps of a progress bar; each step is 0.1 percent.
 
 Item = TypeVar("Item")
 
 Progress = Callable[[str, float], None]
-"""To be told what is being done and how much of it is done, from 0 to 1."""
+"""Callback that receives the label of the current work and the completed fraction, 0 to 1."""
 
 
 @contextmanager
 def progress_bar(to_terminal: bool) -> Iterator[Progress]:
-    """A bar that is told of the progress.
+    """Show a progress bar; yield the callback that updates the bar.
 
-    No bar is drawn if standard error is no terminal, nor into data that go to one (`to_terminal`),
-    nor with `--quiet`.
+    No bar is shown with `--quiet`, or if standard error is not a terminal.
+
+    Parameters
+    ----------
+    to_terminal : bool
+        True if the data are written to standard output. If standard output is also a terminal, no
+        bar is shown.
     """
     if is_quiet() or not is_terminal(sys.stderr) or (to_terminal and is_terminal(sys.stdout)):
         yield lambda label, part: None
         return
-    # Who works tells which part of the whole is done, from 0 to 1: the bar counts thousandths of
-    # it.
+    # The callback receives the completed fraction, 0 to 1. The bar counts thousandths.
     with click.progressbar(length=_PARTS, file=sys.stderr) as bar:
 
         def tell(label: str, part: float) -> None:
@@ -212,7 +226,19 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
 def counted(
     items: Iterable[Item], count: int, label: str, *, to_terminal: bool
 ) -> Iterator[Iterable[Item]]:
-    """The items, with a bar that counts them if there are several."""
+    """Yield the items with a progress bar that counts the items if there are several.
+
+    Parameters
+    ----------
+    items : iterable
+        Items to process.
+    count : int
+        Number of items.
+    label : str
+        Label of the progress bar.
+    to_terminal : bool
+        True if the data are written to standard output.
+    """
     if count < 2:
         yield items
         return
@@ -228,30 +254,39 @@ def counted(
 
 
 def part_of(progress: Progress, start: float, end: float, name: str = "") -> Progress:
-    """What tells of a part of the work, from `start` to `end` of the whole, with a name before what
-    is done."""
+    """Return a progress callback for a part of the work.
+
+    Parameters
+    ----------
+    progress : Progress
+        Callback of the complete work.
+    start, end : float
+        Fractions of the complete work at the start and the end of the part, 0 to 1.
+    name : str
+        Prefix of the labels. The default is empty.
+    """
     return lambda label, part: progress(f"{name}{label}", start + (end - start) * part)
 
 
 def is_terminal(stream: object) -> bool:
-    """Whether a person sees what is written there."""
+    """Return True if the stream is a terminal."""
     isatty = getattr(stream, "isatty", None)
     return bool(isatty and isatty())
 
 
-# ---- From what goes wrong to one line per problem on standard error and an exit code; Ctrl-C,
-# SIGTERM and their like end in time
+# ---- This part converts errors to one line per problem on standard error and an exit code, and
+# ends the command without delay after Ctrl-C, SIGTERM and similar signals.
 #
-# Python sees a signal between two of its own instructions only, and an exception is made of it
-# there. Where a library works on for longer, a thread that the system tells of the signal ends the
-# process: without a temporary file, and without processes left behind.
+# Python handles a signal only between two of its own instructions; the handler raises an exception.
+# If a library call takes longer, a thread that the system notifies of the signal ends the process.
+# The thread removes temporary files and ends the worker processes.
 
 BUG = 1
 _PACKAGES = {"yaml": "pyyaml"} | {
     name: name
     for name in ("llvmlite", "matplotlib", "numba", "numpy", "obspy", "platformdirs", "scipy")
 }
-"""What tdint imports and pip calls so: an installation without dependencies has left one out."""
+"""Import name and pip name of each dependency, for the message about a missing package."""
 
 OUT_OF_MEMORY = 5
 ENDING = tuple(
@@ -268,27 +303,28 @@ ENDING = tuple(
     )
     if name in signal.Signals.__members__
 )
-"""Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is
-used up, what a scheduler announces its end by. The exit code is what a shell reports of them,
-`AFTER_SIGNAL` and their number."""
+"""Signals that end a command: Ctrl-C, `kill`, a closed terminal, exceeded processor time, and the
+signals by which a scheduler announces the end of a job. The exit code follows the convention of
+shells: `AFTER_SIGNAL` plus the signal number."""
 
-AFTER_SIGNAL = 128  # POSIX shells: 128 and the signal's number
+AFTER_SIGNAL = 128  # POSIX shells report 128 plus the signal number.
 INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
 
 _NO_MEMORY = re.compile(
     r"failed to map segment|annot allocate memory|can't start new thread|out of memory"
 )
-"""What loaders, threads and SQLite say where Python itself would raise MemoryError."""
+"""Messages of loaders, threads and SQLite for insufficient memory (no MemoryError is raised)."""
 
 
 class Ended(BaseException):
-    """The process was asked to end by a signal: raised wherever it is, so that no half-written file
-    stays."""
+    """Exception raised by a signal that ends the process; partially written files are removed."""
 
 
 class Failures(TdintError):
-    """Inputs of one command that failed, after the others were done; the exit code is the smallest
-    of theirs."""
+    """Errors of the inputs that failed, raised after all other inputs are processed.
+
+    The exit code is the smallest exit code of the errors.
+    """
 
     def __init__(self, errors: Sequence[TdintError]) -> None:
         super().__init__("\n".join(map(str, errors)))
@@ -296,14 +332,23 @@ class Failures(TdintError):
 
 
 def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
-    """Run a command and tell its exit code; whatever it raises is reported, after a signal the
-    signal alone."""
+    """Run a command, report its error, if any, and return the exit code.
+
+    After a signal, only the signal is reported.
+
+    Parameters
+    ----------
+    command : callable
+        Command to run. An integer result is the exit code.
+    settings : Settings
+        Settings of the command.
+    """
     came: list[int] = []
     try:
         with _signals_as_an_exception(came), _warnings_as_lines(), _notes_of_the_library():
             code = command()
             code = code if isinstance(code, int) else 0
-    except BaseException as error:  # What loads may make any error of the signal's
+    except BaseException as error:  # An import may convert the exception of the signal.
         code = 0 if came else _reported(error, settings)
     if not came:
         return code
@@ -316,7 +361,7 @@ def _word_of(number: int) -> str:
 
 
 def _reported(error: BaseException, settings: Settings) -> int:
-    """Say what is wrong, and tell the exit code."""
+    """Print the error message and return the exit code."""
     try:
         raise error
     except getattr(
@@ -335,7 +380,7 @@ def _reported(error: BaseException, settings: Settings) -> int:
     except Exception as error:
         if settings.debug:
             complain(traceback.format_exc().rstrip())
-        # Ours, or one of which a user can do something, or a bug
+        # Distinguish errors of tdint, errors that the user can correct, and bugs.
         if isinstance(error, TdintError):
             lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
         elif _lacks_memory(error):
@@ -346,7 +391,7 @@ def _reported(error: BaseException, settings: Settings) -> int:
             code = OUT_OF_MEMORY
         elif (
             isinstance(error, OSError) and error.errno == errno.ENOSPC
-        ):  # of what click writes itself
+        ):  # Click itself raises this error.
             lines, code = (
                 [f"standard output: cannot be written: {error.strerror}"],
                 OutputError.exit_code,
@@ -360,7 +405,7 @@ def _reported(error: BaseException, settings: Settings) -> int:
         else:
             text = " ".join(f"{type(error).__name__}: {error}".split())
             lines, code = [f"internal error (a bug): {text}; run again with --debug"], BUG
-        # What is wrong with a file is said in the words of the file.
+        # A message about a model file uses the keys of the file instead of the option names.
         said_by = Settings() if code == ModelError.exit_code else settings
         for line in lines:
             complain(f"Error: {line}", said_by)
@@ -368,7 +413,7 @@ def _reported(error: BaseException, settings: Settings) -> int:
 
 
 def _lacks_memory(error: BaseException | None) -> bool:
-    """Whether memory is what an error, or one that it was made of, is about."""
+    """Return True if an error or one of its causes reports insufficient memory."""
     while error is not None:
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
             return True
@@ -382,21 +427,23 @@ def _lacks_memory(error: BaseException | None) -> bool:
 
 @contextmanager
 def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
-    """Signals end the command by an exception, and are noted; asking again changes nothing while it
-    cleans up."""
+    """Raise `Ended` for a signal and append the signal number to `came`.
+
+    Further signals are ignored while the command cleans up.
+    """
 
     def end(number: int, _: Any) -> None:
         came.append(number)
         sys.unraisablehook = lambda _: (
             None
-        )  # Where nothing can be raised the watch ends the process, without a word.
+        )  # If no exception can be raised, the watch thread ends the process.
         for ending in handled:
             signal.signal(ending, signal.SIG_IGN)
         raise Ended
 
     handled: dict[signal.Signals, Any] = {}
     hook = sys.unraisablehook
-    if threading.current_thread() is threading.main_thread():  # Elsewhere Python sets no handlers.
+    if threading.current_thread() is threading.main_thread():  # Python allows handlers only there.
         handled = {
             ending: signal.getsignal(ending)
             for ending in ENDING
@@ -425,7 +472,7 @@ def _warnings_as_lines() -> Iterator[None]:
 
 
 class _Notes(logging.Handler):
-    """Shows what the library logs as `note: ...`."""
+    """Log handler that prints the messages of the library as notes and warnings."""
 
     def emit(self, record: logging.LogRecord) -> None:
         (warn if record.levelno >= logging.WARNING else note)(record.getMessage())
@@ -436,12 +483,12 @@ def _notes_of_the_library() -> Iterator[None]:
     logger, handler = logging.getLogger("tdint"), _Notes(logging.INFO)
     if any(
         isinstance(other, _Notes) for other in logger.handlers
-    ):  # of a command around this one: all would come twice
+    ):  # The handler of an outer command is active. A second handler would print messages twice.
         yield
         return
     before, propagates = logger.level, logger.propagate
-    # The assumptions of a record come with it, from other processes, too, and are told by the
-    # command.
+    # Each record contains its assumptions, also if a worker process reads the record. The command
+    # reports the assumptions.
     handler.addFilter(lambda record: record.name != "tdint.assumptions")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -455,14 +502,20 @@ def _notes_of_the_library() -> Iterator[None]:
 
 
 _PATIENCE = 0.3
-"""How long the command may take to end on its own, s."""
+"""Time in seconds that the command has to end by itself after a signal."""
 
 
 def end_in_time() -> Callable[..., None]:
-    """Watch for the signals until this process ends. What comes back is to be called with the exit
-    code when the command has ended and said so: threads may be waited for then, which another
-    signal ends without a word; after a signal nothing is waited for or taken apart, which a library
-    that was left in the middle of its work may not survive."""
+    """Watch for signals until this process ends.
+
+    Returns
+    -------
+    callable
+        Function to call with the exit code after the command has ended and reported its result.
+        Python may then still wait for threads; a further signal ends this wait without a message.
+        After a signal, the function ends the process at once, without waiting and without cleanup
+        of libraries. An interrupted library may fail during its cleanup.
+    """
     if threading.current_thread() is not threading.main_thread():
         return lambda code=None: None
     said = threading.Event()
@@ -470,7 +523,7 @@ def end_in_time() -> Callable[..., None]:
     do_not_wait(told)
 
     def watch() -> None:
-        # A signal that is ignored is not told; the first one counts.
+        # Python does not report ignored signals. The first reported signal ends the process.
         while data := os.read(source, 1):
             if data[0] in ENDING:
                 threading.Event().wait(_PATIENCE)
@@ -484,28 +537,31 @@ def end_in_time() -> Callable[..., None]:
     try:
         threading.Thread(target=watch, daemon=True).start()
     except RuntimeError:
-        # No thread is left (ulimit -u, a container's limit): Python's own handlers remain.
+        # The thread limit is reached (ulimit -u, container). The handlers of Python remain active.
         os.close(source)
         os.close(told)
         return lambda code=None: None
     signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-    # Python's own handlers would show a traceback, once the command has ended; others were meant.
+    # The handlers of Python would show a traceback after the end of the command. Replace only these
+    # handlers, because other handlers were set on purpose.
     for number in ENDING:
         handler = signal.getsignal(number)
         if (
             handler in _NOBODY_S or getattr(handler, "__module__", "") == "tdint_cli"
-        ):  # that of `tdint_cli.start`
+        ):  # The handler of `tdint_cli.start` is replaced, too.
             signal.signal(number, _left_to_the_watch)
     return ended
 
 
 def _left_to_the_watch(*_: Any) -> None:
-    """Outside of the command, where Python itself would show a traceback, or be ended in the middle
-    of its end."""
+    """Ignore a signal outside of the command; the watch thread ends the process.
+
+    Otherwise Python would show a traceback or would be interrupted during its exit.
+    """
 
 
 _NOBODY_S = (signal.SIG_DFL, signal.default_int_handler, _left_to_the_watch)
-"""Handlers that nobody has set: another one, or SIG_IGN (`nohup`), was meant."""
+"""Default handlers. Any other handler, or SIG_IGN (`nohup`), was set on purpose."""
 
 
 def _end(number: int, said: threading.Event) -> None:
@@ -514,7 +570,7 @@ def _end(number: int, said: threading.Event) -> None:
     from tdint.files import remove_unfinished
 
     with suppress(Exception):
-        # Neither processes nor files that are half written stay behind.
+        # Kill all worker processes and remove partially written files.
         for process in multiprocessing.active_children():
             process.kill()
         remove_unfinished()
