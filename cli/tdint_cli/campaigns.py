@@ -275,7 +275,10 @@ class Profiles:
         return f"{name}: {text[0].lower()}{text[1:]}" if name else text
 
     def _lost(self, profile: Profile) -> str:
-        """What the means of a building do not hold; nothing if it stood under every motion."""
+        """Return a sentence about the motions that the means of a building exclude.
+
+        The text is empty if no run collapsed or failed.
+        """
         lost = {"collapsed": profile.collapsed, "failed": profile.failed}
         told = " and ".join(f"{count} {kind}" for kind, count in lost.items() if count)
         if not told:
@@ -287,16 +290,19 @@ class Profiles:
         return f"{name}: of {how_many(profile.runs, 'motion')} {told}; {means}"
 
     def tell(self) -> list[TdintError]:
-        """Say what means do not hold, and what the mean drifts are beside the limit; both of all
-        runs alone, for a mean over some of the motions would be taken for that of all.
+        """Report the motions that the means exclude, and compare the mean drifts with the limit.
+
+        Both are reported only after all runs are done, because a mean over some of the motions
+        could be mistaken for the mean over all motions.
 
         Returns
         -------
         list of TdintError
-            That they are beyond, or not known yet, if that is required not to be.
+            With --require: an error if the limit is exceeded or cannot be checked yet.
         """
         limit = self.request.limit
-        # Judged by some of the motions alone a building might pass that the others bring down.
+        # Some of the motions are not sufficient for the check, because the building may exceed the
+        # limit or collapse under the other motions.
         if left := unfinished(self.store):
             if limit is None:
                 note(
@@ -338,7 +344,7 @@ class Profiles:
 
 
 def kept_words(kept: bool) -> str:
-    """The first words of a verdict."""
+    """Return the first words of the result of the drift check."""
     return f"Limit {'kept' if kept else 'NOT kept'}. "
 
 
@@ -381,10 +387,10 @@ RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summa
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
 PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
 SIMCENTER, GEOJSON = "simcenter.csv", "buildings.geojson"
-"""What is made of a store, each file whole."""
+"""Names of the files that are written from a store; each file is written completely."""
 
 MEASURES = "measures.csv"
-"""Of the intensities of runs, for `tdint fragility`."""
+"""Name of the table of the intensity measures of the runs, for `tdint fragility`."""
 
 OF_FLOORS = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
 
@@ -398,18 +404,36 @@ def carry_out(
     max_runs: int | None = None,
     show: bool = False,
 ) -> None:
-    """Do what is left of a campaign in the folder of -o and write its tables, and what more is
-    asked of the suite; `show` the runs on standard output, too. --overwrite replaces another
-    campaign, and tables that this one did not write.
+    """Execute the remaining runs of a campaign and write all requested files.
+
+    The output directory is the directory of -o. With --overwrite, another campaign in this
+    directory and tables of other commands are replaced.
+
+    Parameters
+    ----------
+    plan : Plan
+        Buildings, motions and settings of the campaign.
+    engine : Engine
+        Executes the runs.
+    request : SuiteRequest
+        Common options of the command line.
+    shard : Shard, optional
+        Part of the campaign to execute. By default, the complete campaign.
+    max_runs : int, optional
+        Maximum number of runs of this call. By default, all remaining runs.
+    show : bool
+        Print the table of the runs to standard output, too. The default is False.
 
     Raises
     ------
     UsageError
-        The folder holds another campaign.
+        The directory contains another campaign.
     OutputError
-        It cannot be written, holds tables of another command, or another process is at it.
+        The directory cannot be written, contains tables of another command, or is in use by another
+        process.
     Failures
-        Records that could not be read, when all else is done.
+        Some records could not be read, a building is too far from any site, or the drift limit is
+        not met. Raised after all other work is done.
     """
     from tdint.campaign.profiles import check_baseline
     from tdint.campaign.store import FILE, forget, open_store, remove
@@ -436,8 +460,8 @@ def carry_out(
         except (UntrustedStoreError, UsageError):
             if not overwrite:
                 raise
-            # Another campaign, or a store that cannot be used, goes with the tables that were made
-            # of it.
+            # Remove another campaign, or an unusable store, together with the tables that were
+            # written from it.
             made = (
                 RUNS,
                 STORIES,
@@ -469,7 +493,7 @@ def carry_out(
                 emit_table(tables.campaign.runs_table(store).in_units(profiles.units))
             if request.baseline is not None and is_complete(store):
                 emit_table(profiles.ratios(stories=False))
-            # What was done, and what of it a person must look at
+            # Report the number of runs, and the runs that the user must check.
             new = advance.done - advance.before
             if new:
                 before = f", {advance.before} before" if advance.before else ""
@@ -480,7 +504,7 @@ def carry_out(
                 say(f"{how_many(advance.done, 'run')} done before: nothing to do.")
             tell_outcomes(store)
             unmet = profiles.tell()
-    # A building without a motion is left out as a record is that cannot be read, and told as such.
+    # A building without a motion is omitted and reported in the same way as an unreadable record.
     far: list[TdintError] = []
     if plan.far:
         many = (
@@ -493,12 +517,12 @@ def carry_out(
 
 
 def report_pairs(plan: Plan, request: SuiteRequest) -> None:
-    """Report pairs in one line if nobody has chosen how they count.
+    """Report the default treatment of component pairs, unless the user has selected a treatment.
 
     Raises
     ------
     UsageError
-        --pair-demand is given, and there are no pairs.
+        --pair-demand is specified, but the records contain no pairs.
     """
     from tdint.campaign.pairs import PairRule
 
@@ -519,14 +543,15 @@ def warn_of_plan(plan: Plan) -> None:
 
 
 def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
-    """What a call names beside its tables, picture and page among them, after it was seen, before
-    the runs, that it can be written: what an earlier call of a campaign that has begun wrote may be
-    replaced, which its store knows.
+    """Return the additional output files of a call, such as the figure and the report.
+
+    The check takes place before the runs. If the campaign has already begun, existing files pass
+    this check; the store knows which files an earlier call has written.
 
     Raises
     ------
     OutputError
-        Something cannot be written.
+        A file cannot be written.
     """
     from tdint.campaign.store import FILE
 
@@ -543,30 +568,41 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
 
 
 def unfinished(store: Store) -> str:
-    """How many runs of a campaign are done, in words; nothing if all are."""
+    """Return the number of finished runs as text, or an empty text if all runs are done."""
     every, done = int(store.meta("runs")), sum(store.statuses().values())
     return f"{done} of {how_many(every, 'run')} are done" if done < every else ""
 
 
 def warn_unfinished(store: Store) -> None:
-    """What is fitted to some of the runs would be taken for that of all."""
+    """Warn that the following results use only the finished runs, unless all runs are done."""
     if left := unfinished(store):
         warn(f"{store.name}: {left}: what follows is of these alone")
 
 
 def is_complete(store: Store) -> bool:
-    """Whether all runs of a campaign are done: a mean over some of the motions would be taken for
-    that of all."""
+    """Return True if all runs of a campaign are done.
+
+    A mean over some of the motions could be mistaken for the mean over all motions.
+    """
     return not unfinished(store)
 
 
 def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bool) -> None:
-    """Refuse tables where no campaign has begun: another command wrote them.
+    """Refuse existing tables in a directory without a campaign, because another command wrote them.
+
+    Parameters
+    ----------
+    folder : Path
+        Output directory.
+    stories, profiles : bool
+        True if the campaign writes stories.csv and profiles.csv, respectively.
+    overwrite : bool
+        Allow the replacement of existing tables.
 
     Raises
     ------
     OutputError
-        There is one, and it may not be replaced.
+        A table exists and must not be replaced.
     """
     from tdint.campaign.store import FILE, foreign
 
@@ -584,7 +620,21 @@ def advance_with_bar(
     shard: Shard | None = None,
     max_runs: int | None = None,
 ) -> Advance:
-    """Do what is left, with a bar that tells the rate."""
+    """Execute the remaining runs with a progress bar that shows the rate.
+
+    Parameters
+    ----------
+    plan : Plan
+        Buildings, motions and settings of the campaign.
+    store : Store
+        Store of the results.
+    engine : Engine
+        Executes the runs.
+    shard : Shard, optional
+        Part of the campaign to execute. By default, the complete campaign.
+    max_runs : int, optional
+        Maximum number of runs. By default, all remaining runs.
+    """
     from tdint.campaign.execute import carry_out
 
     with progress_bar(to_terminal=False) as progress:
@@ -602,9 +652,8 @@ def _rate(advance: Advance) -> str:
 
 
 def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
-    """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted,
-    what is asked for over all motions, summary.json; and what was exported of an earlier state
-    anew."""
+    """Write the files of a store: the selected tables, the requested results over all motions, and
+    summary.json; update the files that were exported from an earlier state of the store."""
     from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read
 
@@ -628,12 +677,14 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
 
 
 def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dict[str, Content]:
-    """What is asked for over all motions, once all runs are done: the picture of the profiles and
-    the buildings over a baseline; of a plan also spectra of floors, the page, and intensities of
-    the runs."""
+    """Return the requested results over all motions, or no results until all runs are done.
+
+    The results are the figure of the profiles and the ratios to the baseline. With a plan, they
+    include the floor spectra, the report and the intensity measures of the runs.
+    """
     request, store = profiles.request, profiles.store
     picture = request.picture(folder)
-    # Means, pictures and pages over some of the motions would be taken for those of all.
+    # Means, figures and reports over some of the motions could be mistaken for complete results.
     if not is_complete(store):
         return {}
     contents: dict[str, Content] = (
@@ -659,13 +710,25 @@ def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dic
 
 
 def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) -> None:
-    """Write all tables of a store anew; Parquet files if pyarrow is there: these and SimCenter's
-    have SI units.
+    """Rewrite all tables of a store, and write Parquet files if pyarrow is installed.
+
+    Parquet files and the SimCenter file use SI units.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        Store and options of the command line.
+    folder : Path
+        Output directory.
+    simcenter : bool
+        Write the SimCenter file.
+    geojson : bool
+        Write the GeoJSON map of the buildings.
 
     Raises
     ------
     UsageError
-        A map is asked for and there are no places, or runs are left.
+        A map is requested, but the buildings have no coordinates or not all runs are done.
     """
     from tdint.output.summary import told_of
 
@@ -688,8 +751,7 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
         *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name)),
     }
     others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
-    # What is written of a store says how its runs were made, as the last call that could add some
-    # told it.
+    # The summary keeps the provenance of the runs that the last call of the campaign has recorded.
     before = told_of(folder / SUMMARY)
     made = {
         "arguments": before.get("arguments", []),
@@ -702,13 +764,13 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
 
 
 def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | None]:
-    """What is written on request alone, of these names; None for what cannot be written here."""
+    """Return the writer of each named optional file, or None if the file cannot be written here."""
     if not names:
         return {}
     from tdint.output.tables import exports
 
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
-    # Of each file whether it can be written here, and what writes it.
+    # Each entry states whether the file can be written here, and contains its writer.
     runs, stories, damage = PARQUET
     writers: dict[str, tuple[bool, Writer]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
@@ -738,13 +800,26 @@ def _write(
     read: Iterable[Mapping[str, str]],
     made: Mapping[str, Any],
 ) -> None:
-    """Write the tables of a store, these contents and, last, the summary, in which the files that
-    were `read` stand and how the runs were `made`: the command lines of the runs and of the export
-    that writes them now, and how the time loops were executed."""
+    """Write the tables of a store, additional files and, last, the summary.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        Store and options of the command line.
+    folder : Path
+        Output directory.
+    contents : mapping
+        Content of each additional file.
+    read : iterable of mapping
+        Input files that the summary lists.
+    made : mapping
+        Provenance for the summary: command lines of the runs and of the export, and the execution
+        of the time loops.
+    """
     from tdint.output.summary import campaign_summary, in_units, json_bytes, merged_inputs
 
     request, store, units = profiles.request, profiles.store, profiles.units
-    # runs.csv, unless the campaign chooses other tables alone
+    # Write runs.csv, unless the campaign selects only other tables.
     files: dict[str, Content] = {}
     if store.writes("runs"):
         files[RUNS] = lambda stream: tables.campaign.write_runs(store, stream, units)
@@ -767,8 +842,10 @@ def _write(
 
 
 def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:
-    """What is written of damage, where the campaign tells it; means over the motions once all runs
-    are done."""
+    """Return the damage tables if the campaign computes damage.
+
+    Means over the motions are included only after all runs are done.
+    """
     if not store.damage():
         return {}
     from tdint.campaign.fragility.runs import stored_states
@@ -784,8 +861,8 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
         writers[DAMAGE] = lambda stream: write_damage(store, stream, units)
     if is_complete(store) and store.writes("damage"):
         writers[TYPES] = lambda stream: write_types(store, stream)
-    # Losses only where some state has a loss ratio; how often they come only where events have
-    # rates.
+    # Losses require a damage state with a loss ratio. Their exceedance rates also require rates of
+    # the events.
     costs = any(states.losses for states in stored_states(store).values())
     if costs and is_complete(store) and store.writes("losses"):
         writers[LOSSES] = lambda stream: write_losses(store, stream, by)
@@ -795,14 +872,15 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
 
 
 def tell_outcomes(store: Store) -> None:
-    """How many runs failed, collapsed, were repeated, have no error, or are not at rest."""
+    """Report the numbers of runs that failed, collapsed, were repeated, have no error estimate, or
+    did not come to rest."""
     from tdint.analysis.run.outcome import FAILED
     from tdint.model.damage_states import FALLEN
     from tdint.output.summary import without_error
 
     statuses = store.statuses()
     failed = {name: statuses[name] for name in FAILED if name in statuses}
-    # What has no result must be seen; a collapse is a result, of which a line is enough.
+    # Missing results require a warning. A collapse is a result and is reported as a plain line.
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
         warn(
