@@ -1,5 +1,5 @@
-"""A building as arrays: the tables that kernels read, its damping, and what follows from the linear
-part."""
+"""Buildings as arrays: the tables that kernels read, the damping, and properties of the linear
+system."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from tdint.system import memory
 from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few
 
-_TURNS = 5  # of the iteration towards the fastest mode
-_FEW = 5  # stories that are named
-_POSITIVE = 1e-9  # what a mode's largest ordinate, 1, leaves to one that is zero
+_TURNS = 5  # iterations towards the fastest mode
+_FEW = 5  # maximum number of stories named in a message
+_POSITIVE = 1e-9  # replaces zero ordinates of a mode; its largest ordinate is 1
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,15 @@ class Building:
     linear_terms, law_parameters : ndarray, shapes (LINEAR_TERM_ROWS, n + 1) and (rows, n + 1)
         The tables of `tdint.kernels.layout`; the last column is zero.
     modal : ndarray, shape (modes, n + 1)
-        Rows w of the modal damping C = sum of w w^T; no rows for none.
+        Rows w of the modal damping C = sum of w w^T; no rows without modal damping.
     heights : ndarray, shape (n,)
-        Story heights that drifts are taken over, m; nan where there is none, and of isolators.
+        Story heights for drift ratios, m; nan for stories without a height and for isolators.
     yield_drift : ndarray, shape (n,)
         Drift at first yield, m; nan for stories that do not yield.
     vibration : FreeVibration
         The undamped vibration of the initial stiffness.
     isolators : tuple of int
-        The stories that isolate, counted from 0.
+        Indices of the isolator stories, counted from 0.
     """
 
     linear_terms: Array
@@ -74,8 +74,8 @@ class Building:
 
     @property
     def rises(self) -> Array:
-        """What each story adds to the height of the building, m, shape (n,): its height, of an
-        isolator nothing."""
+        """Contribution of each story to the height of the building, m, shape (n,); zero for
+        isolators."""
         rises = self.heights.copy()
         rises[list(self.isolators)] = 0.0
         return rises
@@ -97,23 +97,23 @@ class Building:
 
     @cached_property
     def linear(self) -> bool:
-        """Whether every story has a linear law, and none a power-law dashpot."""
+        """True if every story has a linear law and no story has a power-law dashpot."""
         return not self.power_damped and bool(
             np.all(self.law_parameters[rows.CODE, :-1] == CODES["linear"])
         )
 
     @cached_property
     def power_damped(self) -> bool:
-        """Whether some story has a power-law dashpot."""
+        """True if any story has a power-law dashpot."""
         return bool(np.any(self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0))
 
     @cached_property
     def damped_by_devices(self) -> bool:
-        """Whether some story has a dashpot."""
+        """True if any story has a dashpot."""
         return self.power_damped or bool(np.any(self.linear_terms[rows.DASHPOT, ..., :-1] != 0.0))
 
     def device_force(self, rate: Array) -> Array:
-        """Force of the stories' dashpots at drift rates, m/s, shape (..., n); N."""
+        """Return the dashpot forces (N) of the stories at drift rates (m/s), shape (..., n)."""
         if not self.damped_by_devices:
             return np.zeros_like(rate)
         secant = self.linear_terms[rows.DASHPOT, ..., :-1] * np.ones_like(rate)
@@ -125,33 +125,33 @@ class Building:
 
     @cached_property
     def piecewise_linear(self) -> bool:
-        """Whether every story has a law that is linear branch by branch."""
+        """True if every story has a piecewise linear law."""
         codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
         return bool(np.all(np.isin(self.law_parameters[rows.CODE, :-1], codes)))
 
     @cached_property
     def kinked(self) -> bool:
-        """Whether some story has a law whose tangent jumps."""
+        """True if any story has a law with a discontinuous tangent."""
         codes = [CODES[name] for name, law in LAWS.items() if law.kinked]
         return bool(np.any(np.isin(self.law_parameters[rows.CODE, :-1], codes)))
 
     @cached_property
     def fastest(self) -> float:
-        """A bound on the circular frequencies of the initial stiffness, rad/s, exact to a percent
-        or two.
+        """Upper bound of the circular frequencies of the initial stiffness, rad/s, within one to
+        two percent.
 
-        With its signs turned the stiffness matrix has no negative elements and the same
-        frequencies; for any positive x the largest is at most the largest (M^-1 K x) / x (Collatz
-        1942), and the closer the nearer x is to the mode.
+        The stiffness matrix with positive signs throughout has no negative elements and the same
+        frequencies. For any positive x the largest eigenvalue is at most the largest
+        (M^-1 K x) / x (Collatz 1942), and the bound becomes closer as x approaches the mode.
         """
         return float(_fastest(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass))
 
     def stiffness_matrix(self) -> Array:
-        """Initial stiffness matrix, N/m, shape (n, n)."""
+        """Return the initial stiffness matrix, N/m, shape (n, n)."""
         return _tridiagonal(self.initial_stiffness, self.linear_terms[rows.LINK, :-1])
 
     def damping_matrix(self) -> Array:
-        """Damping matrix without power-law dashpots, N s/m, shape (n, n)."""
+        """Return the damping matrix without power-law dashpots, N s/m, shape (n, n)."""
         stories = _tridiagonal(
             self.linear_terms[rows.STORY_DAMPER, :-1], self.linear_terms[rows.LINK, :-1]
         )
@@ -162,10 +162,10 @@ class Building:
         )
 
     def first_mode(self) -> tuple[float, float]:
-        """Circular frequency (rad/s) and damping ratio of the first mode, without power-law
-        dashpots.
+        """Return the circular frequency (rad/s) and the damping ratio of the first mode, without
+        power-law dashpots.
 
-        The damping ratio is that of the diagonal of the modal damping matrix.
+        The damping ratio is computed from the diagonal of the modal damping matrix.
         """
         omega, shape = self.vibration.first
         drift = np.diff(shape, prepend=0.0)
@@ -176,13 +176,14 @@ class Building:
         return omega, float(work / (2.0 * omega))
 
     def modes(self) -> Modes:
-        """Undamped modes of the initial stiffness; they are solved when they are first asked
-        for."""
+        """Return the undamped modes of the initial stiffness; they are computed at the first
+        call."""
         return self.vibration.modes
 
 
 def _fastest(stiffness: Array, link: Array, mass: Array) -> Array:
-    """`Building.fastest` of one building or of many, shape (..., n); `link` has a column more."""
+    """Return `Building.fastest` of one or more buildings, shape (..., n); `link` has an additional
+    column."""
     springs = np.concatenate([np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1)
     below, above = link[:-1] * springs[..., :-1], link[1:] * springs[..., 1:]
     shape = np.ones(stiffness.shape)
@@ -198,8 +199,8 @@ def _fastest(stiffness: Array, link: Array, mass: Array) -> Array:
 
 
 def _tridiagonal(springs: Array, link: Array) -> Array:
-    """Matrix of springs between neighbours, spring i between i and i - 1 (or the ground where link
-    is 0)."""
+    """Return the matrix of springs between neighboring floors; spring i connects floors i and
+    i - 1 (the ground if link is 0)."""
     coupling = -(springs * link)[1:]
     diagonal = springs.copy()
     diagonal[:-1] -= coupling
@@ -207,16 +208,16 @@ def _tridiagonal(springs: Array, link: Array) -> Array:
 
 
 def assemble(model: Model) -> Building:
-    """Make the building of a model.
+    """Assemble the arrays of the building of a model.
 
     Raises
     ------
     ModelError
-        P-delta larger than a story's stiffness.
+        P-delta exceeds the stiffness of a story.
     """
     stories = model.stories
     n = len(stories)
-    # The last column, of a story above the roof that is not there, stays zero.
+    # The last column belongs to a fictitious story above the roof and remains zero.
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :n] = [story.mass for story in stories]
     linear_terms[rows.INVERSE_MASS, :n] = 1.0 / linear_terms[rows.MASS, :n]
@@ -224,19 +225,19 @@ def assemble(model: Model) -> Building:
         story.dashpot for story in stories
     ]
     for i, story in enumerate(stories):
-        # Exponents of the squared drift rate, which has no sign.
+        # The exponents apply to the squared drift rate, which is never negative.
         if (dashpot := story.power_dashpot) is not None:
             linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
             linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
             linear_terms[rows.THRESHOLD, i] = dashpot.linear_below**2
-    # The first story stands on the ground: nothing of it acts on a floor below.
+    # The first story is on the ground: its force acts on no floor below.
     linear_terms[rows.LINK, 1:n] = 1.0
     heights = np.array(
         [math.nan if story.drift_height is None else story.drift_height for story in stories]
     )
     if model.p_delta:
         linear_terms[rows.GEOMETRIC, :n] = -weight_over_height(model)
-    # As many rows as the law with the most parameters needs.
+    # The law with the most parameters determines the number of rows.
     table_rows = max(len(story.law.parameters) for story in stories)
     law_parameters = np.zeros((rows.FIRST_PARAMETER + table_rows, n + 1))
     yield_drift = np.empty(n)
@@ -247,7 +248,7 @@ def assemble(model: Model) -> Building:
         law_parameters[rows.STIFFNESS, i] = story.stiffness
         law_parameters[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + len(values), i] = values
         yield_drift[i] = law.yield_drift(story.stiffness, values)
-    # Vibration is that about the displaced building: P-delta takes its part of the stiffness.
+    # The vibration includes P-delta, which reduces the stiffness.
     vibration = FreeVibration(
         linear_terms[rows.MASS, :n],
         law_parameters[rows.STIFFNESS, :n] + linear_terms[rows.GEOMETRIC, :n],
@@ -261,19 +262,19 @@ def assemble(model: Model) -> Building:
 
 @dataclass(frozen=True)
 class DrawnBuildings:
-    """Many buildings that differ in numbers alone, as arrays with the draws first; a `Building` has
-    one of each.
+    """Random samples of a building that differ in numbers only, as arrays with the samples on the
+    first axis.
 
     Attributes
     ----------
     base : Building
         The building that was varied.
     linear_terms, law_parameters : ndarray, shape (draws, rows, n + 1)
-        As of `Building`.
+        Tables of each sample, as in `Building`.
     modal : sequence of ndarray
-        Likewise, of each draw.
+        Rows of the modal damping of each sample, as in `Building`.
     heights, yield_drift : ndarray, shape (draws, n)
-        Likewise.
+        Story heights and yield drifts of each sample, as in `Building`.
     """
 
     base: Building
@@ -290,15 +291,18 @@ class DrawnBuildings:
 
     @property
     def fastest(self) -> Array:
-        """`Building.fastest` of each, shape (draws,)."""
+        """`Building.fastest` of each sample, shape (draws,)."""
         stiffness = (
             self.law_parameters[:, rows.STIFFNESS, :-1] + self.linear_terms[:, rows.GEOMETRIC, :-1]
         )
         return _fastest(stiffness, self.base.linear_terms[rows.LINK], self.mass)
 
     def of_runs(self, draws: Sequence[int]) -> Building:
-        """What quantities of stories are taken from, of runs by their draws: arrays have the runs
-        first."""
+        """Return the building arrays of runs, selected by the sample of each run.
+
+        The shape of the linear terms and law parameters is (rows, runs, n + 1); heights and yield
+        drifts have the shape (runs, n).
+        """
         return replace(
             self.base,
             linear_terms=np.moveaxis(self.linear_terms[draws], 0, 1),
@@ -309,31 +313,33 @@ class DrawnBuildings:
 
     @property
     def with_devices(self) -> NDArray[np.bool_]:
-        """`Building.damped_by_devices` of each, shape (draws,)."""
+        """`Building.damped_by_devices` of each sample, shape (draws,)."""
         both = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER], :-1]
         return np.asarray(np.any(both != 0.0, axis=(1, 2)))
 
 
 def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) -> DrawnBuildings:
-    """The buildings of `Model.changed` for each draw, to the last bit, put together once.
+    """Assemble the buildings of all samples at once, bitwise equal to those of `Model.changed`.
 
     Parameters
     ----------
+    model : Model
+        The model that is varied.
     base : Building
-        Of the model as it is.
+        The building of the unchanged model.
     values : mapping of str to ndarray, shape (draws,)
-        Values of parameters by name (`Model.replace`); nan where a draw leaves the number as it is.
+        Values of parameters by name (`Model.replace`); nan if a sample does not change the
+        parameter.
 
     Raises
     ------
     UsageError
-        A value out of range, or one with which a story is none.
+        A value is out of range, or the parameters of a story are invalid with the value.
     ModelError
-        P-delta larger than a story's stiffness.
+        P-delta exceeds the stiffness of a story.
     """
     draws, n = len(next(iter(values.values()))), base.stories
-    # The numbers of the stories that change, by story and column; a column that is not here is the
-    # base's.
+    # Store the changed numbers by story and column; all other columns are those of the base.
     numbers = [list(story_numbers(story)) for story in model.stories]
     drawn: dict[tuple[int, int], Array] = {}
     set_laws = set()
@@ -341,19 +347,19 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         for change in changes_of(model, name):
             place = change.story, change.column
             before = drawn.get(place, numbers[change.story][change.column])
-            # Draws that leave it as it is have nan.
+            # nan marks samples that do not change the number.
             drawn[place] = np.where(
                 np.isnan(given), before, before * given if change.factor else given
             )
             set_laws |= {change.story} if change.of_law else set()
-    # The stiffness of laws that have their own follows where their numbers were set.
+    # Some laws define the initial stiffness by their parameters: compute it again.
     for i in set_laws:
         if stiffness_of := LAWS[model.stories[i].law.name].initial_stiffness:
             columns = [drawn.get((i, c), numbers[i][c]) for c in range(OF_LAW, len(numbers[i]))]
             table_rows = np.stack([np.broadcast_to(column, draws) for column in columns], axis=1)
             drawn[i, STIFFNESS] = np.array([stiffness_of(row) for row in table_rows.tolist()])
 
-    # The tables of the base, with what changes put into them.
+    # Copy the tables of the base and insert the changed numbers.
     linear_terms = np.repeat(base.linear_terms[None], draws, axis=0)
     law_parameters = np.repeat(base.law_parameters[None], draws, axis=0)
     heights = np.repeat(base.heights[None], draws, axis=0)
@@ -372,7 +378,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         elif column == POWER.start + 2:
             linear_terms[:, rows.THRESHOLD, i] = [
                 speed**2 for speed in row.tolist()
-            ]  # numpy's square is another
+            ]  # the square of NumPy can differ in the last bit
     linear_terms[:, rows.INVERSE_MASS, :n] = 1.0 / linear_terms[:, rows.MASS, :n]
     linear_terms[:, rows.STORY_DAMPER, :n] = linear_terms[:, rows.DASHPOT, :n]
     linear_terms[:, rows.FLOOR_DAMPER, :n] = 0.0
@@ -396,8 +402,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
                 )
             yield_drift[d, i] = law.yield_drift(stiffness, of_law)
 
-    # Damping follows from masses and stiffnesses; where neither changes, the vibration is that of
-    # the base.
+    # Damping depends on masses and stiffnesses; if neither changes, the vibration of the base
+    # applies.
     moved = any(
         column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in drawn
     )
@@ -421,12 +427,14 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
 
 
 _TERMS = {MASS: rows.MASS, DASHPOT: rows.DASHPOT, POWER.start: rows.POWER_DAMPER}
-"""Rows of the linear terms by the columns of a story's numbers."""
+"""Rows of the linear terms by column of the story numbers."""
 
 
 def weight_over_height(model: Model) -> Array:
-    """Of each story the weight above over its height, N/m, shape (n,): the stiffness that P-delta
-    takes."""
+    """Return the weight above each story divided by its height, N/m, shape (n,).
+
+    P-delta reduces the stiffness by this value.
+    """
     mass = np.array([story.mass for story in model.stories])
     heights = np.array(
         [math.nan if story.height is None else story.height for story in model.stories]
@@ -435,11 +443,13 @@ def weight_over_height(model: Model) -> Array:
 
 
 def falling_stories(model: Model) -> tuple[str, ...]:
-    """What to say of stories that P-delta pushes over once they have yielded: their weight over
-    height exceeds the stiffness after yield of their law."""
+    """Return the message on stories that P-delta makes unstable after yield.
+
+    The weight over height of such a story exceeds the post-yield stiffness of its law.
+    """
     if not model.p_delta:
         return ()
-    # Stiffnesses of stories have few digits in MN/m.
+    # Story stiffnesses are easiest to read in MN/m.
     unit, size = model.output_units.unit("N/m")
     unit, size = ("MN/m", 1e6) if unit == "N/m" else (unit, size)
     places = []
@@ -458,7 +468,7 @@ def falling_stories(model: Model) -> tuple[str, ...]:
 
 
 def stiffness_after_yield(story: Story) -> float:
-    """The stiffness of a story's law after yield, before it softens, N/m; infinite for a law that
+    """Return the post-yield stiffness of a story before softening, N/m; infinite for a law that
     does not yield."""
     rule = _AFTER_YIELD.get(story.law.name)
     if rule is None:
@@ -494,8 +504,7 @@ _AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
 
 
 def oscillators(omega: Array, damping: Array) -> Building:
-    """Independent linear oscillators of unit mass, u'' + 2 xi omega u' + omega^2 u = p, side by
-    side.
+    """Assemble independent linear oscillators of unit mass, u'' + 2 xi omega u' + omega^2 u = p.
 
     Parameters
     ----------
@@ -519,7 +528,8 @@ def oscillators(omega: Array, damping: Array) -> Building:
 
 
 def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
-    """One row per force: floor (counted from 0), cosine and sine amplitude (N), omega (rad/s)."""
+    """Return a table with a row per force: floor (counted from 0), cosine and sine amplitude (N),
+    omega (rad/s)."""
     table = np.zeros((len(forces), rows.FORCE_COLUMNS))
     for row, force in zip(table, forces, strict=True):
         row[:] = force.floor - 1, force.cosine, force.sine, force.omega
@@ -527,7 +537,7 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
-    """What the kernels need for a building under forces; none by default."""
+    """Return the kernel variant for a building; `forces` is the force table, default no forces."""
     codes = {CODES["linear"], *building.law_parameters[rows.CODE, :-1].tolist()}
     names = (
         name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
@@ -540,28 +550,39 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     )
 
 
-_TABLES = 4  # of the size of the stories squared that solving for all modes takes
+_TABLES = 4  # matrices of shape (stories, stories) in memory during the solution for all modes
 
 
 def add_damping(
     linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration
 ) -> Array:
-    """Add the model's damping to the dampers of `chain`; return the rows of its modal damping,
-    shape (modes, n + 1).
+    """Add the damping of the model to `linear_terms`; return the rows of the modal damping, shape
+    (modes, n + 1).
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
-    each floor to the ground and one beside each story. Modal damping is C = sum 2 xi omega (M
-    phi)(M phi)^T over mass-normalized modes phi.
+    each floor to the ground and a damper parallel to each story. Modal damping is
+    C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes phi.
+
+    Parameters
+    ----------
+    linear_terms : ndarray, shape (LINEAR_TERM_ROWS, n + 1)
+        Table of linear terms; the damper rows are modified.
+    stiffness : ndarray, shape (n,)
+        Initial stiffness of the stories without P-delta, N/m.
+    model : Model
+        The model that specifies the damping.
+    vibration : FreeVibration
+        Undamped vibration of the building.
 
     Raises
     ------
     ModelError
-        Modal damping of too many stories for this machine's memory.
+        Modal damping of the stories requires more memory than is available.
     """
     n = linear_terms.shape[1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
-        # All modes are solved for at once, which this machine may not hold.
+        # All modes are computed at once; check that the memory is sufficient.
         needed, available = _TABLES * 8 * n**2, memory()
         if available is not None and needed > available:
             raise ModelError(
@@ -569,7 +590,8 @@ def add_damping(
                 f"machine has {available / 2**30:.0f}: give damping.rayleigh"
             )
         modes, ratios = vibration.modes, np.array(damping.ratios)
-        # Rows sqrt(2 xi omega) M phi; one ratio stands for all modes, several for the first ones.
+        # Rows sqrt(2 xi omega) M phi; a single ratio applies to all modes, several ratios to the
+        # first modes.
         if ratios.size == 1:
             ratios = np.full(n, ratios[0])
         damped = np.flatnonzero(ratios)
@@ -579,7 +601,7 @@ def add_damping(
             linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped] * factors
         ).T
         return table_rows
-    # Ratios become coefficients by the frequencies of this building.
+    # Convert ratios to coefficients with the frequencies of this building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None and not all(story.rayleigh for story in model.stories):
@@ -593,12 +615,12 @@ def add_damping(
 def _without_isolators(
     linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
 ) -> Array:
-    """Rayleigh damping that does not reach isolators; return its rows w of C = sum w w^T, shape
+    """Add Rayleigh damping that excludes isolators; return the rows w of C = sum w w^T, shape
     (rows, n + 1).
 
-    Stiffness-proportional dampers stand beside the other stories alone. Mass-proportional ones act
-    on the motion relative to the floor on top of the isolator below, not to the ground, from where
-    they would brake the isolators.
+    Stiffness-proportional dampers act only in the other stories. Mass-proportional dampers act on
+    the motion relative to the floor on top of the isolator below. Dampers to the ground would also
+    damp the isolators.
     """
     n = linear_terms.shape[1] - 1
     reached = np.array([story.rayleigh for story in model.stories])
@@ -619,10 +641,11 @@ def _without_isolators(
 
 
 def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
-    """Coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8).
+    """Compute the coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012,
+    eq. 11.4.8).
 
-    Of one mode alone half from the mass, half from the stiffness: what equal ratios give as two
-    modes come together.
+    For a single mode, mass and stiffness contribute half of the damping each. This is the limit of
+    equal ratios as the frequencies of the two modes approach each other.
     """
     xi_1, xi_2 = ratio.ratios
     if ratio.modes[0] == ratio.modes[1]:

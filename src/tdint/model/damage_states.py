@@ -1,5 +1,5 @@
-"""Damage states: what demand they are told by, and the medians, dispersion and losses of a type of
-buildings."""
+"""Damage states: the demands that define them, and the medians, dispersion and losses of a building
+type."""
 
 from __future__ import annotations
 
@@ -10,37 +10,38 @@ from typing import Any, Self
 from tdint.errors import UsageError
 
 STATES = ("slight", "moderate", "extensive", "complete")
-"""The damage states of Hazus, which are those of GEM's toolkits, too."""
+"""Damage states of Hazus; the toolkits of GEM use the same states."""
 
 NONE = "none"
 DONE = "done"
-"""How runs end under which a building stands."""
+"""Statuses of runs in which the building survives."""
 
 FALLEN = ("collapsed", "failed-story")
-"""How runs end under which a building falls: they are told beside the damage states."""
+"""Statuses of runs in which the building collapses; they are reported in addition to the damage
+states."""
 
 COST, NUMBER = "cost", "number"
-"""Columns of an inventory: what a building costs, and how many of them a row stands for (1 where it
-is not told)."""
+"""Columns of an inventory: cost of a building, and number of buildings that a row represents
+(default 1)."""
 
 HAZUS, CAPACITY = "hazus", "capacity"
 HAZUS_DISPERSION = 0.4
-"""That with which SimCenter takes the drift ratios of Hazus."""
+"""Dispersion that SimCenter uses with the drift ratios of Hazus."""
 
 
 @dataclass(frozen=True)
 class DamageDemand:
-    """What damage states are told by.
+    """Demand that determines the damage state.
 
     Attributes
     ----------
     unit : str
-        In SI; 1 for a ratio.
+        SI unit; 1 for a ratio.
     meaning : str
-        What it is, for people.
+        Description for users.
     per : str
-        What the roof's displacement is divided by: `height`, `participation`, or nothing where it
-        is not of the roof.
+        Divisor of the roof displacement: `height` or `participation`; empty for demands that are
+        not computed from the roof displacement.
     """
 
     unit: str
@@ -63,31 +64,31 @@ DEMANDS = {
         "participation",
     ),
 }
-"""By their names in model and campaign files."""
+"""Demands by name in model and campaign files."""
 
 
 @dataclass(frozen=True)
 class DamageStates:
-    """The damage states of one type of buildings.
+    """Damage states of a building type.
 
     Attributes
     ----------
     demand : str
-        One of `DEMANDS`.
+        A key of `DEMANDS`.
     states : tuple of str
-        Their names, from the lightest.
+        Names of the states, from the lightest to the most severe.
     medians : tuple of float
-        The demand at which half of the buildings are in the state or a heavier one, SI units,
-        rising.
+        Demand at which half of the buildings are in the state or a more severe state, SI units,
+        increasing.
     dispersion : float
-        Standard deviation of the logarithm of that demand; 0: the medians are thresholds.
+        Standard deviation of the logarithm of that demand; 0 if the medians are thresholds.
     losses : tuple of float
-        Mean loss ratio in each state, and after a collapse; none where they are not told.
+        Mean loss ratio in each state and after a collapse; empty without losses.
 
     Raises
     ------
     UsageError
-        The medians do not rise, or there are not as many as states.
+        The medians do not increase, or their number differs from the number of states.
     """
 
     demand: str
@@ -112,16 +113,16 @@ class DamageStates:
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> Self:
-        """The states whose attributes JSON has kept."""
+        """Create the states from attributes that were stored as JSON."""
         lists = {name: tuple(said[name]) for name in ("states", "medians", "losses")}
         return cls(demand=said["demand"], dispersion=said["dispersion"], **lists)
 
     @property
     def outcomes(self) -> tuple[str, ...]:
-        """What may become of a building: no damage, the states, and the ends by falling."""
+        """Possible outcomes of a building: no damage, the states, and the types of collapse."""
         return NONE, *self.states, *FALLEN
 
     @property
     def outcome_losses(self) -> tuple[float, ...]:
-        """The loss ratio of each of them; none where losses are not told."""
+        """Loss ratio of each outcome; empty without losses."""
         return (0.0, *self.losses, *self.losses[-1:] * (len(FALLEN) - 1)) if self.losses else ()
