@@ -25,7 +25,7 @@ from tdint.model.modes import solve_modes
 
 @dataclass(frozen=True, slots=True)
 class BuildingFacts:
-    """What an inventory says of one building.
+    """Data of a building in an inventory.
 
     Attributes
     ----------
@@ -36,16 +36,16 @@ class BuildingFacts:
     area : float
         Plan area of one floor, m^2.
     height : float or None
-        Height of the building, m; None where it is not said.
+        Height of the building, m; None if unknown.
     zone : str
         Seismic zone of the code: Z0, Z1, Z2A, Z2B, Z3 or Z4.
     design_level : str or None
-        pre, low, moderate or high; None where it follows from zone and year.
+        pre, low, moderate or high; None if zone and year determine the level.
     damping_ratio : float or None
-        Damping ratio; None where it follows from the type.
+        Damping ratio; None if the type determines the ratio.
     mass_only : bool
-        Whether the stiffness-proportional part of the damping is left out, as in programs that lose
-        it.
+        True omits the stiffness-proportional part of the damping, as programs do that lose this
+        part.
     """
 
     structure: str
@@ -61,8 +61,8 @@ class BuildingFacts:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Factors that a building differs by from what the rules say: on stiffness, strength unchanged,
-    and on damping."""
+    """Random factors on the values of the rules: on stiffness, with unchanged strength, and on
+    damping."""
 
     stiffness: float = 1.0
     damping: float = 1.0
@@ -75,17 +75,17 @@ class DerivedBuilding:
     Attributes
     ----------
     design_level, type : str
-        The row of the table that holds its numbers.
+        Design level and type of the table row with the parameters.
     rule_period : float
-        Fundamental period that the stiffness is made for, without scatter, s.
+        Target fundamental period of the stiffness, without scatter, s.
     period : float
         Fundamental period of the shear building, s.
     damping_ratio : float
         Damping ratio with scatter.
     mass, height, stiffness, yield_force, ultimate_force, ultimate_drift : ndarray
-        Of each story, kg, m, N/m, N, N, m.
+        Values of each story, kg, m, N/m, N, N, m.
     pinching, unloading : float
-        As in the trilinear-pinching law.
+        Parameters of the trilinear-pinching law.
     damping : RayleighRatio or RayleighCoefficients
         Damping of the building.
     """
@@ -130,23 +130,23 @@ LEVELS = ("pre", "low", "moderate", "high")
 
 @dataclass(frozen=True)
 class HazusType:
-    """A row of the table.
+    """Row of the table of building types.
 
     Attributes
     ----------
     design_level, type : str
-        One of `LEVELS`; a type with its class of height, such as C1M.
+        Item of `LEVELS`; type with its height class, such as C1M.
     min_stories, max_stories : float
-        Stories that the row is made for.
+        Range of the number of stories for the row.
     yield_acceleration_g : float
-        Yield force of the building over its weight, but for the share of mass that the first mode
-        moves.
+        Yield force of the building over its weight, without the factor for the effective mass of
+        the first mode.
     overstrength : float
-        Ultimate over yield force.
+        Ultimate force over yield force.
     post_yield_ratio : float
-        Stiffness after yielding over the initial one.
+        Post-yield stiffness over initial stiffness.
     pinching, unloading_exponent : float
-        As in the trilinear-pinching law.
+        Parameters of the trilinear-pinching law.
     period_per_story_s : float
         Fundamental period over number of stories, s.
     damping_ratio : float
@@ -174,7 +174,7 @@ class HazusType:
 
 @cache
 def hazus_types() -> Mapping[tuple[str, str], HazusType]:
-    """The table by design level and type."""
+    """Return the rows of the table by design level and type."""
     text = (files("tdint.model") / "hazus_types.csv").read_text(encoding="utf-8")
     words = ("design_level", "type")
     names = [field.name for field in fields(HazusType)]
@@ -215,8 +215,8 @@ _HEIGHT_CLASSES = {  # the largest number of stories of each class; the last cla
 }
 _USUAL_CLASSES = ((3, "L"), (7, "M"), (math.inf, "H"))
 
-# Of each zone the levels and the years from which on they hold, the youngest first; what is older
-# is pre
+# The table lists, for each zone, the first years of the design levels, the latest first. Older
+# buildings have the level "pre".
 _CODES: Mapping[str, tuple[tuple[int, str], ...]] = {
     "Z4": ((1976, "high"), (1941, "moderate")),
     "Z3": ((1941, "moderate"),),
@@ -248,35 +248,43 @@ def hazus_type(structure: str, stories: int) -> str:
 
 
 def design_level(structure: str, year: int, zone: str) -> str:
-    """The design level of the code in a zone at a time; light wood frames (W1) are never below a
-    minimum."""
+    """Return the design level of the code for a zone and year; light wood frames (W1) have a
+    minimum level."""
     level = next((name for since, name in _CODES[zone] if year >= since), "pre")
     return max(level, _LEAST[zone], key=LEVELS.index) if structure == "W1" else level
 
 
 def code_of(facts: BuildingFacts) -> tuple[str, str]:
-    """Design level and type of Hazus."""
+    """Return the design level and the Hazus type of a building."""
     level = facts.design_level or design_level(facts.structure, facts.year, facts.zone)
     return level, hazus_type(facts.structure, facts.stories)
 
 
 def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuilding:
-    """The shear building of these facts.
+    """Derive the shear building from the data of a building.
 
-    All floors have the same mass and all stories the same stiffness, so that the fundamental period
-    is that of the type; the strength falls with the height like the story shears of a triangular
-    load.
+    All floors have the same mass and all stories the same stiffness. The stiffness is chosen for
+    the fundamental period of the type. The strength decreases with the height in proportion to the
+    story shears of a triangular load.
+
+    Parameters
+    ----------
+    facts : BuildingFacts
+        Data of the building.
+    scatter : Scatter, optional
+        Random factors on stiffness and damping; default 1.
     """
     scatter = scatter or Scatter()
     n = facts.stories
     row = hazus_types()[code_of(facts)]
-    # Stiffness by the period of the type: the factor is that of a chain of equal floors.
+    # Compute the stiffness from the period of the type; the factor applies to a chain of equal
+    # floors.
     mass = _FLOOR_MASS * facts.area
     period = n * row.period_per_story_s
     factor = 0.4053 * n**2 + 0.405 * n + 0.1869
     stiffness = np.full(n, scatter.stiffness * 4.0 * math.pi**2 * factor * mass / period**2)
-    # Strength by the type's yield acceleration, less from story to story as the shear of a
-    # triangular load.
+    # Compute the strength from the yield acceleration of the type; it decreases like the story
+    # shear of a triangular load.
     below = np.arange(n)
     first_mode = 1.0 if n == 1 else 0.09117 / n**3 - 0.3037 / n**2 + 0.402 / n + 0.8106
     strength = (
@@ -314,8 +322,10 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
 def _damping(
     omega: np.ndarray, ratio: float, mass_only: bool
 ) -> RayleighRatio | RayleighCoefficients:
-    """Rayleigh damping over modes 1 and 3 (or the last one); of one story half from the mass, half
-    from the stiffness."""
+    """Return Rayleigh damping for modes 1 and 3 (or the last mode).
+
+    In a building of one story, mass and stiffness contribute half of the damping each.
+    """
     last = min(omega.size, 3)
     if last == 1:
         coefficients = RayleighCoefficients(

@@ -13,17 +13,18 @@ from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
 CLASSICAL = 1e-12
-"""Couplings of the modal damping matrix below this, over its diagonal, are rounding."""
+"""Limit of off-diagonal terms of the modal damping matrix relative to its diagonal; smaller terms
+are rounding errors."""
 
 _FEW = 100
-"""Stories up to which all modes are solved for where one is asked for."""
+"""Maximum number of stories for which all modes are computed when a single mode is requested."""
 
 _MOST_ITERATIONS, _CONVERGED = 200, 1e-15  # of the inverse iteration
 
 
 @dataclass(frozen=True, repr=False)
 class Modes(Tabular):
-    """Modes by rising frequency.
+    """Modes by increasing frequency.
 
     Attributes
     ----------
@@ -34,7 +35,8 @@ class Modes(Tabular):
     mass : ndarray, shape (n,)
         Masses of the floors, kg.
     damping : ndarray, shape (n,), or None
-        Damping ratios, where they were asked for (`tdint.modes`) and the damping couples no modes.
+        Damping ratios, if they were requested (`tdint.modes`) and the damping does not couple
+        modes.
     """
 
     omega: Array
@@ -58,21 +60,24 @@ class Modes(Tabular):
         return np.asarray(np.square(self.mass @ self.shapes) / self.mass.sum())
 
     def modal_damping(self, damping: Array) -> Array:
-        """phi^T C phi of a damping matrix C (N s/m, shape (n, n)), 1/s, shape (n, n)."""
+        """Return phi^T C phi (1/s, shape (n, n)) of a damping matrix C (N s/m, shape (n, n))."""
         return np.asarray(self.shapes.T @ damping @ self.shapes)
 
     def own_damping(self, damping: Array) -> Array:
-        """Damping ratio of each mode as if it moved alone under a damping matrix (N s/m, shape (n,
-        n)), shape (n,)."""
+        """Return the damping ratio of each mode, shape (n,), without the coupling of modes by the
+        damping matrix (N s/m, shape (n, n))."""
         return np.asarray(
             np.maximum(np.diagonal(self.modal_damping(damping)), 0.0) / (2.0 * self.omega)
         )
 
     def normalized(self, norm: str) -> Array:
-        """The shapes as columns, shape (n, n): 1 at the `roof`, or `participation`: with a
-        participation factor of 1.
+        """Return the normalized shapes as columns, shape (n, n).
 
-        A mode whose roof stands still has no shape by its roof: nan.
+        Parameters
+        ----------
+        norm : str
+            `roof`: the roof displacement is 1; nan for modes with zero roof displacement.
+            `participation`: the participation factor is 1.
         """
         if norm == "participation":
             return np.asarray(self.shapes * (self.mass @ self.shapes))
@@ -80,8 +85,8 @@ class Modes(Tabular):
         return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
 
     def damping_ratios(self, damping: Array) -> Array | None:
-        """Damping ratio of each mode under a damping matrix (N s/m, shape (n, n)); None if it
-        couples the modes."""
+        """Return the damping ratio of each mode for a damping matrix (N s/m, shape (n, n)); None if
+        the matrix couples the modes."""
         modal = self.modal_damping(damping)
         diagonal = np.maximum(np.diagonal(modal), 0.0)
         coupling = np.abs(modal - np.diag(diagonal))
@@ -94,15 +99,20 @@ class Modes(Tabular):
 
 
 def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
-    """Modes of a chain with springs `stiffness` between neighbours.
+    """Compute the modes of a chain with springs between neighboring floors.
 
-    The tridiagonal matrix is L L^T of a bidiagonal L, whose singular values are the frequencies:
-    the lowest one keeps its relative accuracy in tall buildings.
+    The tridiagonal matrix is L L^T with a bidiagonal L. The singular values of L are the
+    frequencies, so that the lowest frequency keeps its relative accuracy in tall buildings.
+
+    Parameters
+    ----------
+    mass, stiffness, link : ndarray, shape (n,)
+        Masses (kg), spring stiffnesses (N/m), and links to the floor below (1) or the ground (0).
 
     Raises
     ------
     ModelError
-        A spring that is not positive (P-delta beyond the story's stiffness).
+        A spring stiffness is not positive (P-delta exceeds the stiffness of a story).
     """
     _check_springs(stiffness)
     root_mass = np.sqrt(mass)
@@ -120,15 +130,15 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
 
 @dataclass(frozen=True)
 class FreeVibration:
-    """The undamped vibration of a chain, solved when it is first asked for and then kept.
+    """Undamped vibration of a chain, computed at the first request and cached.
 
     Attributes
     ----------
     mass, stiffness, link : ndarray, shape (n,)
-        Masses (kg), springs to the floor below (N/m), and 1 for those that stand on it, 0 for those
-        on the ground.
+        Masses (kg), spring stiffnesses (N/m), and links: 1 for a spring to the floor below, 0 for a
+        spring to the ground.
     geometric : ndarray, shape (n,), optional
-        The part of the springs that P-delta has, N/m, for what an error says.
+        P-delta part of the spring stiffnesses, N/m, for error messages.
     """
 
     mass: Array
@@ -138,17 +148,19 @@ class FreeVibration:
 
     @cached_property
     def modes(self) -> Modes:
-        """All modes; errors are those of `solve_modes`."""
+        """All modes; raises the errors of `solve_modes`."""
         _check_springs(self.stiffness, self.geometric)
         return solve_modes(self.mass, self.stiffness, self.link)
 
     def frequency(self, number: int) -> float:
-        """Circular frequency of one mode, counted from 1, rad/s, without solving for the others.
+        """Return the circular frequency of a mode, counted from 1, rad/s.
+
+        In tall buildings only this mode is computed.
 
         Raises
         ------
         ModelError
-            A spring that is not positive.
+            A spring stiffness is not positive.
         """
         if self.mass.size <= _FEW:
             return float(self.modes.omega[number - 1])
@@ -157,16 +169,16 @@ class FreeVibration:
 
     @cached_property
     def first(self) -> tuple[float, Array]:
-        """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode; all stories
-        stand on each other.
+        """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode of a building in
+        which each story is on top of the previous story.
 
-        By inverse iteration with the flexibility of the chain, two sums over the stories each time:
-        all digits, and no matrix, however tall the building is.
+        The inverse iteration uses the flexibility of the chain. Each iteration requires two sums
+        over the stories. The result has full precision, and no matrix is required.
 
         Raises
         ------
         ModelError
-            A spring that is not positive.
+            A spring stiffness is not positive.
         """
         _check_springs(self.stiffness, self.geometric)
         shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
@@ -187,13 +199,22 @@ class FreeVibration:
 
 
 def singular_value(root_spring: Array, root_mass: Array, link: Array, number: int) -> float:
-    """The circular frequency `number` of a chain, counted from the lowest, rad/s.
+    """Compute the circular frequency `number` of a chain, counted from the lowest, rad/s.
 
-    The frequencies are the singular values of the bidiagonal matrix of `solve_modes`, and with
-    their negatives the eigenvalues of the symmetric tridiagonal matrix with a zero diagonal and the
-    entries of that matrix, in turn, beside it (Golub and Kahan 1965). Bisection with Sturm's
-    sequence of this matrix, which is not squared, keeps the relative accuracy of the lowest ones
-    (Demmel and Kahan 1990).
+    The frequencies are the singular values of the bidiagonal matrix of `solve_modes`. The singular
+    values and their negatives are the eigenvalues of a symmetric tridiagonal matrix with a zero
+    diagonal and alternating entries of the bidiagonal matrix on the off-diagonal (Golub and Kahan
+    1965). Bisection with the Sturm sequence of this matrix keeps the relative accuracy of the
+    lowest frequencies, because the matrix is not squared (Demmel and Kahan 1990).
+
+    Parameters
+    ----------
+    root_spring, root_mass : ndarray, shape (n,)
+        Square roots of spring stiffnesses (N/m) and masses (kg).
+    link : ndarray, shape (n,)
+        Links to the floor below (1) or the ground (0).
+    number : int
+        Number of the frequency, from 1.
     """
     from scipy.linalg.lapack import dstebz
 
@@ -202,8 +223,8 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
     beside[::2] = root_spring / root_mass
     beside[1::2] = (root_spring * link)[1:] / root_mass[:-1]
     place = n + number - 1
-    # What scipy.linalg.eigh_tridiagonal calls, in a sixth of its time. 2 and "E": one by its place,
-    # among all.
+    # scipy.linalg.eigh_tridiagonal calls the same function, but takes six times as long. The
+    # arguments 2 and "E" select an eigenvalue by its index in the complete matrix.
     _, values, *_, failed = dstebz(
         np.zeros(2 * n), beside, 2, 0.0, 1.0, place + 1, place + 1, _SMALLEST, "E"
     )
@@ -212,7 +233,7 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
 
 
 _SMALLEST = float(np.finfo(float).tiny)
-"""Tolerance of the bisection: it goes on to the last bit."""
+"""Tolerance of the bisection; with this value it continues to the last bit."""
 
 
 def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
