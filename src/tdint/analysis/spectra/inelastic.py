@@ -1,5 +1,5 @@
-"""Inelastic spectra: bilinear oscillators of given strength, or of the strength that leads to a
-given ductility."""
+"""Inelastic response spectra of bilinear oscillators for constant strength or constant
+ductility."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from tdint.units import STANDARD_GRAVITY, Quantity
 from tdint.written_numbers import how_many
 
 SHORTEST = 1e-3
-"""The shortest period over the sampling interval: shorter ones take too many steps."""
+"""Smallest ratio of period to sampling interval; shorter periods need too many time steps."""
 
 _WEAKEST, _STRONGEST = 1e-9, 1e6  # yield force over weight: far beyond what any structure has
-_RATIO = 0.97  # of neighboring strengths where the largest one with a ductility is looked for
-_LEAST = 1e-9  # of the elastic strength: where the search ends
-_PARTS = 6  # into which an interval in which the target is reached is divided, again and again ...
-_STEEP = 1.15  # ... until the ductility at its lower end is not beyond the target by more than this
-_NEAR = 0.8  # of the target: a maximum of the ductility is looked at more closely from there on
-_SUMMIT = 1e-4  # of the strength: how closely
-_CLOSE = 1e-9  # of the target: where the search has found it
+_RATIO = 0.97  # ratio of successive strengths in the search for the largest strength
+_LEAST = 1e-9  # fraction of the elastic strength at which the search ends without a result
+_PARTS = 6  # number of parts into which a bracket of the target is repeatedly divided ...
+_STEEP = 1.15  # ... until the ductility at its lower end is at most this factor times the target
+_NEAR = 0.8  # fraction of the target above which a maximum of the ductility is refined
+_SUMMIT = 1e-4  # tolerance of the position of that maximum, relative to the strength
+_CLOSE = 1e-9  # tolerance of the logarithm of ductility over target
 
 
 @dataclass(frozen=True, repr=False)
@@ -39,8 +39,9 @@ class InelasticSpectrum(Tabular):
     """Response of bilinear oscillators to one record, for one damping ratio and one ductility or
     strength; arrays of shape (k,).
 
-    `target` is None for given strengths; `elastic_sd` is the largest displacement of the oscillator
-    that stays elastic, m; without damping `residual` is the center of the vibration that remains.
+    `target` is None for spectra of constant strength. `elastic_sd` is the maximum displacement of
+    the elastic oscillator, m. Without damping, `residual` is the center of the free vibration after
+    the record.
     """
 
     record: Record
@@ -81,31 +82,31 @@ class InelasticSpectrum(Tabular):
 
     @property
     def ductility(self) -> Annotated[Array, Quantity("1", "largest over yield displacement")]:
-        """Below 1 for an oscillator that does not yield, nan without strength."""
+        """Ductility: below 1 if the oscillator does not yield, nan if its strength is zero."""
         return _quotient(self.sd, self.yield_displacement)
 
     @property
     def yield_acceleration(
         self,
     ) -> Annotated[Array, Quantity("m/s^2", "yield force over mass", called="yield_psa")]:
-        """Omega^2 times the yield displacement, m/s^2."""
+        """Yield acceleration: omega^2 times the yield displacement, m/s^2."""
         return np.asarray((2.0 * math.pi / self.periods) ** 2 * self.yield_displacement)
 
     @property
     def yield_strength_ratio(self) -> Annotated[Array, Quantity("1", "yield force over weight")]:
-        """By the standard gravity."""
+        """Yield acceleration divided by standard gravity."""
         return self.yield_acceleration / STANDARD_GRAVITY
 
     @property
     def reduction_factor(
         self,
     ) -> Annotated[Array, Quantity("1", "largest elastic force over yield force")]:
-        """Nan without strength."""
+        """Elastic displacement divided by yield displacement; nan if the strength is zero."""
         return _quotient(self.elastic_sd, self.yield_displacement)
 
 
 def _quotient(above: Array, below: Array) -> Array:
-    """Nan where `below` is zero."""
+    """Return `above / below`, with nan where `below` is zero."""
     return np.asarray(
         np.divide(above, below, out=np.full(above.shape, math.nan), where=below > 0.0)
     )
@@ -119,37 +120,38 @@ def constant_ductility(
     *,
     hardening: float = 0.0,
 ) -> list[InelasticSpectrum]:
-    """Spectra of the strengths that lead to given ductilities.
+    """Compute inelastic spectra of constant ductility.
 
-    Where several strengths lead to the same ductility the largest one is taken (Chopra, Dynamics of
-    Structures, 7.5). Ductility 1 is the elastic spectrum.
+    If several strengths lead to the same ductility, the largest strength is used (Chopra, Dynamics
+    of Structures, 7.5). Ductility 1 gives the elastic spectrum.
 
     Parameters
     ----------
     record : Record, str, Path or ObsPy trace
-        Ground motion; linear between its samples, the oscillators at rest at its first one.
+        Ground motion, linear between its samples. The oscillators are at rest at the first sample.
     periods : ndarray, shape (k,)
         Periods of the initial stiffness, s, positive.
     ductilities : sequence of float
-        Largest over yield displacement, from 1 to MOST_DUCTILE.
+        Ratios of maximum displacement to yield displacement, from 1 to MOST_DUCTILE.
     damping : float
-        Damping ratio of the initial stiffness, in [0, 1); the dashpot stays as it is when the
-        oscillator yields.
+        Damping ratio for the initial stiffness, in [0, 1). The damping coefficient does not change
+        when the oscillator yields. The default is 0.05.
     hardening : float
-        Stiffness after yielding over the initial one, in [0, 1): kinematic hardening.
+        Ratio of the stiffness after yielding to the initial stiffness, in [0, 1), with kinematic
+        hardening. The default is 0.
 
     Returns
     -------
     list of InelasticSpectrum
-        One per ductility.
+        One spectrum per ductility.
 
     Raises
     ------
     UsageError
-        A number that is out of range.
+        A parameter is out of range.
     AnalysisError
-        No strength leads to a ductility, or a period is too short for the record's sampling
-        interval.
+        No strength leads to a ductility, or a period is too short for the sampling interval of the
+        record.
     """
     given, oscillators = _oscillators(record, periods, damping, hardening)
     if not all(1.0 <= ductility <= MOST_DUCTILE for ductility in ductilities):
@@ -158,7 +160,9 @@ def constant_ductility(
     for i, oscillator in enumerate(oscillators):
         ratio = 1.0
         for target, result in results.items() if oscillator.elastic > 0.0 else ():
-            # A continuous function that starts at 1 reaches the smaller ductilities first.
+            # The ductility is a continuous function of the ratio and equals 1 at ratio 1.
+            # It therefore reaches the smaller targets first, and each search starts at the
+            # preceding result.
             ratio = largest_ratio(oscillator.ductility, target, ratio)
             strength = ratio * oscillator.elastic
             result[i] = (
@@ -177,26 +181,26 @@ def constant_strength(
     *,
     hardening: float = 0.0,
 ) -> list[InelasticSpectrum]:
-    """Spectra of oscillators of given strengths.
+    """Compute inelastic spectra of constant strength.
 
     Parameters
     ----------
     record, periods, damping, hardening
-        As of `constant_ductility`.
+        The same as in `constant_ductility`.
     strengths : sequence of float
-        Yield strength ratios, the yield force over the weight, positive.
+        Yield strength ratios (yield force divided by weight), positive.
 
     Returns
     -------
     list of InelasticSpectrum
-        One per ratio.
+        One spectrum per strength ratio.
 
     Raises
     ------
     UsageError
-        A number that is out of range.
+        A parameter is out of range.
     AnalysisError
-        A period is too short for the record's sampling interval.
+        A period is too short for the sampling interval of the record.
     """
     given, oscillators = _oscillators(record, periods, damping, hardening)
     if not all(_WEAKEST <= strength <= _STRONGEST for strength in strengths):
@@ -214,7 +218,8 @@ def constant_strength(
 def _oscillators(
     record: AnyRecord, periods: Array, damping: float, hardening: float
 ) -> tuple[dict[str, Any], list[_Oscillator]]:
-    """What is given, checked, by the fields of a spectrum; and the oscillators."""
+    """Check the arguments and return them by field name of `InelasticSpectrum`, with the
+    oscillators."""
     record, damping = record_of(record), damping_of(damping)
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
@@ -239,8 +244,8 @@ def _oscillators(
 def _spectrum(
     given: dict[str, Any], oscillators: Sequence[_Oscillator], target: float | None, result: Array
 ) -> InelasticSpectrum:
-    """Of the yield displacement, the largest one and the one at rest of each oscillator, a row
-    each."""
+    """Build a spectrum from `result`: one row per oscillator with yield displacement, maximum
+    displacement and residual displacement (m)."""
     names, elastic = (
         ("yield_displacement", "sd", "residual"),
         np.array([one.elastic for one in oscillators]),
@@ -252,7 +257,7 @@ def _spectrum(
 
 @dataclass(frozen=True)
 class _Oscillator:
-    """A bilinear oscillator under a ground motion, without its strength."""
+    """Bilinear oscillator of unspecified strength under a ground motion."""
 
     ground: Array
     dt: float
@@ -261,7 +266,7 @@ class _Oscillator:
     hardening: float
 
     def response(self, yield_displacement: float) -> tuple[float, float]:
-        """Largest displacement and displacement at rest afterwards, m."""
+        """Return the maximum and the residual displacement, m."""
         results = np.empty(inelastic.RESULTS)
         code = inelastic.bilinear_response.compiled(
             self.ground,
@@ -281,35 +286,36 @@ class _Oscillator:
 
     @cached_property
     def elastic(self) -> float:
-        """Largest displacement of the oscillator that does not yield, m."""
+        """Maximum displacement of the elastic oscillator, m."""
         return self.response(math.inf)[0]
 
     def ductility(self, ratio: float) -> float:
-        """Ductility for a strength over that which stays elastic."""
+        """Return the ductility for `ratio`, the strength divided by the elastic strength."""
         return self.response(ratio * self.elastic)[0] / (ratio * self.elastic)
 
 
-# The search for a strength
+# The following functions search for the strength that leads to a ductility.
 
 
 def largest_ratio(ductility: Callable[[float], float], target: float, start: float = 1.0) -> float:
-    """The largest ratio not above `start` whose ductility is the target.
+    """Return the largest ratio, at most `start`, whose ductility equals `target`.
 
-    The ductility is a continuous function of the ratio, not above the target at `start`, and grows
-    without bound towards zero. It is not monotone: all of it is gone through from `start` down to
-    the first ratio that reaches the target. Where it rises steeply the steps are made smaller, and
-    where it comes near the target and falls again its maximum is looked for.
+    The ductility is a continuous function of the ratio. It does not exceed the target at `start`
+    and grows without bound as the ratio approaches zero. The function is not monotone, so the
+    search descends from `start` in small steps to the first ratio that reaches the target. The
+    steps are refined where the ductility rises steeply. If the ductility approaches the target and
+    decreases again, the search computes its maximum.
 
     Raises
     ------
     AnalysisError
-        No ratio down to a billionth reaches it.
+        No ratio above 1e-9 reaches the target.
     """
     if target == 1.0:
         return start
     from scipy.optimize import brentq
 
-    # By Brent's method on the logarithms, which lie nearly on a line
+    # Brent's method is applied to the logarithms because their relation is nearly linear.
     low, high = _bracket(ductility, target, start)
     values = {math.log(ratio): value for ratio, value in (low, high)}
 
@@ -325,13 +331,14 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
 
 
 Point = tuple[float, float]
-"""A ratio and its ductility."""
+"""Strength ratio and its ductility."""
 
 
 def _bracket(
     ductility: Callable[[float], float], target: float, start: float
 ) -> tuple[Point, Point]:
-    """The first ratio from above that reaches the target, and one above it that does not."""
+    """Return the first point from above that reaches the target, and a point of a larger ratio
+    that does not reach it."""
     before = high = (start, min(ductility(start), target))
     while high[1] < target:
         low = (high[0] * _RATIO, ductility(high[0] * _RATIO))
@@ -342,7 +349,8 @@ def _bracket(
             if summit[1] >= target:
                 low, high = summit, before
         if low[1] >= target:
-            # The uppermost part of a bracket in which the target is reached, and not far exceeded.
+            # Find the uppermost part of the bracket that reaches the target without exceeding it
+            # by more than the factor `_STEEP`.
             while True:
                 for ratio in np.linspace(high[0], low[0], _PARTS + 1)[1:-1].tolist():
                     point = (ratio, ductility(ratio))
@@ -357,7 +365,7 @@ def _bracket(
 
 
 class _Reached(Exception):
-    """The point at which a search has reached the target."""
+    """Exception that carries the point at which a search has reached the target."""
 
     def __init__(self, point: Point) -> None:
         super().__init__(point)
@@ -365,8 +373,8 @@ class _Reached(Exception):
 
 
 def _summit(ductility: Callable[[float], float], target: float, low: float, high: float) -> Point:
-    """The maximum between two ratios, or a point that reaches the target: Brent's parabolas and
-    golden section."""
+    """Return the point of maximum ductility between two ratios, or the first point that reaches
+    the target. The search is Brent's bounded minimization."""
     from scipy.optimize import minimize_scalar
 
     def depth(ratio: float) -> float:

@@ -177,19 +177,19 @@ class TargetSpectrum:
     Attributes
     ----------
     source : str
-        The file, or the code's name and parameters, as the user wrote them.
+        The file, or the name and parameters of the code, as the user specified them.
     periods : ndarray, shape (k,)
-        Rising, positive, s.
+        Periods, s, positive and increasing.
     psa : ndarray, shape (k,)
-        Positive, m/s^2.
+        Pseudo-accelerations, m/s^2, positive.
     zero : float or None
-        Its value at the period 0, m/s^2, as far as known.
+        Pseudo-acceleration at period 0, m/s^2; None if unknown.
     damping : float or None
-        Damping ratio that it is for, as far as known.
+        Damping ratio of the spectrum; None if unknown.
     curve : callable or None
-        The formula of a code; None of a table.
+        The formula of the code; None for a table.
     formula_corner : float or None
-        Where the constant acceleration of a code's formula ends, s.
+        Period at which the constant acceleration of the formula ends, s; None for a table.
     """
 
     source: str
@@ -201,7 +201,7 @@ class TargetSpectrum:
     formula_corner: float | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        if self.curve is not None:  # a formula is found again by its name
+        if self.curve is not None:  # A formula cannot be pickled, so it is rebuilt from its name.
             return read_target, (self.source,)
         return TargetSpectrum, (self.source, self.periods, self.psa, self.zero, self.damping)
 
@@ -217,19 +217,27 @@ class TargetSpectrum:
 
     @property
     def corner(self) -> float:
-        """Where the constant acceleration ends, TC or TS, s: of a code's formula, or where a
-        table's largest pseudo-acceleration and its largest pseudo-velocity meet."""
+        """Period at which the constant acceleration ends (TC or TS), s. For a table, this is the
+        period at which the maximum pseudo-acceleration and the maximum pseudo-velocity
+        intersect."""
         if self.formula_corner is not None:
             return self.formula_corner
         return float(2.0 * np.pi * np.max(self.psv) / np.max(self.psa))
 
     def check_damping(self, damping: float, spectra: str) -> None:
-        """Refuse a damping ratio of some spectra (`of the motion`) that is not the one it is for.
+        """Raise an error if the damping ratio of other spectra differs from that of the target.
+
+        Parameters
+        ----------
+        damping : float
+            Damping ratio of the other spectra.
+        spectra : str
+            Description of these spectra in the message, such as `of the motion`.
 
         Raises
         ------
         UsageError
-            They differ.
+            The damping ratios differ.
         """
         if self.damping is not None and abs(self.damping - damping) > _SAME:
             raise UsageError(
@@ -238,13 +246,14 @@ class TargetSpectrum:
             )
 
     def at(self, periods: ArrayLike) -> Array:
-        """Its values at periods (s), m/s^2, shape (k,); a formula has them from 0 on, the peak
-        ground acceleration.
+        """Return the pseudo-accelerations at periods (s), m/s^2, shape (k,).
+
+        A formula is defined from period 0, where its value is the peak ground acceleration.
 
         Raises
         ------
         UsageError
-            A period is outside its own.
+            A period is outside the range of the spectrum.
         """
         low, high = 0.0 if self.curve else float(self.periods[0]), float(self.periods[-1])
         periods = np.atleast_1d(np.asarray(periods, float))
@@ -261,17 +270,18 @@ class TargetSpectrum:
 
 
 def read_target(source: str) -> TargetSpectrum:
-    """A target spectrum: a design spectrum by name with its parameters, or a CSV file with a column
-    of periods (`period_s`, `T (s)`) and one of accelerations (`sa_g`, `psa_m_s2`, `Sa (g)`).
+    """Read a target spectrum: a design spectrum specified by name and parameters, or a CSV file
+    with a column of periods (`period_s`, `T (s)`) and a column of accelerations (`sa_g`,
+    `psa_m_s2`, `Sa (g)`).
 
-    A period of 0 is left out of the points: it has no place on a logarithmic axis.
+    The points exclude period 0 because a logarithmic axis cannot show it.
 
     Raises
     ------
     ModelError
-        It cannot be read, lacks a column, or holds what is no spectrum.
+        The file cannot be read, lacks a column, or does not contain a valid spectrum.
     UsageError
-        An unknown name, or wrong parameters.
+        The name is unknown, or the parameters are invalid.
     """
     match = _NAMED.fullmatch(source.strip())
     name, words = (match[1].lower(), match[2]) if match else ("", None)
@@ -297,8 +307,8 @@ def read_target(source: str) -> TargetSpectrum:
 
 def _read_points(source: str) -> TargetSpectrum:
     table = read_table(source, _NEEDS)
-    # The columns of periods and of accelerations with their units; pseudo-accelerations before
-    # others.
+    # Find the columns of periods and accelerations with their units. Columns of
+    # pseudo-acceleration take precedence over other accelerations.
     columns = [(name, *name_and_units(name)) for name in table.header]
     in_seconds = (
         name
@@ -340,7 +350,7 @@ def _read_points(source: str) -> TargetSpectrum:
     return TargetSpectrum(source, periods[positive], psa[positive], zero)
 
 
-# ---- A published spectrum, and how far a computed one is from it
+# ---- Published spectra and their differences from computed spectra
 
 QUANTITIES = {
     "sd": ("displacement", "sd_m"),
@@ -349,28 +359,28 @@ QUANTITIES = {
     "sv": ("velocity", "sv_m_s"),
     "sa": ("acceleration", "sa_m_s2"),
 }
-"""By its name in a table and in `Spectrum`, the quantity that a value's units must be of, and our
-column of it."""
+"""Physical quantity of the units and output column, by the name of the spectral quantity in tables
+and in `Spectrum`."""
 
 _SAME = 1e-6
-"""Relative difference up to which two periods, or damping ratios, are one: what is printed is
-rounded."""
+"""Tolerance within which two periods (relative) or damping ratios (absolute) are equal, because
+printed values are rounded."""
 
 
 @dataclass(frozen=True)
 class PublishedSpectrum:
-    """A spectrum as a file has it.
+    """Published spectrum, read from a file.
 
     Attributes
     ----------
     source : str
-        The file as the user named it.
+        The file as the user specified it.
     quantity : str
         A key of `QUANTITIES`.
     periods, values : ndarray, shape (k,)
-        s, growing, and SI units.
+        Increasing periods, s, and spectral values in SI units.
     input : Input
-        The file with its SHA-256.
+        The file with its SHA-256 checksum.
     """
 
     source: str
@@ -380,15 +390,15 @@ class PublishedSpectrum:
     input: Input
 
     def at(self, periods: Array, log_log: bool) -> Array:
-        """The values at periods (s): those that the file has or, if `log_log`, on straight lines
-        between their logarithms.
+        """Return the values at periods (s): the values of the file or, if `log_log`, values
+        interpolated linearly between the logarithms.
 
         Raises
         ------
         UsageError
-            A period that the file does not have, or beyond those that it has.
+            The file does not contain a period, or a period is outside its range.
         """
-        # Printed periods are the file's own where they differ by no more than rounding.
+        # Periods that differ from those of the file by rounding only use the values of the file.
         near = np.abs(self.periods[:, None] - periods) <= _SAME * periods
         if np.all(near.any(axis=0)):
             exact: Array = self.values[near.argmax(axis=0)]
@@ -416,16 +426,16 @@ class PublishedSpectrum:
 
 @dataclass(frozen=True)
 class SpectrumDifference:
-    """A computed spectrum beside a published one; arrays of shape (k,).
+    """Comparison of a computed spectrum with a published spectrum; arrays of shape (k,).
 
     Attributes
     ----------
     spectrum : Spectrum
-        As it was computed.
+        The computed spectrum.
     published : PublishedSpectrum
-        The file.
+        The published spectrum.
     expected : ndarray
-        The published values at the periods of the spectrum.
+        The published values at the periods of the computed spectrum.
     """
 
     spectrum: Spectrum
@@ -455,14 +465,14 @@ class SpectrumDifference:
 
     @property
     def relative_difference(self) -> Array:
-        """Computed over published values, less 1; nan where the published value is 0."""
+        """Ratio of computed to published values, minus 1; nan where the published value is 0."""
         expected = np.where(self.expected == 0.0, np.nan, self.expected)
         return self.computed / expected - 1.0
 
     @property
     def largest(self) -> tuple[float, float] | None:
-        """The largest relative difference to either side, and its period, s; None if there is
-        none."""
+        """Relative difference of largest magnitude, with its sign, and its period, s; None if no
+        difference is finite."""
         difference = self.relative_difference
         if not np.any(np.isfinite(difference)):
             return None
@@ -473,25 +483,25 @@ class SpectrumDifference:
 def read_published(
     source: str | Path, damping: float, column: str | None = None
 ) -> PublishedSpectrum:
-    """Read a published spectrum: CSV with names in its first line, which say quantity and units.
+    """Read a published spectrum from a CSV file whose header specifies quantities and units.
 
     Parameters
     ----------
     source : str or Path
-        The file. It needs a column of periods (`period_s`, `T (s)`) and one of values (`psa_g`,
-        `PSA (cm/s^2)`, `sd_cm`); names of quantities are those of `QUANTITIES`. Where it has a
-        column `damping`, the rows of `damping` are taken.
+        The file. It needs a column of periods (`period_s`, `T (s)`) and a column of values
+        (`psa_g`, `PSA (cm/s^2)`, `sd_cm`) whose quantity is a key of `QUANTITIES`. If the file has
+        a column `damping`, only the rows with the requested damping ratio are used.
     damping : float
         Damping ratio.
     column : str, optional
-        Which of several columns of values.
+        Name of the column of values. Required if the file contains several columns of values.
 
     Raises
     ------
     RecordError
-        The file cannot be read, has no such columns or units, or says a period twice.
+        The file cannot be read, lacks a column or units, or contains a period twice.
     UsageError
-        There are several columns of values, and none is named.
+        The file contains several columns of values, and `column` is None.
     """
     table = read_named_table(source)
     columns = [name_and_units(text) for text in table.names]
@@ -508,7 +518,7 @@ def read_published(
         )
     quantity, values = _values(table, column)
     periods = SECONDS[units] * table.numbers(place)
-    # The rows of the damping ratio, by rising periods.
+    # Select the rows with the damping ratio, sorted by period.
     rows = np.argsort(periods, kind="stable")
     if "damping" in table.names:
         ratios = table.numbers(table.place("damping"))
@@ -528,7 +538,7 @@ def read_published(
 def differences(
     spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool
 ) -> list[SpectrumDifference]:
-    """Computed spectra beside a published one."""
+    """Compare computed spectra with a published spectrum."""
     return [
         SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log))
         for spectrum in spectra
@@ -536,7 +546,7 @@ def differences(
 
 
 def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
-    """Quantity and values (SI units) of the column."""
+    """Return the quantity and the values (SI units) of the selected column."""
     columns = {
         text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES
     }
@@ -557,7 +567,7 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
             f"{table.source}: has no column of a spectrum ({', '.join(QUANTITIES)}, with units: "
             f"psa_g); there are {', '.join(table.names)[:200]}"
         )
-    # The units end the column's name, and must be those of its quantity.
+    # The name of the column ends with the units, which must match its quantity.
     chosen = column if column is not None else next(iter(columns))
     name, text = columns[chosen]
     try:
