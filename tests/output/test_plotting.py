@@ -266,7 +266,7 @@ def test_what_has_no_picture_is_refused(results, tmp_path):
         tdint.plot([results["run"], results["run"]])
     with pytest.raises(UsageError, match="no figure is available"):
         tdint.methods().plot()
-    with pytest.raises(UsageError, match="those of their figure"):
+    with pytest.raises(UsageError, match="cannot be used with ax"):
         tdint.plot(results["run"], ax=Figure().subplots(), width=0.09)
     with pytest.raises(OutputError, match=r"written as \.png, \.pdf or \.svg"):
         tdint.plot(results["run"], file=tmp_path / "a.jpg")
