@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdint.analysis.assessment import order
-from tdint.analysis.run import together as runs
+from tdint.analysis.run import batch as runs
 from tdint.analysis.run.prepared import PreparedBuilding, of_everything
 from tdint.analysis.run.workspace import Steps
 from tdint.ground_motion import measures

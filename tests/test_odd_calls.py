@@ -85,7 +85,7 @@ def odd(call, *values):
 )
 def test_numbers_out_of_range_are_refused_in_words(call):
     """At once: none is computed with."""
-    with pytest.raises(TdintError, match=r"must be|stride|no null"):
+    with pytest.raises(TdintError, match=r"must be|stride|null"):
         call()
 
 

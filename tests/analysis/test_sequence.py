@@ -87,7 +87,7 @@ def test_shocks_of_several_sampling_intervals_keep_their_motions():
     second = joined.whole.acceleration[joined.starts[1] :]
     assert np.array_equal(second[::2], coarse.acceleration)
     assert second[1::2] == pytest.approx(0.5 * (coarse.acceleration[1:] + coarse.acceleration[:-1]))
-    with pytest.raises(UsageError, match=r"no whole multiple.*--resample"):
+    with pytest.raises(UsageError, match=r"integer multiple.*--resample"):
         sequence_of(case(), [MAIN, shock(3, 5.0, dt=0.015)])
 
 
@@ -124,7 +124,7 @@ def test_shocks_that_are_one_record_have_the_shortest_rest_between_them(rest, ze
 
 def test_a_building_that_never_rests_is_told():
     found = run_sequence(case(model=ten_bilinear(damping=None)), [MAIN.scaled(1e-3), AFTER])
-    assert any("after shock 1 the building still moved" in note for note in found.notes)
+    assert any("the building still vibrated" in note for note in found.notes)
     assert len(found.events) == 2
 
 
@@ -142,7 +142,7 @@ def test_a_collapse_ends_the_sequence_in_its_shock():
 def test_a_rest_is_a_time(rest):
     with pytest.raises(UsageError, match="rest"):
         run_sequence(case(), [MAIN, AFTER], rest=rest)
-    with pytest.raises(UsageError, match="a record at least"):
+    with pytest.raises(UsageError, match="at least one record"):
         run_sequence(case(), [])
 
 

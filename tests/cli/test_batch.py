@@ -127,7 +127,7 @@ def test_names_that_still_clash_are_refused(tmp_path):
         "stdin.at2.csv",
     ]
     for clash in (["x.EW", "x.NS", "x.EW.mseed"], ["a/x.EW", "b/x.EW"]):
-        with pytest.raises(Exception, match="would be written to it"):
+        with pytest.raises(Exception, match="would be written to this file"):
             tables_of(clash, tmp_path)
 
 

@@ -558,7 +558,7 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
     tdint(*of_model, "-o", "kept", "--overwrite", code=0)
     assert len(rows("kept/runs.csv")) == 2
     for option in (["--history"], ["--tolerance", "1%"], ["--export-floors", "mseed"]):
-        tdint.refused("for one record and one scale", *of_model, *option, "-o", "new")
+        tdint.refused("one record and one scale", *of_model, *option, "-o", "new")
 
 
 def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(

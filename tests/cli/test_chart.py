@@ -174,7 +174,7 @@ def test_lines_by_tolerance(folder, tdint):
             (),
             [
                 "maximum error of the peak drifts of the stories",
-                "the record's own step, 0.01 s",
+                "sampling interval of the record, 0.01 s",
                 "time of the thread in the compiled loop (s)",
             ],
         ),
@@ -183,10 +183,10 @@ def test_lines_by_tolerance(folder, tdint):
             [
                 "error of the drifts (L2 of the history)",
                 "time step (s)",
-                "vertical line: the record's own step",
+                "vertical line: sampling interval",
             ],
         ),
-        (("--versus", "solves"), ["solves of the equations", version_of_sources()[0]]),
+        (("--versus", "solves"), ["solves", version_of_sources()[0]]),
         (("--versus", "steps"), [">time steps<", "steps against accuracy"]),
     ],
     ids=["time", "dt", "solves", "steps"],
@@ -204,12 +204,12 @@ def test_the_picture_names_what_it_shows(folder, tdint, options, words):
         (
             ("--method", "exact", "--target-error", "displacement"),
             ["100", "200"] * 3,
-            "with the model's dt 0.02 s",
+            "with dt 0.02 s of the model",
         ),
         (
             ("--record", "other.mseed", "--duration", "1"),
             ["50", "100"] * 2,
-            "with the record's dt 0.01 s",
+            "with dt 0.01 s of the record",
         ),
     ],
     ids=["forces alone", "a record of the command line"],

@@ -201,4 +201,4 @@ def test_what_is_refused(here, tdint, arguments, code, message):
 
 def test_the_help_names_the_steps():
     option = next(parameter for parameter in commands.command.params if parameter.name == "dts")
-    assert f"the paper's {DT:g} if there is none" in option.help
+    assert f"{DT:g} by default, as in the paper" in option.help

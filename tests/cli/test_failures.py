@@ -70,7 +70,7 @@ def test_chosen_methods_and_problems(here, tdint):
         ),
         (["--problem", "x"], 2, "unknown problem 'x' (known: "),
         (["--method", "newmrk"], 2, "did you mean 'newmark'?"),
-        (["--plot", "x.jpg"], 2, "not .jpg"),
+        (["--plot", "x.jpg"], 2, "got .jpg"),
     ],
 )
 def test_what_is_refused(here, tdint, arguments, code, message):

@@ -227,7 +227,7 @@ def test_whatever_integrates_a_model_shows_the_warnings_of_check_first(
     motion = api.read_record("motion.mseed", component="HNE", units="m/s^2")
     for results in (api.run_many(["plain.yaml"], [motion]), api.campaign("study.yaml")):
         assert results.warnings == (f"plain.yaml: {expected}",)
-        assert f"; warning: plain.yaml: {expected}>" in repr(results)
+        assert f"; warning: plain.yaml: {expected[:25]}" in repr(results)
 
 
 def test_a_run_that_fails_shows_the_warnings_of_check_as_well(folder: Path, tdint: Command) -> None:
@@ -318,8 +318,8 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
 
     (folder / "bad.yaml").write_text("stories: []\n")
     told = (
-        "study.yaml: valid campaign file\nError: bad.yaml:1:10: stories: must hold at least "
-        "one story\n"
+        "study.yaml: valid campaign file\nError: bad.yaml:1:10: stories: must contain at "
+        "least one story\n"
     )
     assert check("bad.yaml, shaken.yaml", "records: {files: [motion.mseed]}") == (
         told,

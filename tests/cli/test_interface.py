@@ -302,8 +302,8 @@ def test_a_campaign_goes_on_where_it_stopped(study):
             "colour",
         ),
         (lambda: package.model_template(0), UsageError, "stories from 1 on"),
-        (lambda: package.to_dict([]), UsageError, "one or several results"),
-        (lambda: package.to_dict([motion(), package.methods()]), UsageError, "of one kind"),
+        (lambda: package.to_dict([]), UsageError, "one or more results"),
+        (lambda: package.to_dict([motion(), package.methods()]), UsageError, "of the same type"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_a_line(call, kind, message, study):

@@ -162,7 +162,7 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
     (folder / "no-height.yaml").write_text(
         (folder / "forced.yaml").read_text().replace(", height: 3", "")
     )
-    law = "law: {type: polynomial, coefficients: [1, 0, 1e60]}"
+    law = "law: {type: polynomial, coefficients: [1, 0, 1e60, 0, 1e60]}"
     (folder / "cubic.yaml").write_text(
         (folder / "forced.yaml").read_text().replace("stiffness: 800", law)
     )

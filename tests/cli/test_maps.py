@@ -100,7 +100,7 @@ def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command)
     summary = json.loads(Path("out/summary.json").read_text())
     assert (
         summary["columns"]["inventory_status"]["meaning"]
-        == "column status of the inventory, as it is written there"
+        == "column status of the inventory, unchanged"
     )
     assert "Cost" not in rows("out/stories.csv")[0]
     for part in (1, 2):

@@ -102,6 +102,7 @@ def test_the_summary(folder, tdint):
         "notes",
         "inputs",
         "versions",
+        "time_loops",
         "meanings",
         "files",
         "arguments",
@@ -181,7 +182,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
         (["shaken.yaml", "m" * 300], 4, "File name too long"),
         (["shaken.yaml", "--component", "HNZ"], 4, "component 'HNZ' not found"),
         (["shaken.yaml", "--units", "furlong"], 2, "units 'furlong'"),
-        (["shaken.yaml", "--units", "gal", "--inventory", "x.xml"], 2, "units and an inventory"),
+        (["shaken.yaml", "--units", "gal", "--inventory", "x.xml"], 2, "with an inventory"),
         (
             ["forced.yaml", "--method", "newmrk"],
             2,
@@ -440,7 +441,7 @@ def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
     result = tdint(
         "run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5:gamma=0.9", "-o", "out", code=0
     )
-    (line,) = (line for line in result.stderr.splitlines() if "energy balance" in line)
+    (line,) = (line for line in result.stderr.splitlines() if "energy imbalance" in line)
     assert line.startswith("Warning: the energy imbalance is")
     assert "dissipated by the method" in line
     assert line.removeprefix("Warning: ") in summary_of(folder)["notes"]

@@ -66,7 +66,7 @@ def test_units_of_the_measures(study, tdint):
         (("campaign", "study.yaml", "-o", "new", "--im", "pgx"), "unknown intensity measure 'pgx'"),
         (
             ("campaign", "export", "out", "--im", "pga"),
-            "with `tdint campaign export`; it has no models",
+            "with `tdint campaign export`; it requires the models",
         ),
         (("fragility", "out", "--im", "sa,cav"), "the runs have no measure cav"),
         (

@@ -45,7 +45,7 @@ def test_standard_input_at_the_default_periods(folder, tdint):
     """Which stand in the help. The numbers are those of the library: test_interface.py."""
     tdint("spectrum", "-", "-o", "out/", stdin=(folder / "other.mseed").read_bytes(), code=0)
     assert files(folder / "out") == {"stdin.csv", "stdin.json"}
-    assert defaults.PERIODS in tdint("spectrum", "-h").stdout
+    assert defaults.PERIODS in tdint("spectrum", "--help-all").stdout
     table = rows(folder / "out" / "stdin.csv")
     assert {(row["record"], row["damping"]) for row in table} == {("-", "0.05")}
     periods = parse_grid(defaults.PERIODS).values()

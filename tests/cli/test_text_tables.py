@@ -101,7 +101,7 @@ def test_run_by_the_model_and_by_options(tables, tdint):
             "starts in line 4: specify it by --step and --column and skip the lines above by "
             "--skip-lines",
         ),
-        ("run forced.yaml --step 0.01", 2, "needs a record"),
+        ("run forced.yaml --step 0.01", 2, "requires a record"),
     ],
 )
 def test_refused(tables, tdint, words, code, message):
@@ -136,7 +136,7 @@ def test_a_table_without_units_is_told_how_to_say_them(folder, tdint):
     (folder / "t.csv").write_text(
         "time,acc\n" + "".join(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}\n" for i in range(200))
     )
-    assert "samples are with --units g," in tdint("info", "t.csv").stderr
+    assert "--units g," in tdint("info", "t.csv").stderr
 
 
 @pytest.mark.parametrize("name", COMMANDS)

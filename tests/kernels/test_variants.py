@@ -80,7 +80,7 @@ def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(laws, methods, 
         for whole, result in ((True, everything), (False, own)):
             monkeypatch.setattr(compilable, "WHOLE", whole)
             for kernel, _ in kernels(parse(method), EVERYTHING):  # each remembers what it needs
-                monkeypatch.setattr(kernel, "_needs", {})
+                monkeypatch.setattr(kernel, "_required", {})
                 monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
             result.update(marched(PreparedBuilding(assembled), method))
         step = parse(method).family.step

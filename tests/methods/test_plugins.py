@@ -249,7 +249,7 @@ FAULTS = {
     "from dataclasses import replace\nfrom tdint.methods.bathe import METHODS\nMETHODS = "
     "(replace(METHODS[0]),)\n": ("a method 'bathe' already exists; choose another name"),
     "from tdint.kernels.laws.law import DriftLaw\nLAWS = (DriftLaw('tanh', '', lambda: None),)\n": (
-        "there is a law 'tanh' already"
+        "a law 'tanh' already exists"
     ),
 }
 
@@ -268,7 +268,7 @@ CHANGES = {
         '"verlet",\n        family',
         '"Verlet 2",\n        family',
     ): "invalid name of a method: 'Verlet 2'",
-    ("verlet", 'Family("verlet"', 'Family("bathe"'): "there is a family 'bathe' already",
+    ("verlet", 'Family("verlet"', 'Family("bathe"'): "a family 'bathe' already exists",
     ("verlet", "order=lambda: 2", "order=lambda: '2'"): "verlet: order gives '2', no int",
     ("verlet", "order=lambda: 2", "order=lambda x: 2"): "TypeError: ",
     ("verlet", "coefficients=lambda: ()", "coefficients=lambda: 'a'"): "ValueError: ",
@@ -314,7 +314,7 @@ def test_no_two_files_of_one_name(tmp_path, verlet):
 def test_a_law_of_no_file_is_refused():
     law = definition.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
-    with pytest.raises(UsageError, match="a file that another process can execute"):
+    with pytest.raises(UsageError, match="so that another process can import it"):
         definition.register_law(alone)
     with pytest.raises(UsageError, match="a law is a tdint"):
         definition.register_law("tanh")
