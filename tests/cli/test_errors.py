@@ -88,7 +88,7 @@ def test_the_library_s_words_become_options_where_the_command_has_them(tdint, fo
     (folder / "empty.yaml").write_text("name: none\n")
     for words, code, said in (
         ("info motion.csv", 4, "--units g, cm/s^2 or m/s^2"),
-        ("campaign campaign.yaml -o out", 4, "with `units: g`, cm/s^2 or m/s^2"),
+        ("campaign campaign.yaml -o out", 4, "`units: g`, cm/s^2 or m/s^2"),
         ("run feet.yaml motion.csv", 3, "add mass to `units` ("),
         ("campaign empty.yaml -o out", 3, "buildings: is missing; give `models` or an `inventory`"),
     ):

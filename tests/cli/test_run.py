@@ -102,10 +102,10 @@ def test_the_summary(folder, tdint):
         "notes",
         "inputs",
         "versions",
-        "time_loops",
         "meanings",
         "files",
         "arguments",
+        "time_loops",
     ]
     assert summary["schema"] == {"name": "tdint run", "version": 1}
     assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # nothing was asked for
