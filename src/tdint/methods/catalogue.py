@@ -204,15 +204,16 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
 
 
 def parse(text: str) -> Integrator:
-    """Read a specification such as `generalized-alpha` or `newmark:beta=0.25:gamma=0.5`. Commas in
-    place of the further colons are read with a line that says so: they would part the cells of a
+    """Parse a specification such as `generalized-alpha` or `newmark:beta=0.25:gamma=0.5`.
+
+    Commas between parameters are accepted with a warning; they would separate the cells of a CSV
     table.
 
     Raises
     ------
     UsageError
-        Unknown method or parameter, a value that is no number or out of range. No other method ever
-        takes its place.
+        Unknown method or parameter, or a value that is not a number or is out of range. The method
+        is never replaced by another one.
     """
     if not isinstance(text, str):
         raise UsageError(f"a method is a text such as 'impulse4', got {text!r}")
@@ -221,7 +222,7 @@ def parse(text: str) -> Integrator:
     if method is None:
         hint = did_you_mean(name, catalogue())
         raise UsageError(f"unknown method {name!r}{hint} (known: {', '.join(catalogue())})")
-    # The parameters that the specification names: numbers, or fractions such as 1/144.
+    # Read the parameters of the specification: numbers, or fractions such as 1/144.
     allowed = {parameter.name: parameter for parameter in method.parameters}
     given: dict[str, float] = {}
     items = rest.replace(",", ":").split(":") if rest or ":" in text else []
@@ -247,7 +248,7 @@ def parse(text: str) -> Integrator:
             raise UsageError(
                 f"method {text!r}: {key} must be a number in {allowed[key].range}, {got}"
             ) from None
-    # All of them, in their order: a default may follow from those before it.
+    # Set all parameters in their order, because a default may depend on the preceding values.
     values: list[float] = []
     for parameter in method.parameters:
         default = parameter.default
@@ -267,25 +268,27 @@ def parse(text: str) -> Integrator:
 
 
 def resolved(specification: str) -> dict[str, float]:
-    """The value of each parameter of a method, given or by default."""
+    """Return the value of each parameter of a method, specified or default."""
     return parse(specification).resolved
 
 
 @cache
 def _deprecate(text: str, typed: str) -> None:
-    """Once for each text, however often it is read."""
+    """Log the warning about commas once for each specification."""
     LOG.warning("method %r: write %s; commas between parameters are still read", text, typed)
 
 
 def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[str, ...]]:
-    """An integrator goes to another process as its specification, that of a plug-in with its file:
-    compiled functions do not travel."""
+    """Pickle an integrator as its specification, with the file of its plug-in if it has one.
+
+    Compiled functions cannot be pickled.
+    """
     home = home_of(integrator.method.name, "METHODS")
     return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
 
 
 def _parse_again(text: str, file: str, digest: str) -> Integrator:
-    """A method of a plug-in, which is loaded if this process does not know it yet."""
+    """Parse the specification of a plug-in method; load the plug-in first if necessary."""
     if text.partition(":")[0] not in catalogue():
         try:
             load_plugin(same_file(file, digest))
@@ -296,8 +299,10 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
 
 @dataclass(frozen=True)
 class _Unknown:
-    """A method whose plug-in could not be loaded: whoever asks anything of it is told so. A pool
-    would wait for ever for a result that cannot be read."""
+    """Method whose plug-in could not be loaded: each access to an attribute raises UsageError.
+
+    An error during unpickling would make a process pool wait forever.
+    """
 
     text: str
     file: str
@@ -314,8 +319,9 @@ copyreg.pickle(Integrator, _reduce)
 
 
 def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
-    """The methods of one or several specifications, each once; all of the catalogue at their
-    defaults if none is given.
+    """Return the methods of one or several specifications without duplicates.
+
+    Without specifications, all methods of the catalogue are returned with default parameters.
 
     Raises
     ------
@@ -327,7 +333,7 @@ def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
 
 
 def list_methods(specifications: str | Iterable[str] | None = None) -> ResultList[Integrator]:
-    """The time-integration methods with these parameters, or all at their defaults.
+    """List the specified time-integration methods, or all methods with default parameters.
 
     Parameters
     ----------
@@ -337,7 +343,7 @@ def list_methods(specifications: str | Iterable[str] | None = None) -> ResultLis
     Returns
     -------
     ResultList of Integrator
-        `to_dict` has what `tdint methods` tells of them.
+        `to_dict` returns the data that `tdint methods` prints.
 
     Raises
     ------
@@ -349,18 +355,18 @@ def list_methods(specifications: str | Iterable[str] | None = None) -> ResultLis
 
 @dataclass(frozen=True)
 class Publication:
-    """A publication.
+    """Bibliographic data of a publication.
 
     Attributes
     ----------
     bibtex : str
-        Its entry of BibTeX.
+        BibTeX entry.
     author : str
-        As BibTeX takes them, `and` between them; empty where they are not known.
+        Authors in BibTeX format, separated by `and`; empty if unknown.
     howpublished : str
-        Journal with volume, number and pages, or the report.
+        Journal with volume, number and pages, or report.
     doi : str
-        Empty where it is not known for sure.
+        Digital object identifier; empty if it is not confirmed.
     """
 
     bibtex: str
@@ -372,7 +378,7 @@ class Publication:
 
     @property
     def text(self) -> str:
-        """In one line."""
+        """Citation in one line."""
         authors = self.author.replace(" and ", "; ")
         head = (
             f"{authors} ({self.year}). {self.title}" if authors else f"{self.title} ({self.year})"
@@ -382,9 +388,8 @@ class Publication:
 
 @cache
 def references() -> dict[str, tuple[Publication, ...]]:
-    """The publications of each method of ours, which an entry of the file names among its
-    keywords."""
-    from importlib.resources import files  # which takes longer to load than a run's first step
+    """Return the publications of each built-in method, as named in the keywords of the entries."""
+    from importlib.resources import files  # imported here because the import is slow
 
     publications: dict[str, tuple[Publication, ...]] = {}
     _, *entries = (
@@ -399,5 +404,5 @@ def references() -> dict[str, tuple[Publication, ...]]:
 
 
 def references_of(method: Method) -> tuple[Publication, ...]:
-    """The publications of a method; none for one of a plug-in, which has its `source` alone."""
+    """Return the publications of a method; empty for a plug-in, which has only its `source`."""
     return references().get(method.name, ())

@@ -1,4 +1,4 @@
-"""What a time-integration method is: a compiled step, a row of coefficients, and a citation."""
+"""Data types of a time-integration method: compiled step, coefficients and citation."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a method: its default and the range it may have (both ends allowed unless said
-    otherwise).
+    """Parameter of a method: default value and range (both ends are allowed by default).
 
-    A default may be a function of the values of the parameters before it.
+    The default may be a function of the values of the preceding parameters.
     """
 
     name: str
@@ -33,7 +32,7 @@ class Parameter:
     high_allowed: bool = True
 
     def allows(self, value: float) -> bool:
-        """Whether `value` lies in the range."""
+        """Return True if `value` lies in the range."""
         above = value >= self.low if self.low_allowed else value > self.low
         below = value <= self.high if self.high_allowed else value < self.high
         return math.isfinite(value) and above and below
@@ -53,7 +52,7 @@ class Family:
     Attributes
     ----------
     name : str
-        For people; the file is named alike.
+        Name of the family for the user, equal to the name of its file.
     step : Kernel
         The compiled step, with the signature of `tdint.kernels.stepping`.
     scratch_rows : callable
@@ -64,27 +63,28 @@ class Family:
     state_rows : int
         Rows of the state.
     derivatives : tuple of int
-        Which derivative of the displacement each row of the state has the unit of.
+        Order of the displacement derivative that has the same unit as each row of the state.
     halvable : bool
-        Whether a step that does not converge may be divided: its coefficients hold for any h.
+        True if a step that does not converge may be divided, because the coefficients hold for
+        any h.
     power_dampers : bool
-        Whether the step takes power-law dashpots.
+        True if the step supports power-law dashpots.
     linear_only : bool
-        Whether the step holds for linear buildings alone.
+        True if the step is valid for linear buildings only.
     limited_by_stiffening : bool
-        Whether the step is stable only up to some size where a story is stiffer than at rest.
+        True if the step is only conditionally stable where a story is stiffer than at rest.
     own_work : bool
-        Whether the step tells the work of load and dampers in it; else it is found from the powers
-        at its ends.
+        True if the step computes the work of the load and of the dampers; otherwise the work is
+        computed from the power at both ends of the step.
     shifts : tuple of float
-        What each row of the state takes of a jump of the ground acceleration between two steps,
-        over h^(2 - derivative). Such jumps come with steps longer than the record's sampling
-        interval.
+        Change of each row of the state per unit jump of the ground acceleration between two steps,
+        divided by h^(2 - derivative). Such jumps occur if the time step is longer than the sampling
+        interval of the record.
     parabolic : bool
-        Whether the displacements follow parabolas within the step, along which the rates change as
-        from end to end.
+        True if the displacements are parabolic within the step, with rates that change linearly
+        between its ends.
     prepare : callable, optional
-        (building, forces, h) -> the step's coefficients, where they depend on the building.
+        (building, forces, h) -> coefficients of the step, if they depend on the building.
     """
 
     name: str
@@ -105,7 +105,7 @@ class Family:
 
 @dataclass(frozen=True)
 class Method:
-    """One entry of the catalogue.
+    """Entry of the catalogue of methods.
 
     Attributes
     ----------
@@ -115,11 +115,11 @@ class Method:
         Parameter values -> spectral radius for omega dt to infinity; nan where the method is not
         stable there.
     source : str
-        Who published it.
+        Publication of the method.
     order : callable
-        Parameter values -> order of displacement and velocity for a smooth load; 2 if left out.
+        Parameter values -> order of displacement and velocity for a smooth load; default 2.
     implicit : callable
-        Parameter values -> whether the step solves for the restoring force at its end, as most do.
+        Parameter values -> True (default) if the step solves for the restoring force at its end.
     stability_limit : callable
         Parameter values -> largest stable omega dt without damping; inf if there is none. Where a
         parameter opens an unstable band, the lower end of the band.
@@ -138,13 +138,12 @@ class Method:
 
 @dataclass(frozen=True)
 class Integrator:
-    """A method with the values of its parameters: what `method: newmark:beta=0.25:gamma=0.5` stands
-    for.
+    """Method with the values of its parameters, such as `newmark:beta=0.25:gamma=0.5`.
 
     Attributes
     ----------
     typed : str
-        The specification as it was given, without which two are the same.
+        Specification as the user wrote it; ignored when two integrators are compared.
     """
 
     method: Method
@@ -153,20 +152,20 @@ class Integrator:
 
     @property
     def label(self) -> str:
-        """Its name in tables, pictures and JSON: as typed, which the catalogue reads."""
+        """Name in tables, figures and JSON: the specification, which `parse` accepts."""
         full = (f"{name}={value!r}" for name, value in self.resolved.items())
         return self.typed or ":".join([self.method.name, *full])
 
     @property
     def resolved(self) -> dict[str, float]:
-        """The value of each parameter, given or by default."""
-        # Without values where a plug-in could not be loaded: its method is not asked.
+        """Value of each parameter, specified or default."""
+        # There are no values if the plug-in could not be loaded; its method must not be used then.
         names = (parameter.name for parameter in self.method.parameters) if self.values else ()
         return dict(zip(names, self.values, strict=True))
 
     @property
     def family(self) -> Family:
-        """The family whose step it takes."""
+        """Family of the method, which contains the compiled step."""
         return self.method.family
 
     @property
@@ -176,7 +175,7 @@ class Integrator:
 
     @property
     def implicit(self) -> bool:
-        """Whether the step solves for the restoring force at its end."""
+        """True if the step solves for the restoring force at its end."""
         return self.method.implicit(*self.values)
 
     @property
