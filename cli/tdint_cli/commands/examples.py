@@ -1,5 +1,4 @@
-"""`tdint examples`: the examples of the paper that proposed impulse, with its methods and their
-errors."""
+"""`tdint examples`: examples of the paper that proposed `impulse` and errors of its methods."""
 
 from __future__ import annotations
 
@@ -38,13 +37,13 @@ _LABORATORY = {
 }
 """Quantity, damping ratio and title of figures 1 to 5 of the paper."""
 
-_ORDER_FIGURE = 6  # of the paper
+_ORDER_FIGURE = 6  # number of the paper's figure of the order of accuracy
 _BETA_SCAN = "beta-scan"
 _OURS = ("impulse4", "moment4")  # plotted as thin lines next to the five methods of the paper
 _STEPS = Grid(0.01, 100.0, 600)  # dt/T
 _RATIOS = Grid(
     0.2, 5.0, 15
-)  # of the load's frequency over the natural one, as `tdint order` takes them
+)  # ratio of the load frequency to the natural frequency, as in `tdint order`
 
 
 @options.request
@@ -191,7 +190,19 @@ def _names(example: Example, kind: str) -> list[str]:
 def _files(
     example: Example, runs: list[ExampleRun], reference: str, kind: str
 ) -> list[tuple[str, Content]]:
-    """The files of one example and what they hold; no figures where no run came to its end."""
+    """Return the file names and contents of one example, without figures if all runs failed.
+
+    Parameters
+    ----------
+    example : Example
+        Example of the paper.
+    runs : list of ExampleRun
+        Runs of the example.
+    reference : str
+        Reference solution, such as "paper".
+    kind : str
+        Suffix of the figure files.
+    """
     table = tables.methods.example_table(runs, reference)
     first = [run for run in runs if run.dt == runs[0].dt]
     contents: list[Content] = [table.csv(), options.output.provenance(table.meanings, SI)]
@@ -208,8 +219,11 @@ def _files(
 
 
 def _general_figures(drawn: Sequence[Example], kind: str) -> dict[str, Content]:
-    """The paper's figures that show no motion, methods on an oscillator and the buildings of
-    examples; and the scan of beta, which the paper has not."""
+    """Return the figures of the paper without motions, and the additional figure of beta.
+
+    The figures of the paper show methods on an oscillator and the buildings of the examples. The
+    paper does not contain the figure of beta.
+    """
     numbers = [*_LABORATORY, _ORDER_FIGURE]
     drawings: dict[str, Callable[[], Any]] = {
         _name(number): partial(_draw_laboratory, number) for number in numbers
@@ -231,8 +245,10 @@ def _name(number: int) -> str:
 
 
 def _draw_laboratory(number: int) -> Any:
-    """One of the figures 1 to 6: the paper's five methods on an oscillator without load, or under a
-    harmonic one."""
+    """Draw one of the figures 1 to 6: methods on an oscillator without load or under harmonic load.
+
+    The methods are the five methods of the paper and two further methods.
+    """
     from tdint.analysis.assessment.order import observed_order, order_problem
     from tdint.analysis.assessment.paper_examples import FIVE
     from tdint.analysis.assessment.stability import stability
@@ -265,7 +281,7 @@ def _draw_beta_scan() -> Any:
 
 
 def _exact(example: Example, dt: float, reference: str) -> str:
-    """What is taken as exact, in words."""
+    """Return the method and the time step of the reference solution as text."""
     from tdint.analysis.assessment.paper_examples import EXACT, FINER, exact_steps
 
     method, count = (EXACT, exact_steps(example, dt)) if reference == "paper" else ("rk5", FINER)
@@ -273,8 +289,19 @@ def _exact(example: Example, dt: float, reference: str) -> str:
 
 
 def _say_example(example: Example, runs: list[ExampleRun], reference: str, remark: bool) -> None:
-    """What the example is, how good its references, the methods by rank, and how the paper's
-    ranking comes about."""
+    """Report an example: its reference solutions, the ranking of the methods, and a remark.
+
+    Parameters
+    ----------
+    example : Example
+        Example of the paper.
+    runs : list of ExampleRun
+        Runs of the example with one time step.
+    reference : str
+        Reference solution, such as "paper".
+    remark : bool
+        Print the explanation of the paper's ranking.
+    """
     from tdint.analysis.assessment.paper_examples import EXACT, exact_steps, gap
 
     dt = runs[0].dt

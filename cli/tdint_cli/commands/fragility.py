@@ -43,7 +43,7 @@ _COMPARE = Mode("with several measures (--im), which are compared", frozenset({"
 MODES = (_FIT, _COMPARE)
 
 SIGNIFICANT = 0.05
-"""P-value below which a slope is told."""
+"""P-value below which a slope is reported as significant."""
 
 
 _OF_OPENQUAKE = (
@@ -200,7 +200,7 @@ def _fragility(request: Request) -> None:
     if request.edp_range is not None and request.fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")
     model = [Path(request.openquake)] if request.openquake else []
-    # Where the states have losses, these go beside the functions.
+    # If the damage states have loss ratios, a vulnerability model is written next to the functions.
     losses = _losses(Path(request.table)) if by == "type" and model else {}
     beside = [file.with_name(f"{file.stem}-vulnerability.xml") for file in model if losses]
     check_outputs([*model, *beside], overwrite=outputs.overwrite)
@@ -220,7 +220,7 @@ def _fragility(request: Request) -> None:
         raise Failures(list(result.failures))
     units = outputs.units
     functions = [function.in_units(units) if units else function for function in result.functions]
-    # For OpenQuake; of types those that have a function of every state
+    # Write the OpenQuake files. They contain only types with a function for every damage state.
     for file in model:
         from tdint.output.tables.exports import (
             STRENGTH,
@@ -250,7 +250,7 @@ def _fragility(request: Request) -> None:
             functions
         ),
     )
-    # Of many functions their number and their fits, of few each
+    # Report the number of functions of a campaign, but each function of a single table.
     if by:
         types = dict.fromkeys(function.type for function in functions)
         fits = " and ".join(dict.fromkeys(function.fit for function in functions))
@@ -261,7 +261,7 @@ def _fragility(request: Request) -> None:
 
 
 def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
-    """The loss ratios of the damage states of each type of a campaign; none where it tells none."""
+    """Return the loss ratios of the damage states of each type that specifies loss ratios."""
     from tdint.campaign.fragility.runs import stored_states
     from tdint.campaign.store import open_existing
 
@@ -272,7 +272,7 @@ def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
 
 
 def _words(function: Fragility) -> str:
-    """Median and dispersion with their 95 % intervals."""
+    """Return a sentence with the median and the dispersion and their 95 % confidence intervals."""
     name = f"{function.im or 'im'}"
     words = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
     if function.damage == function.damage:

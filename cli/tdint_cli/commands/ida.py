@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits, Units
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
-_OFF_BALANCE = 0.01  # of the energy that was put in
+_OFF_BALANCE = 0.01  # energy error above which a run is reported, relative to the input energy
 
 
 class _Measure(Name):
-    """A measure of levels, plug-ins' among them; of another one it is said why there are none."""
+    """Intensity measure with levels, also of plug-ins; other measures are refused with a reason."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from tdint.campaign.intensity import without_levels
@@ -141,7 +141,7 @@ class IdaRequest(RecordsRequest):
 
     @property
     def picture(self) -> Path | None:
-        """The file of the picture, if one is asked for."""
+        """Path of the figure, or None if no figure is requested."""
         return picture_file(self.plot, Path(self.output) / RUNS if self.output else None)
 
 
@@ -183,7 +183,8 @@ def command(request: IdaRequest) -> None:
     folder = _folder(request)
     model = load_model(request.model)
     units = request.output_units or model.output_units
-    # The intensity measure: a spectral one at a period, the building's first by default
+    # A spectral intensity measure requires a period. The default is the first period of the
+    # building.
     is_spectral = request.im in SPECTRAL
     period = (
         (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
@@ -206,7 +207,7 @@ def command(request: IdaRequest) -> None:
         request.records, request.factors, request.choice, request.pairs
     )
     note(*cut_off(suite.records, request.duration or model.analysis.duration or math.inf))
-    # What damages the building before, if anything does
+    # Read the mainshock that damages the building before the study, if it is specified.
     mainshock = None
     if request.after is not None and request.damage:
         before = read_suite([request.after], request.choice, None)
@@ -238,12 +239,12 @@ def command(request: IdaRequest) -> None:
 
 
 def _folder(request: IdaRequest) -> Path | None:
-    """The folder of the study, ready to be written.
+    """Return the directory of the study after a check that its files can be written.
 
     Raises
     ------
     OutputError
-        Files are in the way that were not made of its store, or that cannot be trusted.
+        An existing file was not written from the store of the study, or the store is not trusted.
     """
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import forget, open_written
@@ -255,7 +256,7 @@ def _folder(request: IdaRequest) -> Path | None:
         check_picture(picture)
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else [])]))
-    # What an earlier call of this study has written is its own, and may be replaced.
+    # Files that an earlier call of this study has written may be replaced.
     begun = folder / STORE if folder and is_there(folder / STORE) else None
     check_outputs(outputs, overwrite=request.overwrite or begun is not None)
     if begun and request.overwrite:
@@ -275,7 +276,23 @@ def _write(
     units: OutputUnits,
     unused: list[str],
 ) -> None:
-    """Write the files of the study, its tables and the picture as they are shown."""
+    """Write the tables, the summary and the figure of the study.
+
+    Parameters
+    ----------
+    request : IdaRequest
+        Options of the command line.
+    study : IdaStudy
+        Study in SI units, for the summary.
+    shown : IdaStudy
+        Study with intensities in the output units, for the tables and the figure.
+    settings : IdaSettings
+        Settings of the study.
+    units : OutputUnits
+        Units of the files.
+    unused : list of str
+        Error messages of the records that could not be read.
+    """
     from tdint.campaign.ida import STORE
     from tdint.campaign.store import open_written
     from tdint.methods.catalogue import resolved
@@ -310,7 +327,7 @@ def _write(
         files[picture] = figures.style.picture(
             picture.suffix, lambda: figures.collapse.ida_picture(shown)
         )
-    # Without a folder there is no store that knows what it has written.
+    # Without a directory, no store lists the files of earlier calls.
     if not request.output:
         write_files(files, overwrite=request.overwrite)
         return
@@ -321,7 +338,7 @@ def _write(
 
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
-    """Report pairs in one line if nobody has chosen how they count."""
+    """Report the default treatment of component pairs, unless the user has selected a treatment."""
     from tdint.campaign.pairs import note as note_of_pairs
 
     if study.partners and request.pair_demand is None:
@@ -329,7 +346,7 @@ def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
 
 
 def _report(study: IdaStudy, precision: float) -> None:
-    """What came out, and what changes what the numbers mean."""
+    """Report the results, and warn of conditions that affect their meaning."""
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
         note("nothing to do: all records were done")
@@ -342,7 +359,7 @@ def _report(study: IdaStudy, precision: float) -> None:
         f"{study.model.name}: {records}, {how_many(len(runs), 'run')} with {study.method}.",
         *map(_median, study.states),
     )
-    # Runs without a result of their first step, and buildings that stand again above a collapse
+    # Report runs that required a smaller time step, and resurrections above the first collapse.
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
         note(
@@ -355,7 +372,7 @@ def _report(study: IdaStudy, precision: float) -> None:
             f"the building stands again at a level tried above its first collapse under {again} of "
             f"{len(study.curves)} records"
         )
-    # What the capacities must not be taken for
+    # Warn of conditions that make the capacities less reliable.
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         warn(
@@ -381,14 +398,14 @@ def _report(study: IdaStudy, precision: float) -> None:
 
 
 def _median(study: IdaStudy) -> str:
-    """The median capacity of a state."""
+    """Return a sentence with the median collapse capacity for one initial damage."""
     import numpy as np
 
     from tdint.campaign.ida_curve import fractiles
 
     curves = study.motion_curves
     count, unit, damage = len(curves), study.measure.unit, curves[0].damage
-    # nan is not equal to itself: a fractile above the largest intensity is none.
+    # A fractile above the largest intensity is NaN, which is not equal to itself.
     low, middle, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     censored = sum(curve.collapse.censored for curve in curves)
     capacity = (

@@ -1,4 +1,4 @@
-"""`tdint info`: what records are and how strong."""
+"""`tdint info`: properties and intensity measures of ground-motion records."""
 
 from __future__ import annotations
 
@@ -35,29 +35,29 @@ class Request(RecordsRequest):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """How the records were read, for the JSON file."""
+        """Options that determine how the records are read, for the JSON file."""
         names = ("units", "component", "inventory", "layout", "processing")
         return {name: value for name, value in asdict(self).items() if name in names}
 
 
 @dataclass(frozen=True)
 class Product:
-    """What becomes of one record.
+    """Results of one record.
 
     Attributes
     ----------
     table : Table
-        A row per component.
+        Table with one row per component.
     records : tuple of dict
-        What each component is, for the JSON file.
+        Description of each component, for the JSON file.
     infos : tuple of RecordInfo
-        What stands in the rows, kept only where it may be drawn.
+        Values of the rows; empty if no figure is requested.
     changes : tuple of str
-        What was done to the record on request.
+        Processing steps that were applied to the record on request.
     warnings : tuple of str
-        What changes what its numbers mean.
+        Warnings that affect the meaning of the values.
     exported : tuple of Record
-        The components, kept only where they are exported.
+        Components of the record; empty if no export is requested.
     """
 
     table: Table
@@ -111,7 +111,7 @@ def command(request: Request) -> None:
     sources = records_of(request.records, request.choice)
     outputs = request.outputs
     check_outputs([*outputs.files, *_exported_files(request)], overwrite=outputs.overwrite)
-    notes = dict.fromkeys(sources.notes)  # a set in the order of arrival
+    notes = dict.fromkeys(sources.notes)  # An ordered set: the keys keep the order of insertion.
     warnings: dict[str, None] = {}
     failures: list[TdintError] = list(sources.failures)
     products: list[Product] = []
@@ -127,8 +127,8 @@ def command(request: Request) -> None:
                 products.append(outcome)
                 notes |= dict.fromkeys(outcome.changes)
                 warnings |= dict.fromkeys(outcome.warnings)
-    # One table and one picture of all components; the picture has no room for more than the first
-    # ones.
+    # Write one table and one figure of all components. The figure shows only the first components,
+    # because its size is limited.
     infos = [info for product in products for info in product.infos]
     if products:
         notes |= dict.fromkeys(_export(request, products))
@@ -150,12 +150,12 @@ def command(request: Request) -> None:
 
 
 def _exported_files(request: Request) -> list[Path]:
-    """The file of --export, and the one beside it.
+    """Return the paths of the --export file and of its JSON file.
 
     Raises
     ------
     UsageError
-        It is of neither format.
+        The file name has neither of the two suffixes.
     """
     if request.export is None:
         return []
@@ -166,12 +166,13 @@ def _exported_files(request: Request) -> list[Path]:
 
 
 def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
-    """Write the motions that are exported; what there is to say of it.
+    """Write the exported motions; return notes about the export.
 
     Raises
     ------
     UsageError
-        Several components for a CSV file; several sampling intervals for MiniSEED.
+        Several components are requested for a CSV file, or records with different sampling
+        intervals for a MiniSEED file.
     """
     from tdint.ground_motion.measures import channels_of
     from tdint.ground_motion.record import to_mseed
@@ -204,7 +205,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     else:
         units = request.outputs.shown_units
         content = table.in_units(units).csv()
-    # The columns are in their units already.
+    # The descriptions of the columns are already in the output units.
     columns = {"columns": table.in_units(units).meanings}
     summary = in_units(table_summary("info", request.settings, summaries, {}), units) | columns
     write_files({file: content, told: json_bytes(summary)}, overwrite=request.outputs.overwrite)
@@ -212,7 +213,7 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
 
 
 def _work(request: Request, task: Task) -> Product:
-    """All components of a record; it may run in another process."""
+    """Return the results of all components of a record; may run in a worker process."""
     from tdint.output.summary import record_summary
 
     records = request.read(task.source)

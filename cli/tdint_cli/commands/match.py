@@ -1,4 +1,4 @@
-"""`tdint match`: ground motions brought to a target spectrum by the least change."""
+"""`tdint match`: ground motions matched to a target spectrum with the smallest change."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ MATCHED, PICTURE = "matched.csv", "matched.png"
 SUITES = ("each", "mean")
 
 PAIR = "rotd100"
-"""What stands for a pair: of its least change the derivatives are known."""
+"""Intensity measure of a pair. The matching requires derivatives, which are known for RotD100."""
 
 _WHOLE = 1.0
-"""Change over the motion above which it is another one."""
+"""Ratio of the change to the motion, above which a different seed motion is recommended."""
 
 _TWICE = 2.0
-"""Peak displacement of the ground over the seed's above which it is told."""
+"""Ratio of the peak ground displacements, matched over seed, above which a warning is printed."""
 
 
 @options.request
@@ -112,7 +112,7 @@ def command(request: MatchRequest) -> None:
     from tdint.analysis.spectra.target import read_target
     from tdint.output.summary import record_summary, table_summary
 
-    # What can be seen to fail is refused before the work.
+    # Check the options and the output files before the computation starts.
     if request.output is None:
         raise UsageError("the motions are written into a folder: add -o DIR")
     folder = Path(request.output)
@@ -180,7 +180,7 @@ def command(request: MatchRequest) -> None:
 
 
 def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
-    """How far the mean of a suite is from the target, and its scatter before and after."""
+    """Return a sentence with the misfit of the mean of a suite and its scatter before and after."""
     import numpy as np
 
     after, before = (
@@ -191,7 +191,7 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
         f"The mean of {len(matches)} is off the target by {100.0 * np.max(np.abs(off)):.2g} % at "
         f"most, {100.0 * np.mean(np.abs(off)):.2g} % in the mean"
     )
-    # A single motion has no scatter.
+    # The scatter is defined for two or more motions.
     if len(matches) < 2:
         return f"{text}."
     scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
@@ -199,7 +199,7 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
 
 
 def _doubts(matched: Match, within: float) -> list[str]:
-    """What a person must see of a match."""
+    """Return the warnings about a match: large misfit, large change or large displacement."""
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
     doubts = []
     if matched.largest_misfit > within:
