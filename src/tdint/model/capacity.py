@@ -1,10 +1,10 @@
-"""Shear buildings of capacity curves: spectral acceleration over spectral displacement, as classes
-of buildings have them in global models.
+"""Shear buildings from capacity curves (spectral acceleration over spectral displacement), which
+global models provide for classes of buildings.
 
 The rules are those of GEM's vulnerability modellers' toolkit (oq-vmtk 1.1): floors of equal mass
-but a lighter roof, stiffness that falls every two stories, and the curve brought to the stories by
-the first mode. There forces and stiffness are then multiplied by a factor that is to keep the
-period and does the contrary; it is left out here unless it is asked for.
+with a lighter roof, a stiffness that decreases every two stories, and story curves that follow from
+the capacity curve by the first mode. The toolkit also multiplies forces and stiffness by a factor
+that is intended to keep the period, but changes it. This factor is omitted here unless requested.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from tdint.errors import ModelError, UsageError
 from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story, four_points
 from tdint.model.modes import solve_modes
 
-GRAVITY = 9.81  # m/s^2: the published curves are made with it, not with 9.80665
-DAMPING_RATIO = 0.05  # of the published curves
+GRAVITY = 9.81  # m/s^2; the published curves use this value, not 9.80665
+DAMPING_RATIO = 0.05  # damping ratio of the published curves
 STORY_HEIGHT = 2.8  # m
 UNIT_MASS = 1000.0  # kg
 
-_ROOF = 0.75  # mass over that of another floor
-_SOFT = 0.35  # stiffness of a soft ground story over that of an ordinary one
+_ROOF = 0.75  # mass of the roof over the mass of another floor
+_SOFT = 0.35  # stiffness of a soft ground story over the stiffness of an ordinary ground story
 _PINCHING = (0.5, 0.25, 0.05)
 _INTACT = (0.0, 0.0, 1.0, 1.0, 0.0) * 3 + (math.inf,)
 _DEGRADING = (0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.4, 0.0, 0.4, 0.9, 10.0)
@@ -35,19 +35,19 @@ _DEGRADING = (0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.4, 0.0, 0
 
 @dataclass(frozen=True)
 class CapacityCurve:
-    """Two to four points of a capacity curve.
+    """Capacity curve with two to four points.
 
     Attributes
     ----------
     displacement : tuple of float
-        Spectral displacements, m, rising.
+        Spectral displacements, m, increasing.
     acceleration : tuple of float
         Spectral accelerations, g.
 
     Raises
     ------
     UsageError
-        The points do not make a curve.
+        The points do not form a valid curve.
     """
 
     displacement: tuple[float, ...]
@@ -68,20 +68,20 @@ class CapacityCurve:
 
     @classmethod
     def of(cls, points: Sequence[tuple[float, float]]) -> CapacityCurve:
-        """The curve through points (Sd m, Sa g); one in the origin is left out. Errors are those of
-        the class."""
+        """Create the curve through points (Sd in m, Sa in g); a point at the origin is omitted.
+        Raises the errors of the class."""
         kept = [point for point in points if point != (0.0, 0.0)]
         return cls(tuple(sd for sd, _ in kept), tuple(sa for _, sa in kept))
 
     @property
     def period(self) -> float:
-        """Period of its first line, s."""
+        """Period of the first segment of the curve, s."""
         return 2.0 * math.pi * math.sqrt(self.displacement[0] / (self.acceleration[0] * GRAVITY))
 
     @property
     def damage_begins(self) -> float:
-        """Displacement from which damage is counted, m: of three or four points the second, of two
-        the first.
+        """Displacement at the onset of damage, m: the second of three or four points, the first of
+        two points.
 
         The stories of a model yield at the first point (`derive_capacity`).
         """
@@ -90,26 +90,26 @@ class CapacityCurve:
 
 @dataclass(frozen=True)
 class CapacityFacts:
-    """What is said of a building that has a capacity curve.
+    """Data of a building with a capacity curve.
 
     Attributes
     ----------
     curve : CapacityCurve
-        The curve.
+        Capacity curve.
     stories : int
         Number of stories.
     height : float or None
-        Height of the building, m; None: so many times `STORY_HEIGHT`.
+        Height of the building, m; None: number of stories times `STORY_HEIGHT`.
     mass : float
-        Of all floors, kg.
+        Total mass of all floors, kg.
     soft_story, degradation : bool
-        Whether the ground story is soft, and whether stories lose stiffness and strength.
+        True for a soft ground story; True if stories lose stiffness and strength.
     damping_ratio : float
         Viscous damping ratio.
     as_published : bool
-        Multiply forces and stiffness by the factor of the toolkit's version 1.1.
+        Multiply forces and stiffness by the factor of version 1.1 of the toolkit.
     name : str
-        Of the class.
+        Name of the class.
     """
 
     curve: CapacityCurve
@@ -125,28 +125,29 @@ class CapacityFacts:
 
 @dataclass(frozen=True)
 class CapacityBuilding:
-    """A shear building of a capacity curve; arrays over the stories from the ground up.
+    """Shear building derived from a capacity curve; arrays over the stories from the ground up.
 
     Attributes
     ----------
     name : str
-        Of the class.
+        Name of the class.
     curve_period, period : float
-        Of the curve's first line and of the building, s.
+        Period of the first segment of the curve, and of the building, s.
     participation : float
-        Of the first mode for unit roof displacement: roof displacement over Sd.
+        Participation factor of the first mode for unit roof displacement: roof displacement over
+        Sd.
     mode : ndarray, shape (stories,)
-        The first mode, 1 at the roof.
+        Shape of the first mode, 1 at the roof.
     mass, height : ndarray, shape (stories,)
-        kg, m.
+        Floor masses, kg, and story heights, m.
     drifts, forces : ndarray, shape (stories, 4)
-        Points of each story's backbone, m and N.
+        Points of the backbone curve of each story, m and N.
     damping_ratio : float
         Viscous damping ratio.
     damping : RayleighRatio or RayleighCoefficients
-        Over the first two modes; of one story from the mass alone.
+        Damping of the first two modes; mass-proportional for one story.
     degradation : bool
-        Whether stories lose stiffness and strength.
+        True if stories lose stiffness and strength.
     """
 
     name: str
@@ -175,8 +176,8 @@ class CapacityBuilding:
             strict=True,
         )
         for mass, height, drifts, forces in rows:
-            # It yields at the first point. Both directions are alike; beyond the last point a story
-            # carries nothing.
+            # The story yields at the first point. Both directions are equal; the force is zero
+            # beyond the last point.
             side = [number for point in zip(drifts, forces, strict=True) for number in point]
             parameters = (*side, *side, *_PINCHING, *_PINCHING, drifts[-1], *losses)
             stories.append(
@@ -192,10 +193,10 @@ class CapacityBuilding:
 
 
 def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
-    """The shear building of a capacity curve."""
+    """Derive the shear building from a capacity curve and the data of the building."""
     n, curve, ratio = facts.stories, facts.curve, facts.damping_ratio
 
-    # Masses, and stiffnesses that fall with the height, for the shape of the first mode.
+    # Compute the shape of the first mode from masses and stiffnesses that decrease with the height.
     shares = np.ones(n)
     shares[-1] = 1.0 if n == 1 else _ROOF
     shares /= shares.sum()
@@ -206,21 +207,21 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     shape = solve_modes(shares, relative, links).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
 
-    # That mode takes the curve from one oscillator to the stories: drifts by the shape, forces by
-    # the shears above.
+    # The first mode converts the curve of the oscillator to the stories: the shape determines the
+    # drifts, the inertia forces above determine the story forces.
     weighted = shares * mode
     participation = float(weighted.sum() / (weighted * mode).sum())
     effective = float(weighted.sum() ** 2 / (weighted * mode).sum())
     above = np.cumsum(weighted[::-1])[::-1] / weighted.sum()
-    # Four points, which is what the law of the stories has.
+    # The law of the stories requires four points.
     points = np.array(
         four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))
     ).reshape(4, 2)
     drifts = participation * np.outer(np.diff(mode, prepend=0.0), points[:, 0])
     forces = (
         effective * GRAVITY * np.outer(above, points[:, 1])
-    )  # as all that follows, per kg of the building
-    # The published program brings forces to the period of the curve by one more factor.
+    )  # per kg of the building, as the following forces and stiffnesses
+    # The published program scales the forces to the period of the curve by an additional factor.
     if facts.as_published and n > 1:
         lowest = solve_modes(shares, above, links).omega[0] ** 2
         frequency = 2.0 * math.pi / curve.period
@@ -255,8 +256,8 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
 
 @dataclass(frozen=True)
 class CapacityClass:
-    """A class of buildings: its curve, whether the ground story is soft, whether stories
-    degrade."""
+    """Class of buildings: capacity curve, flag for a soft ground story, flag for degrading
+    stories."""
 
     curve: CapacityCurve
     soft_story: bool = False
@@ -264,12 +265,12 @@ class CapacityClass:
 
 
 def read_curve(source: str) -> CapacityCurve:
-    """The capacity curve of a CSV file with the columns sd_m and sa_g.
+    """Read the capacity curve from a CSV file with the columns sd_m and sa_g.
 
     Raises
     ------
     ModelError
-        It cannot be read, or its points do not make a curve.
+        The file cannot be read, or the points do not form a valid curve.
     """
     table = read_table(
         source, "a capacity curve is a CSV file with the columns sd_m and sa_g", columns=_POINT
@@ -278,13 +279,16 @@ def read_curve(source: str) -> CapacityCurve:
 
 
 def read_classes(source: str) -> dict[str, CapacityClass]:
-    """The classes of a CSV file with the columns class, sd_m and sa_g, a row for each point, those
-    of a class below each other; soft_story and degradation (true or false) may stand beside.
+    """Read classes from a CSV file with the columns class, sd_m and sa_g, with a row for each
+    point.
+
+    The points of a class are listed in the order of the curve. The columns soft_story and
+    degradation (true or false) are optional.
 
     Raises
     ------
     ModelError
-        It cannot be read, or the points of a class do not make a curve.
+        The file cannot be read, or the points of a class do not form a valid curve.
     """
     needs = (
         "classes are a CSV file with the columns class, sd_m and sa_g, a row for each point of a "
@@ -296,7 +300,7 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     points_of: dict[str, list[tuple[float, float]]] = {}
     for name, *point in zip(names, *(table.numbers(column) for column in _POINT), strict=True):
         points_of.setdefault(name, []).append((point[0], point[1]))
-    # A flag on one row of a class is one of the class.
+    # A flag in any row of a class applies to the class.
     flags = {
         flag: {name for name, true in zip(names, table.truths(flag), strict=True) if true}
         for flag in ("soft_story", "degradation")

@@ -1,4 +1,4 @@
-"""Files of recordings: YAML to a checked `Recording`, with every fault at its line and column."""
+"""Read YAML files of recordings to a validated `Recording`; report errors with line and column."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ QUANTITIES = ("acceleration", "displacement")
 
 @dataclass(frozen=True)
 class Sensor:
-    """Where the motion of one place was recorded.
+    """Recorded motion of a sensor.
 
     Attributes
     ----------
     file : str
-        Path, already resolved against the folder of the file that names it.
+        Path, resolved against the directory of the file that names it.
     component : str or None
-        The component to use, None where the file has only one.
+        Component of the record; None if the file contains a single component.
     column : str or None
-        In place of that: the column of a table.
+        Column of a table, as an alternative to the component.
     units : str or None
-        As `tdint.units.parse_units` understands them; None leaves it to the file.
+        Units in the notation of `tdint.units.parse_units`; None uses the units in the file.
     quantity : str or None
-        What the samples must be: one of `QUANTITIES`. None takes what their units say.
+        Quantity of the samples, an item of `QUANTITIES`; None derives the quantity from the units.
     sign : int
-        1, or -1 for a sensor that points the other way.
+        1, or -1 for a sensor with reversed polarity.
     """
 
     file: str
@@ -57,18 +57,19 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Recording:
-    """An event as it was recorded in a building.
+    """Recordings of an event in a building.
 
     Attributes
     ----------
     name : str
-        The file's name without suffix, where it gives none.
+        Name of the event; default: the file name without suffix.
     source : str
-        The file as the user named it.
+        File name as specified by the user.
     text : bytes
-        The file's content, for its SHA-256.
+        Content of the file, for its SHA-256.
     base : tuple of Sensor
-        Those whose mean is the ground motion: accelerations, or what is differentiated to be one.
+        Sensors at the base; the mean of their accelerations is the ground motion. Other quantities
+        are differentiated.
     floors : tuple of (int, tuple of Sensor)
         Floors, counted from 1 at the bottom, and their sensors: absolute acceleration, or
         displacement relative to the base.
@@ -77,7 +78,7 @@ class Recording:
     window : tuple of two floats or None
         Times between which they are compared, s from the first sample of the base; None for all.
     shift : float or str
-        What is added to the times of the floors' recordings, s; `AUTO` to be found.
+        Time shift that is added to the times of the floor recordings, s; `AUTO` to estimate it.
     """
 
     name: str
@@ -92,7 +93,7 @@ class Recording:
 
 ROOF = "roof"
 AUTO = "auto"
-"""A shift in time that is to be found."""
+"""Value of the time shift that requests an estimate."""
 
 _SENSOR = Keys(
     (
@@ -159,12 +160,14 @@ RECORDING = Keys(
 
 
 def load_recording(source: str | Path, stories: int) -> Recording:
-    """Read a file of recordings made in a building with so many stories.
+    """Read a file of recordings in a building.
 
     Parameters
     ----------
     source : str or Path
-        The YAML file; `-` is standard input. Relative paths in it start from its folder.
+        The YAML file; `-` is standard input. Relative paths refer to the directory of the file.
+    stories : int
+        Number of stories of the building.
 
     Raises
     ------
@@ -175,7 +178,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
     given = replace(root, kind=RECORDING).read()
 
-    # Floors by their numbers, from the ground up; the roof is the last one.
+    # Sort floors by number from the ground up; the roof is the last floor.
     floors: dict[int, tuple[Sensor, ...]] = {}
     for name, (entry, sensors) in given["floors"].items() if given else ():
         floor = (
@@ -203,13 +206,13 @@ def load_recording(source: str | Path, stories: int) -> Recording:
 
 
 def _tuple(sensors: Any) -> tuple[Sensor, ...]:
-    """One sensor, for which a file alone may stand, or several."""
+    """Return the sensors as a tuple; convert a file name to a sensor."""
     each = sensors if isinstance(sensors, tuple) else (sensors,)
     return tuple(Sensor(sensor) if isinstance(sensor, str) else sensor for sensor in each)
 
 
 def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> Sensor | None:
-    # Two ways to name what is meant in a file, each for its kind of file.
+    # `column` selects the series of a table, `component` that of a record: they exclude each other.
     column, sign_entry = value.peek("column"), value.peek("sign")
     if column and given["column"] and given["component"]:
         column.fault("is for a table, component for a record; leave one of them out")
