@@ -1,4 +1,4 @@
-"""Which methods fail on which problems, how and by how much: the work behind `tdint failures`."""
+"""Failures of methods on problems with known answers, as reported by `tdint failures`."""
 
 from __future__ import annotations
 
@@ -26,26 +26,25 @@ from tdint.model.damage_states import DONE
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Progress, ResultList, told_progress
 
-# ---- The problems on which methods fail, as data: building, load, steps, what is judged, by how
-# much, against what
+# ---- Definitions of the problems: building, load, time steps, judged quantity, bounds, reference
 #
-# All start from numbers in SI units. Energies count kinetic energy and what the stories store, both
-# in closed form.
+# All values are in SI units. Energies are the sum of the kinetic energy and the energy stored in
+# the stories, both in closed form.
 
 FINER = 64
-"""Steps of the reference of the softening oscillator within one step."""
+"""Number of time steps of the reference solution of the softening oscillator in one time step."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What makes a run fail a problem: a measure beyond its bounds.
+    """Criterion of failure: a measure outside its bounds.
 
     Attributes
     ----------
     name : str
-        What the verdict calls it.
+        Name of the fault in the verdict.
     low, high : float
-        The bounds; a value on a bound is within.
+        Inclusive bounds of acceptable values.
     """
 
     name: str
@@ -53,34 +52,35 @@ class Fault:
     high: float = math.inf
 
     def found(self, value: float) -> bool:
-        """Whether `value` is beyond the bounds."""
+        """Return True if `value` is outside the bounds."""
         return not self.low <= value <= self.high
 
 
 @dataclass(frozen=True)
 class HardProblem:
-    """A problem with a known answer.
+    """Problem with a known answer.
 
     Attributes
     ----------
     name, about, source : str
-        For the command line; what it is, in a sentence; who published it.
+        Name on the command line, description in a sentence, and publication.
     model : Model
-        Building, load and start.
+        Building, load and initial state.
     steps : tuple of (float, int)
-        Time steps (s) and how many of each.
+        Time steps (s) and the number of steps for each.
     energy : callable
-        History -> energy at its times, J, shape (steps + 1,).
+        Function of a history that returns the energy at its times, J, shape (steps + 1,).
     energy_scale : float
-        Largest energy of the exact motion, J; the initial one where nothing drives it.
+        Maximum energy of the exact motion, J; the initial energy for free vibration.
     error_of : str
-        What `error` is.
+        Description of `error`.
     error : callable
-        History -> error.
+        Function of a history that returns the error.
     faults : tuple of Fault
-        What the judged number is held against.
+        Criteria for the judged quantity.
     by_energy : bool
-        Whether the energy over its scale is judged; else the error is.
+        True if the judged quantity is the energy divided by `energy_scale`, False if it is the
+        error. The default is False.
     """
 
     name: str
@@ -97,12 +97,13 @@ class HardProblem:
 
 
 def _keeps(part: float) -> tuple[Fault, Fault]:
-    """The faults of a motion that should keep its energy within a part of it."""
+    """Return the faults of a motion that conserves its energy within the relative tolerance
+    `part`."""
     return Fault("gains energy", high=1.0 + part), Fault("loses energy", low=1.0 - part)
 
 
 def _second_half(history: History, values: Array) -> float:
-    """Largest absolute value over the second half of the steps."""
+    """Return the maximum absolute value over the second half of the time steps."""
     return float(np.max(np.abs(values[(len(history.time) - 1) // 2 + 1 :])))
 
 
@@ -116,8 +117,8 @@ _SPRING, _CUBIC, _STRETCH = 100.0, 1000.0, 1.5
 
 
 def hardening_motion(time: Array) -> Array:
-    """Duffing's oscillator in closed form: u = U cn(w t | m), w^2 = a + b U^2, m = b U^2 / (2
-    w^2)."""
+    """Return the displacement of Duffing's oscillator in closed form: u = U cn(w t | m) with
+    w^2 = a + b U^2 and m = b U^2 / (2 w^2)."""
     from scipy.special import ellipj
 
     square = _SPRING + _CUBIC * _STRETCH**2
@@ -174,7 +175,8 @@ def _softening_model() -> Model:
 
 @cache
 def softening_motion(dt: float, steps: int) -> Array:
-    """The softening oscillator at the ends of the steps, m: gauss4 with 64 steps in one."""
+    """Compute the displacement of the softening oscillator at the ends of the time steps, m, by
+    gauss4 with time steps that are 64 times smaller."""
     fine = run(
         _softening_model(),
         method="gauss4",
@@ -212,20 +214,22 @@ def _softening() -> HardProblem:
     )
 
 
-# ---- Stiff and soft node of Bathe and Noh: the base node's motion sin 1.2 t comes through a spring
-# of 1e7 N/m
+# ---- Stiff and soft node of Bathe and Noh: a spring of 1e7 N/m transmits the motion sin 1.2 t of
+# the base node
 
 _STIFF, _DRIVE = 1e7, 1.2
 _OWN, _DRIVEN = 1.0 / (1.0 - _DRIVE**2) * -_DRIVE, 1.0 / (1.0 - _DRIVE**2)
 
 
 def soft_node_motion(time: Array) -> Array:
-    """Displacement of the soft node for an infinite stiffness: u'' + u = sin 1.2 t from rest."""
+    """Return the displacement of the soft node for infinite stiffness of the stiff spring:
+    u'' + u = sin 1.2 t from rest."""
     return np.asarray(_OWN * np.sin(time) + _DRIVEN * np.sin(_DRIVE * time))
 
 
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
-    """The same building twice: a problem looks at its stiff node, another one at the soft node."""
+    """Return two problems with the same building: the first judges the stiff node, the second the
+    soft node."""
 
     def energy(history: History) -> Array:
         stretch = history.displacement[:, 0] - np.sin(_DRIVE * history.time)
@@ -242,8 +246,8 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     def displacement_error(history: History) -> float:
         return float(np.max(np.abs(history.displacement[:, 1] - soft_node_motion(history.time))))
 
-    # The exact energy is that for an infinite stiffness: its largest value is looked for at many
-    # times.
+    # The exact energy is the energy for infinite stiffness. Its maximum is computed from a dense
+    # sample of times.
     time = np.linspace(0.0, 10.0, 10001)
     driven, drift = _DRIVE * np.cos(_DRIVE * time), soft_node_motion(time) - np.sin(_DRIVE * time)
     natural = _OWN * np.cos(time) + _DRIVEN * driven
@@ -278,14 +282,14 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     return stiff, soft
 
 
-# ---- Stiff pair: two halves of a mass on a pendulum's frequency, sqrt(9.81) rad/s, joined at 1e4
-# rad/s
+# ---- Stiff pair: two halves of a mass with the frequency of a pendulum, sqrt(9.81) rad/s,
+# connected by a spring with the frequency 1e4 rad/s
 
 _SWING, _HALF, _JOINT = 9.81, 0.5, 2.5e7
 
 
 def _stiff_pair() -> HardProblem:
-    release = _HALF * _SWING  # force in the joint at u = 1 while both swing as one
+    release = _HALF * _SWING  # N; force in the joint at u = 1 if both masses move together
 
     def energy(history: History) -> Array:
         springs = history.drift**2 @ np.array([_SWING, _JOINT])
@@ -316,12 +320,12 @@ def _stiff_pair() -> HardProblem:
     )
 
 
-# ---- Linear oscillators of omega = 1 rad/s: dt is omega dt
+# ---- Linear oscillators of omega = 1 rad/s, for which dt equals omega dt
 
 
 def _sizes(history: History) -> Array:
-    """Displacement or velocity / omega, whichever is larger, over the exact amplitude, at each
-    step."""
+    """Return the larger of displacement and velocity / omega, divided by the exact amplitude, at
+    each time step."""
     sizes = np.maximum(np.abs(history.displacement[:, 0]), np.abs(history.velocity[:, 0]))
     return np.asarray(sizes / math.hypot(history.displacement[0, 0], history.velocity[0, 0]))
 
@@ -373,7 +377,7 @@ def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
 
 @cache
 def problems() -> Mapping[str, HardProblem]:
-    """All problems by name, in the order in which they are listed."""
+    """Return all problems by name, in the order of the output."""
     hughes = "Hughes (1987), sect. 9.1"
     every = (
         _hardening(),
@@ -414,33 +418,33 @@ REFUSED = "refused"
 
 _DISSIPATIVE = ("rho_inf=0.5", "rho_inf=0")
 _MORE = {"impulse4": _DISSIPATIVE, "moment4": _DISSIPATIVE, "wilson": ("theta=1.3",)}
-"""Members that show what their method's default does not: dissipation, and theta below its
-limit."""
+"""Additional parameter values that show behavior which the defaults of a method do not show:
+dissipation, and theta below its stability limit."""
 
 _ENDS = {DIVERGED: BLOWS_UP, NOT_CONVERGED: NO_CONVERGENCE}
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One method on one problem with one step.
+    """Result of a method for a problem with one time step.
 
     Attributes
     ----------
     energy_ratio_min, energy_ratio_max : float
-        Least and largest energy over the largest of the exact motion; nan for a run without an end,
-        and the least where the motion starts from rest.
+        Minimum and maximum energy divided by the maximum energy of the exact motion; nan for an
+        incomplete run. The minimum is also nan if the motion starts from rest.
     error, error_of : float, str
-        The problem's error and what it is; nan for a run without an end.
+        Error of the problem and its description; the error is nan for an incomplete run.
     outcome : str
-        The status of `tdint run`; the rest is what it gives with --allow-unstable. `refused` for a
-        method that is not for this building.
+        Status of `tdint run`; `refused` if the method cannot integrate the building. The other
+        attributes are results with --allow-unstable.
     verdict : str
-        `pass`, the fault found, or how the run failed.
+        `pass`, the name of the fault, or the type of failure.
     time, steps : float, int
-        Last time reached (s), and whole steps done.
+        Last time reached (s), and number of completed time steps.
     measure : float
-        What the verdict rests on: the energy ratio that is farthest from 1 where the problem judges
-        energy, else the error; nan for a run without an end.
+        Judged quantity: the energy ratio farthest from 1 if the problem judges the energy,
+        otherwise the error; nan for an incomplete run.
     """
 
     problem: str
@@ -458,7 +462,8 @@ class Trial:
 
 
 def usual_methods() -> list[Integrator]:
-    """All methods at their defaults (`newmark` is `newmark-average`), and a few more members."""
+    """Return all methods with their default parameters, and the additional parameter values of
+    `_MORE`. `newmark` is omitted because it equals `newmark-average`."""
     result: list[Integrator] = []
     for name in catalogue():
         if name != "newmark":
@@ -468,12 +473,12 @@ def usual_methods() -> list[Integrator]:
 
 
 def find_problems(names: Sequence[str]) -> list[HardProblem]:
-    """Problems by name, each once; all if none is named.
+    """Return problems by name without duplicates; all problems if `names` is empty.
 
     Raises
     ------
     UsageError
-        An unknown name.
+        A name is unknown.
     """
     by_name = problems()
     for name in names:
@@ -491,27 +496,28 @@ def failures(
     *,
     progress: bool | Progress = False,
 ) -> ResultList[Trial]:
-    """Put methods to hard problems with known answers.
+    """Test methods on difficult problems with known answers.
 
     Parameters
     ----------
     methods : str or iterable of str, optional
-        Specifications; by default `usual_methods`.
+        Specifications of methods. The default is `usual_methods`.
     problems : sequence of str
-        Names of problems; all if none is given.
+        Names of problems. The default is all problems.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
-        much.
+        True shows a progress bar (tqdm) on a terminal or in a notebook. A callable is called with
+        the number of completed pairs of problem and method, and their total number. The default is
+        False.
 
     Returns
     -------
     ResultList of Trial
-        One for each problem, method and step.
+        One trial per problem, method and time step.
 
     Raises
     ------
     UsageError
-        An unknown method or problem.
+        A method or problem is unknown.
     """
     integrators = usual_methods() if methods is None else chosen(methods)
     hard = find_problems(problems)
@@ -526,7 +532,7 @@ def failures(
 
 
 def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) -> None:
-    """Load the time loops of all trials, compiled together, and told once, if they are not yet."""
+    """Load the time loops of all trials; compile missing loops together, with a single report."""
     needed: list[tuple[Kernel, Variant]] = []
     for problem in hard:
         prepared = PreparedBuilding.of(problem.model)
@@ -536,13 +542,13 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
                 needed += kernels(integrator, prepared.variant)
                 if (
                     integrator.stability_limit < math.inf
-                ):  # whether a step is too long is seen on oscillators
+                ):  # Oscillators show whether a time step is too long.
                     needed.append((integrator.family.step, LINEAR_OSCILLATORS))
     load_or_compile(list(dict.fromkeys(needed)))
 
 
 def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
-    """Integrate a problem with each of its steps, and judge."""
+    """Integrate a problem with each of its time steps, and judge the results."""
     return [_attempt(integrator, problem, dt, steps) for dt, steps in problem.steps]
 
 
@@ -552,8 +558,8 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
     if integrator.family.linear_only and not case.building.linear:
         return trial
     steps = case.steps(dt, dt * count)
-    # A run that is refused names the largest stable step, which takes longer than most runs: it is
-    # asked for before.
+    # An unstable run reports the largest stable time step, whose computation takes longer than most
+    # runs. Stability is therefore checked beforehand.
     outcome = UNSTABLE
     if case.prepared.instability(integrator, dt) is None:
         ended = error_estimate.attempt(case, steps, history=True)

@@ -1,5 +1,5 @@
-"""Observed order of a method: errors of its compiled march on an oscillator of period 1 s over
-halved steps."""
+"""Observed order of convergence of a method: errors of its compiled time loop for an oscillator of
+period 1 s, with time steps that are halved repeatedly."""
 
 from __future__ import annotations
 
@@ -48,13 +48,14 @@ STORY_LAWS = {
     "linear": Law("linear", ()),
     "polynomial": Law("polynomial", ((2.0 * math.pi) ** 2, 0.0, 0.5 * (2.0 * math.pi) ** 2)),
 }
-"""Laws of the oscillator, unit mass and period 1 s: linear, and hardening u + u^3 / 2."""
+"""Hysteresis models of the oscillator of unit mass and period 1 s: linear, and nonlinear with
+hardening."""
 
 COARSEST = 0.02
-"""The largest step, s."""
+"""Largest time step, s."""
 
 OBSERVED_HALVINGS = 4
-"""How often it is halved."""
+"""Default number of halvings of the time step."""
 
 _OMEGA = 2.0 * math.pi
 _XI = 0.02  # damping ratio: light, so that orders are seen and not damped away
@@ -74,18 +75,18 @@ _ENDS = (
 
 @dataclass(frozen=True, repr=False)
 class ObservedOrder(Tabular):
-    """Errors over steps and the orders that follow from them.
+    """Errors for a sequence of time steps, and the observed orders.
 
     Attributes
     ----------
     steps : ndarray, shape (k,)
-        Time steps, s, falling.
+        Time steps, s, in decreasing order.
     displacement, velocity, acceleration : ndarray, shape (k,)
-        Largest errors over the coarsest steps, over the largest value; acceleration from
-        equilibrium, as it is reported.
+        Maximum errors at the ends of the coarsest steps, divided by the maximum of the exact
+        motion. The acceleration is the reported acceleration, computed from equilibrium.
     algorithmic_acceleration : ndarray, shape (k,)
-        The same of the acceleration that the method carries from step to step; nan for one that
-        carries none.
+        Errors of the acceleration that the method stores from step to step; nan for a method that
+        does not store an acceleration.
     """
 
     method: str
@@ -105,10 +106,11 @@ class ObservedOrder(Tabular):
         )
 
     def order(self, quantity: str) -> float:
-        """Slope of the error over the step, by regression over the finest three errors that are not
-        rounding.
+        """Return the slope of the error against the time step on logarithmic axes.
 
-        `quantity` names one of the errors. nan where fewer than two are clear of rounding.
+        The slope is a regression through the three finest errors above the rounding error.
+        `quantity` is the name of an error attribute. The result is nan if fewer than two errors
+        exceed the rounding error.
         """
         errors = getattr(self, quantity)
         clear = np.flatnonzero(errors > _ROUNDING)[-3:]
@@ -119,19 +121,19 @@ class ObservedOrder(Tabular):
 
 @dataclass(frozen=True)
 class OrderProblem:
-    """An oscillator, its load and its exact motion, to be solved by any number of methods.
+    """Oscillator with its load and exact motion, for use with any number of methods.
 
     Attributes
     ----------
     load, law : str
-        One of `LOADS` and of `STORY_LAWS`.
+        An element of `LOADS` and a key of `STORY_LAWS`.
     frequency_ratio : float
-        Circular frequency of the load over that of the oscillator; nan for a load without a
-        frequency.
+        Ratio of the circular frequency of the load to that of the oscillator; nan for a load
+        without a frequency.
     exact : ndarray, shape (3, samples)
         Displacement (m), velocity (m/s) and acceleration (m/s^2) at the ends of the coarsest steps.
     stride : int
-        Sampling intervals of a record in the coarsest step.
+        Number of sampling intervals of the record in the coarsest step.
     """
 
     load: str
@@ -157,27 +159,28 @@ def order(
     frequency_ratio: float = 0.5,
     stride: int = 1,
 ) -> ObservedOrder:
-    """Measure the order of a method: errors of an oscillator over halved steps.
+    """Measure the order of a method from errors of an oscillator with repeatedly halved time steps.
 
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification; of a list or tuple there are `ResultList` results.
+        The method or its specification. For a list or tuple, the result is a `ResultList`.
     load, law, frequency_ratio, stride
-        The oscillator and its load, as `order_problem` has them.
+        The oscillator and its load, as described in `order_problem`.
 
     Returns
     -------
     ObservedOrder
-        Errors of displacement, velocity and acceleration at each step, and the orders that they
-        tell.
+        Errors of displacement, velocity and acceleration for each time step, and the observed
+        orders.
 
     Raises
     ------
     UsageError
-        An unknown method, load or law; a stride that is none or without a record.
+        The method, load or law is unknown; the stride is invalid or the load is not a record; or
+        the method integrates linear buildings only and the law is nonlinear.
     AnalysisError
-        The method is for linear buildings and the law is not linear, or it failed.
+        The method is unstable or failed.
     """
     return observed_order(
         method if isinstance(method, Integrator) else parse(method),
@@ -188,26 +191,28 @@ def order(
 def order_problem(
     load: str = "harmonic", law: str = "linear", frequency_ratio: float = 0.5, stride: int = 1
 ) -> OrderProblem:
-    """Set an oscillator of period 1 s, damping ratio 0.02, from a displacement and a velocity, and
-    solve it over 4 s.
+    """Define an oscillator of period 1 s and damping ratio 0.02 with an initial displacement and
+    velocity, and compute its exact motion for 4 s.
 
     Parameters
     ----------
     load : str
-        `free` vibration, a `harmonic` force 20 cos(r omega t) N on 1 kg, or a `record`: a ground
-        motion that is linear between samples 0.02 s apart.
+        `free` vibration, `harmonic` force 20 cos(r omega t) N on 1 kg, or `record`, a ground motion
+        that is linear between samples at intervals of 0.02 s / stride. The default is `harmonic`.
     law : str
-        A key of `STORY_LAWS`.
+        A key of `STORY_LAWS`. The default is `linear`.
     frequency_ratio : float
-        r, circular frequency of the load over that of the oscillator.
+        r, the ratio of the circular frequency of the load to that of the oscillator, from 0.01 to
+        10. The default is 0.5.
     stride : int
-        Samples of the record are so many times closer than the coarsest step: a power of 2.
+        Number of sampling intervals of the record in the coarsest step, a power of 2. The default
+        is 1.
 
     Raises
     ------
     UsageError
-        An unknown load or law, a frequency ratio out of range, a stride that is none or without a
-        record.
+        The load or law is unknown, the frequency ratio is out of range, the stride is invalid, or
+        a stride above 1 is specified for a load other than `record`.
     """
     if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
         raise UsageError(
@@ -218,7 +223,7 @@ def order_problem(
     if load not in LOADS or law not in STORY_LAWS:
         names = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
         raise UsageError(f"no order problem {load!r} with {law!r}: {names}")
-    # With 10 there are five coarsest steps to a period of the load.
+    # At the maximum ratio of 10, a period of the load contains five of the coarsest steps.
     ratio = (
         between(frequency_ratio, "frequency_ratio", 0.01, 10.0) if load == "harmonic" else math.nan
     )
@@ -227,7 +232,7 @@ def order_problem(
     building = assemble(simple_model("oscillator", [story]))
     ground = _sampled_motion(stride) if load == "record" else np.zeros(1)
     if load == "record" and law == "linear":
-        # Exact motion of the linear oscillator at the samples.
+        # Compute the exact motion of the linear oscillator at the samples.
         h = COARSEST / stride
         step = oscillator(np.array([_OMEGA * h]), np.array([_XI]))[0]
         states = np.empty((2, ground.size))
@@ -246,13 +251,12 @@ def order_problem(
 def observed_order(
     integrator: Integrator, problem: OrderProblem, halvings: int = OBSERVED_HALVINGS
 ) -> ObservedOrder:
-    """Measure the order of a method on one problem, with the steps 0.02 s / 2^j for j = 0 ..
-    halvings.
+    """Measure the order of a method for a problem with time steps 0.02 s / 2^j, j = 0 .. halvings.
 
     Raises
     ------
     UsageError
-        A nonlinear law for a method that integrates linear buildings only.
+        The law is nonlinear and the method integrates linear buildings only.
     AnalysisError
         The method is unstable or does not converge.
     """
@@ -262,13 +266,13 @@ def observed_order(
         raise AnalysisError(f"{integrator.label} is unstable at dt {COARSEST} s")
     exact, label = problem.exact, integrator.label
     largest = np.max(np.abs(exact), axis=1)
-    # The method's own acceleration is compared where it has one; over several samples it is that
-    # under another motion.
+    # The acceleration stored by the method is compared if the method stores an acceleration. With
+    # a stride above 1 it belongs to a different motion and is not compared.
     carries = rows.ACCELERATION in integrator.family.memory and problem.stride == 1
     all_parts = 2 ** np.arange(halvings + 1)
     errors = []
     for parts in map(int, all_parts):
-        # Relative to the ground, at the coarse steps.
+        # The exact motion is relative to the ground, at the ends of the coarsest steps.
         history = _march(integrator, problem, parts, _SAMPLES)[1][::parts]
         motion = history[:, 1:4].T
         motion[2] -= history[:, 0]
@@ -293,7 +297,8 @@ def observed_order(
 def _march(
     integrator: Integrator, problem: OrderProblem, parts: int, count: int
 ) -> tuple[float, Array]:
-    """The method's own acceleration at the end, and the history."""
+    """Integrate the problem and return the acceleration stored by the method at the end, and the
+    history."""
     within = math.gcd(parts, problem.stride)
     steps = Steps(COARSEST / parts, parts * count, parts // within, problem.stride // within)
     marched = problem.prepared.integrate(
@@ -305,10 +310,13 @@ def _march(
 
 
 def _sampled_motion(stride: int) -> Array:
-    """Ground acceleration at samples 0.02 s / stride apart, m/s^2: seeded noise; where steps go
-    over several samples, noise up to `_HIGHEST` as ground motions have it. (Of white noise each
-    step leaves out a second moment as large as the two that it takes, which leaves orders of 2.6
-    and less.)"""
+    """Return the ground acceleration at sampling intervals of 0.02 s / stride, m/s^2.
+
+    For stride 1 this is seeded white noise. If a time step contains several samples, the noise is
+    limited to frequencies up to `_HIGHEST`, as in ground motions. With white noise, each step would
+    neglect a second moment as large as the two moments that it uses, and the observed order would
+    be at most 2.6.
+    """
     generator = np.random.default_rng(20221120)
     if stride == 1:
         return 5.0 * generator.standard_normal(_SAMPLES + 1)
@@ -319,8 +327,8 @@ def _sampled_motion(stride: int) -> Array:
 
 
 def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:
-    """Motion at the samples by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of
-    a record."""
+    """Compute the motion at the samples by SciPy's DOP853 with a tolerance of 1e-13, restarted at
+    each sample of a record."""
     from scipy.integrate import solve_ivp
 
     coefficients = STORY_LAWS[law].parameters or (_OMEGA**2,)
@@ -333,7 +341,8 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
             driving = -float(np.interp(t, times, ground))
         return driving - 2.0 * _XI * _OMEGA * v - resistance
 
-    # A record has a kink at each sample, at which the order of DOP853 would be lost.
+    # A record has a kink at each sample. An integration across kinks would reduce the order of
+    # DOP853, so the integration is restarted there.
     states = [np.array(_START)]
     for first, end in pairwise(times) if load == "record" else [(times[0], times[-1])]:
         solution = solve_ivp(
@@ -350,33 +359,33 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
     return np.array([u, v, [acceleration(*row) for row in zip(times, u, v, strict=True)]])
 
 
-# ---- What methods and laws declare of themselves beside what is measured of them: for authors of
-# new ones
+# ---- Comparison of the declared and measured properties of methods and hysteresis models, for
+# authors of plug-ins
 
 _ORDER = 0.1
 _RADIUS = 1e-3
 _FAST = 1e6
-"""omega dt that stands for infinity; rounding grows with it."""
+"""Value of omega dt that represents infinity; larger values increase the rounding error."""
 _ENERGY = 1e-3
 
 
 @dataclass(frozen=True)
 class MethodCheck:
-    """What a method declares, and what its compiled steps show.
+    """Measured properties of a method, and their differences from the declared properties.
 
     Attributes
     ----------
     integrator : Integrator
         The method with its parameters.
     order : float
-        The smaller of the observed orders of displacement and velocity, of a linear oscillator in
-        free vibration and under a harmonic force; nan where errors are nothing but rounding.
+        Minimum of the observed orders of displacement and velocity of a linear oscillator in free
+        vibration and under a harmonic force; nan if all errors are rounding errors.
     limit : float
-        Measured largest stable omega dt without damping, inf if there is none up to 100.
+        Measured stability limit of omega dt without damping; inf if there is no limit up to 100.
     rho_inf : float
-        Measured spectral radius at omega dt = 1e6; nan where steps have a limit.
+        Measured spectral radius at omega dt = 1e6; nan for a method with a stability limit.
     faults : tuple of str
-        What is declared and not so, a line each.
+        Differences from the declared properties, one line per fault.
     """
 
     integrator: Integrator
@@ -387,16 +396,16 @@ class MethodCheck:
 
 
 def check_method(integrator: Integrator) -> MethodCheck:
-    """Measure what a method declares.
+    """Measure the declared properties of a method.
 
     Parameters
     ----------
     integrator : Integrator
-        The method; its step is executed in plain Python first, where no row beyond the declared
-        ones is written, and then compiled.
+        The method. Its step function is first executed in plain Python, where array bounds are
+        checked, and then compiled.
     """
     yielding: dict[str, str] = {}
-    VALIDATED_STEPS.add(integrator.family.step)  # here, with more than a fault to tell
+    VALIDATED_STEPS.add(integrator.family.step)  # This function validates the step itself.
     try:
         _plain_march("linear", integrator, 1)
         yielding = {} if integrator.family.linear_only else _yielding_faults(integrator)
@@ -421,7 +430,7 @@ def check_method(integrator: Integrator) -> MethodCheck:
     label, faults = integrator.label, []
     if abs(order - integrator.order) > _ORDER:
         faults.append(f"{label}: declares order {integrator.order}, observed is {order:.2f}")
-        yielding.pop("order", None)  # it would be told twice
+        yielding.pop("order", None)  # Avoid reporting the same fault twice.
     if told_limit := false_limit(integrator, limit):
         faults.append(told_limit)
     declared = integrator.rho_inf
@@ -436,8 +445,11 @@ def check_method(integrator: Integrator) -> MethodCheck:
 
 
 def faults_of_step(integrator: Integrator) -> list[str]:
-    """What is wrong with a method's step as plain Python shows it: rows beyond those declared,
-    stories that yield, of one law alone, for it is waited for (3 s)."""
+    """Return the faults of the step function of a method, executed in plain Python.
+
+    The faults are access to undeclared rows and wrong results for yielding stories. Only one
+    hysteresis model is tested because the user waits for the result (3 s).
+    """
     try:
         _plain_march("linear", integrator, 1)
         return (
@@ -450,27 +462,29 @@ def faults_of_step(integrator: Integrator) -> list[str]:
 
 
 def check_law(model: Model, story: int) -> list[str]:
-    """What is wrong with the law of a story as a cyclic test shows it: tangents that are no slopes
-    of the force, energy that is not accounted for.
+    """Return the faults of the hysteresis model of a story in a cyclic test.
+
+    The faults are tangents that differ from the slope of the force, and errors of the energy
+    balance.
 
     Parameters
     ----------
     model : Model
         A building.
     story : int
-        Counted from 1. It goes through cycles to 0.5, 1 and 2 % of its height; without one, 5, 10
-        and 20 mm.
+        Number of the story, from 1. The amplitudes of the cycles are 0.5, 1 and 2 % of the story
+        height, or 5, 10 and 20 mm if the story has no height.
     """
     name = model.stories[story - 1].law.name
     try:
         faults = _branch_faults(model, story)
-    except AnalysisError as error:  # compiled code would do the same in silence
+    except AnalysisError as error:  # Compiled code would fail without a message.
         return [str(error)]
     high = model.stories[story - 1].height is not None
     path = cyclic_test(
         model, story, ["0.5%", "1%", "2%"] if high else ["5mm", "10mm", "20mm"], points=2000
     ).path
-    # The work done is stored or dissipated.
+    # The work done must equal the sum of the stored and the dissipated energy.
     step, mean = np.diff(path.drift), 0.5 * (path.shear[1:] + path.shear[:-1])
     done = np.append(0.0, np.cumsum(mean * step))
     kept = path.strain_energy + path.hysteretic_energy
@@ -485,22 +499,22 @@ def check_law(model: Model, story: int) -> list[str]:
     return faults
 
 
-# ---- Yielding stories, in plain Python: bounds are checked, and nothing is compiled
+# ---- Tests with yielding stories in plain Python, with checks of array bounds
 
 
 class _Beyond(IndexError):
-    """A row or a column that an array does not have."""
+    """Error for access to a row or column outside an array."""
 
 
 class _Guarded(np.ndarray):
-    """An array that names itself where more of it is used than there is: compiled code would write
-    beyond its end."""
+    """Array that reports its name if an index is out of bounds; compiled code would write beyond
+    its end."""
 
     name = ""
 
     @classmethod
     def of(cls, array: Array, name: str) -> _Guarded:
-        """A view of an array."""
+        """Return a guarded view of an array."""
         view = array.view(cls)
         view.name = name
         return view
@@ -526,14 +540,14 @@ class _Guarded(np.ndarray):
 
 
 _YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
-"""One law that is linear branch by branch, a curved one, one that deteriorates, and their
-parameters."""
+"""Parameters of three hysteresis models: piecewise linear, curved, and deteriorating."""
 
 _H, _SECONDS = 0.01, 1.2  # s; the building has periods of 0.35 and 0.13 s, and yields from 0.1 s on
-_KINK_ORDER = 2  # of any method that does not look for the kinks within its steps
-# of an order over one halving or two: where kinks lie in their steps changes errors by half
+_KINK_ORDER = 2  # order of every method that does not locate the kinks within its time steps
+# Tolerance of an order observed over one or two halvings: the positions of the kinks within the
+# time steps change the errors by half.
 _ROOM = 0.6
-_NOTHING = 1e-6  # over the largest drift: an error as small as the reference's own
+_NOTHING = 1e-6  # relative to the largest displacement; comparable to the error of the reference
 _BALANCE = (
     1e-2  # of the largest input energy at the finest step, where methods of order 2 are within 1e-3
 )
@@ -542,23 +556,30 @@ _BALANCE = (
 def _plain_march(
     law: str, integrator: Integrator, parts: int, *, fresh_at: int = -1, halve_at: int = -1
 ) -> Workspace:
-    """March in plain Python with steps `_H` / parts.
+    """Integrate a building of two stories in plain Python with the time step `_H` / parts.
 
     Parameters
     ----------
+    law : str
+        Name of the hysteresis model of the stories.
+    integrator : Integrator
+        The method.
+    parts : int
+        Number of time steps in `_H`.
     fresh_at : int
-        The step before which scratch is wiped: the march was interrupted and goes on in other
-        arrays.
+        Number of the step before which the scratch arrays are cleared, as if the integration were
+        interrupted and continued with other arrays. The default, -1, clears nothing.
     halve_at : int
-        The step that is told not to have converged, so that it is halved.
+        Number of the step that is reported as not converged, so that it is halved. The default is
+        -1, no step.
 
     Raises
     ------
     AnalysisError
-        What the method does wrong: where in its file, and what.
+        The method failed; the message contains the file, the line and the error.
     """
-    # Two stories of a law, under no force, let go with a velocity: the ground is given to the
-    # march.
+    # Build two stories of the same hysteresis model without forces and with an initial velocity.
+    # The ground motion is an argument of the time loop.
     story = simple_story(1.0, Law(law, _YIELDING.get(law, ())), stiffness=1000.0, dashpot=1.0)
     prepared = PreparedBuilding(
         assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
@@ -584,8 +605,8 @@ def _plain_march(
             return rows.NOT_CONVERGED
         return int(integrator.family.step.function(*arguments))
 
-    # A march that goes on elsewhere takes along the state, and of the report what counts steps and
-    # ground.
+    # A continued integration keeps the state and, of the step status, only the number of steps
+    # done and the ground state.
     pieces = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
     for first, last in pieces:
         if first:
@@ -630,8 +651,8 @@ def _plain_march(
 
 @contextmanager
 def _faults_in(module: Any, name: str) -> Iterator[None]:
-    """What plain Python says of a plug-in's code becomes a line with the file and the line in its
-    module."""
+    """Convert an exception in the code of a plug-in to an `AnalysisError` with the file and the
+    line number in its module."""
     try:
         yield
     except TdintError:
@@ -650,14 +671,14 @@ def _faults_in(module: Any, name: str) -> Iterator[None]:
 
 @cache
 def _true_motion(law: str) -> Array:
-    """The displacements of `impulse4` with a step 16 times finer than `_H`: within 1e-7 of the
-    largest."""
+    """Return the displacements computed by `impulse4` with the time step `_H` / 16; their error is
+    below 1e-7 of the maximum."""
     return _displacements(_plain_march(law, parse("impulse4"), 16), 16)
 
 
 def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
-    """What a method does wrong where stories yield, a line by what it is: each for the law that
-    shows it first."""
+    """Return the faults of a method for yielding stories: one message per type of fault, for the
+    first hysteresis model that shows it."""
     label, faults = integrator.label, dict[str, str]()
     for law in laws:
         true = _true_motion(law)
@@ -671,7 +692,8 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
             parts: _distance(_displacements(space, parts), true) / size
             for parts, space in spaces.items()
         }
-        # It comes to the motion of impulse4, with its order, or that of the kinks.
+        # The results must converge to the motion of impulse4 with the order of the method, or with
+        # the order that the kinks permit.
         due = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
         rates = (
             (0.5 * math.log2(errors[1] / errors[4]), math.log2(errors[2] / errors[4]))
@@ -686,7 +708,7 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
                 f"of order {max(rates):.1f} where {due:.2g} is due: is each story's state "
                 "committed once a step, with the drift at its end?",
             )
-        # What is put in is stored, damped or dissipated.
+        # The input energy must equal the sum of the stored, damped and dissipated energy.
         balance = abs(energy_of(spaces[4].totals).error)
         if not balance <= _BALANCE:
             faults.setdefault(
@@ -696,8 +718,8 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
                 "(`commit`, or `accumulate_dissipation` before "
                 "`commit_without_dissipation`)?",
             )
-        # The state is all that a method remembers: other scratch, and halved steps, change nothing
-        # but rounding.
+        # A method must keep all its memory in the state. Cleared scratch arrays must not change the
+        # result beyond rounding, and a halved step must not increase the error.
         fresh = _displacements(_plain_march(law, integrator, 1, fresh_at=60), 1)
         if not _distance(fresh, _displacements(spaces[1], 1)) <= _NOTHING * size:
             faults.setdefault(
@@ -721,7 +743,7 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
 
 
 def _displacements(space: Workspace, parts: int) -> Array:
-    """Of all floors at the ends of the steps `_H`."""
+    """Return the displacements of all floors at the ends of the steps `_H`."""
     floors = space.state.shape[1] - 1
     return np.asarray(space.history[::parts, 1 : 1 + floors])
 
@@ -731,14 +753,15 @@ def _distance(array: Array, other: Array) -> float:
 
 
 def _branch_faults(model: Model, story: int) -> list[str]:
-    """Return what a story's law declares of its branches and curvature and does not do.
+    """Return the differences between the declared and actual branches and curvature of the
+    hysteresis model of a story.
 
-    The law is executed in plain Python, with bounds checked (`path_faults`).
+    The model is executed in plain Python with checks of array bounds (`path_faults`).
 
     Raises
     ------
     AnalysisError
-        Its functions cannot be executed, or use rows that are not declared.
+        The functions of the model cannot be executed, or use undeclared rows.
     """
     building, i, law = assemble(model), story - 1, LAWS[model.stories[story - 1].law.name]
     with _faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):

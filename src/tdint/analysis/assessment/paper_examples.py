@@ -1,5 +1,5 @@
-"""Examples 1 to 3 of the paper of 2022: its methods, their errors, and the same methods fed or
-started otherwise."""
+"""Examples 1 to 3 of the paper of 2022: errors of its methods, also with other loads or initial
+states."""
 
 from __future__ import annotations
 
@@ -32,33 +32,33 @@ METHODS = (
     "u0v0",
     "rk5",
 )
-"""The paper's seven methods; `impulse` is the one that it proposes."""
+"""The seven methods of the paper; `impulse` is the method that the paper proposes."""
 
 FIVE = ("impulse", "central-difference", "newmark-linear", "newmark-average", "wilson")
-"""Those of its figures 1 to 6."""
+"""Methods in figures 1 to 6 of the paper."""
 
 DT = 0.02
-"""The paper's time step, s."""
+"""Time step of the paper, s."""
 
 REFERENCES = ("paper", "finer")
-"""What errors are told against: what the paper calls exact, or steps so fine that their error is
-not seen."""
+"""References for errors: the solution that the paper calls exact, or a solution with time steps so
+small that its error is negligible."""
 
 EXACT = "newmark-linear"
-"""The method that the paper calls exact, with the steps of `Example.exact_dt`."""
+"""Method that the paper calls exact, with the time step `Example.exact_dt`."""
 
 FINER = 8
-"""Steps of rk5, the finer reference, within one step."""
+"""Number of time steps of the finer reference, rk5, in one time step."""
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 
-_SLOW = 1e-6  # rad within a step: a sine so slow is a straight line, to 1e-13
+_SLOW = 1e-6  # rad per time step; such a slow sine is linear within 1e-13
 
 
 @dataclass(frozen=True)
 class ExampleFigure:
-    """A figure of the paper: displacement of one floor (from 1) over time, or its error `|u -
-    u_exact|`."""
+    """Figure of the paper: time history of the displacement of a floor (numbered from 1), or of its
+    error `|u - u_exact|`."""
 
     number: int
     floor: int
@@ -67,24 +67,24 @@ class ExampleFigure:
 
 @dataclass(frozen=True)
 class Example:
-    """An example of the paper.
+    """Example of the paper.
 
     Attributes
     ----------
     number : int
-        As in the paper.
+        Number of the example in the paper.
     about : str
-        What it is, in a sentence.
+        Description in a sentence.
     model : Model
-        The building and its forces; it starts at rest.
+        The building and its forces. The building is initially at rest.
     duration, exact_dt : float
-        s; the latter is the step of what the paper calls exact.
+        Duration, and time step of the solution that the paper calls exact, s.
     figures : tuple of ExampleFigure
-        Those of the paper.
+        Figures of the paper for this example.
     remark : str
-        How the methods rank, against what the paper says.
+        Comparison of the ranking of the methods with the ranking in the paper.
     drawn_as : int
-        The figure of the paper that shows the building; 0 for none.
+        Number of the figure of the paper that shows the building. The default, 0, means no figure.
     """
 
     number: int
@@ -99,8 +99,8 @@ class Example:
 
 @dataclass(frozen=True)
 class ExampleMotion:
-    """What is compared: times (s), shape (steps + 1,), and motion of the floors, shape (steps + 1,
-    n), SI."""
+    """Motion to compare: times (s), shape (steps + 1,), and motion of the floors in SI units, shape
+    (steps + 1, n)."""
 
     time: Array
     displacement: Array
@@ -110,18 +110,18 @@ class ExampleMotion:
 
 @dataclass(frozen=True)
 class ExampleRun:
-    """One method on one example with one step.
+    """Result of a method for an example with one time step.
 
     Attributes
     ----------
     variant : str
-        Empty for the method as `tdint run` takes it; else what was done otherwise.
+        Description of the variant; empty for the method as used by `tdint run`.
     outcome : str
-        The status of `tdint run`; without an end `diverged`, `not-converged` or `unstable-step`,
-        and `refused` for a method for linear buildings.
+        Status of `tdint run`. An incomplete run has the status `diverged`, `not-converged` or
+        `unstable-step`; a method for linear buildings only has the status `refused`.
     motion, paper, finer : ExampleMotion
-        At the step ends; without an end `motion` holds nan. The latter two are what `REFERENCES`
-        names.
+        Computed motion and the two references of `REFERENCES` at the ends of the time steps.
+        `motion` contains nan for an incomplete run.
     """
 
     example: int
@@ -134,12 +134,12 @@ class ExampleRun:
     finer: ExampleMotion
 
     def exact(self, reference: str) -> ExampleMotion:
-        """The motion that one of `REFERENCES` names."""
+        """Return the reference motion for an element of `REFERENCES`."""
         return {"paper": self.paper, "finer": self.finer}[reference]
 
     def error(self, quantity: str, reference: str = "paper") -> float:
-        """Largest error over all floors and steps, SI, against one of `REFERENCES`; nan without an
-        end."""
+        """Return the maximum error over all floors and time steps in SI units, relative to an
+        element of `REFERENCES`; nan for an incomplete run."""
         return float(
             np.max(
                 np.abs(getattr(self.motion, quantity) - getattr(self.exact(reference), quantity))
@@ -171,13 +171,13 @@ _REMARKS = {
 
 @cache
 def examples() -> Mapping[int, Example]:
-    """The examples by number."""
+    """Return the examples by number."""
     oscillator = simple_model(
         "example 1",
         [simple_story(10.0, Law("polynomial", (200.0, 3.0)), dashpot=5.0)],
         forces=[Force(1, 500.0, 0.0, 25.0), Force(1, 0.0, -200.0, 10.0)],
     )
-    # The paper has these values in a drawing only: ours.
+    # The paper shows the values of this example in a drawing only, so these values are our own.
     two_stories = simple_model(
         "example 2",
         [
@@ -227,21 +227,33 @@ def examples() -> Mapping[int, Example]:
 
 
 def exact_steps(example: Example, dt: float) -> int:
-    """Steps of what the paper calls exact within one step dt: its own where they divide it, else
-    shorter ones."""
+    """Return the number of time steps of the exact solution of the paper in one time step dt.
+
+    The time step of that solution is `Example.exact_dt` if it divides dt, otherwise it is smaller.
+    """
     return math.ceil(dt / example.exact_dt - 1e-9)
 
 
 def reference(
     example: Example, dt: float, method: str = "rk5", finer: int = FINER
 ) -> ExampleMotion:
-    """The motion at the ends of steps dt, by a method that takes several steps in one; rk5 with the
-    load at its stages.
+    """Compute the motion at the ends of time steps dt by a method with the time step dt / finer.
+
+    Parameters
+    ----------
+    example : Example
+        The example.
+    dt : float
+        Time step, s.
+    method : str
+        Specification of the method. The default is rk5, which evaluates the load at its stages.
+    finer : int
+        Number of time steps of the method in dt. The default is `FINER`.
 
     Raises
     ------
     AnalysisError
-        A step so large that even a part of it is too large.
+        The time step dt / finer is too large for the method.
     """
     end = _steps(example, dt) * dt
     history = run(
@@ -257,8 +269,8 @@ def reference(
 
 
 def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
-    """Largest difference of the displacements, m, between the finer reference and that of another
-    method."""
+    """Return the maximum difference of displacements, m, between the finer reference and a
+    reference by another method."""
     other = reference(example, dt, method, finer)
     return float(np.max(np.abs(reference(example, dt).displacement - other.displacement)))
 
@@ -266,13 +278,15 @@ def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
 def run_example(
     example: Example, dt: float, integrators: Sequence[Integrator]
 ) -> Iterator[ExampleRun]:
-    """Methods on an example, and the variants of those that have some, each beside both
+    """Run methods and their variants on an example, and yield their results with both
     references."""
     paper, finer = reference(example, dt, EXACT, exact_steps(example, dt)), reference(example, dt)
     unknown = np.full_like(finer.displacement, math.nan)
     for integrator in integrators:
         for variant, solve in {"": _as_run, **VARIANTS.get(integrator.method.name, {})}.items():
-            motion = ExampleMotion(finer.time, unknown, unknown, unknown)  # of a run without an end
+            motion = ExampleMotion(
+                finer.time, unknown, unknown, unknown
+            )  # result of an incomplete run
             try:
                 outcome, motion = "done", solve(example, dt, integrator)
             except FailedRun as failure:
@@ -293,8 +307,10 @@ def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotio
 
 
 def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
-    """Central difference with u(-dt) = 0 in place of u(-dt) = dt^2 a0 / 2: it sees the velocity v0
-    = dt a0 / 2."""
+    """Run the central difference method with u(-dt) = 0 instead of u(-dt) = dt^2 a0 / 2.
+
+    This is equivalent to the initial velocity v0 = dt a0 / 2.
+    """
     building = assemble(example.model)
     damped = np.diag(building.mass) + 0.5 * dt * building.damping_matrix()
     velocity = np.linalg.solve(damped, 0.5 * dt * _load(example.model, np.zeros(1))[0])
@@ -303,7 +319,7 @@ def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> Ex
 
 
 def _load(model: Model, times: Array) -> Array:
-    """Forces on the floors at the times, N, shape (times, n)."""
+    """Return the forces on the floors at the times, N, shape (times, n)."""
     loads: Array = np.zeros((times.size, len(model.stories)))
     for force in model.excitation.forces:
         angle = force.omega * times
@@ -312,11 +328,12 @@ def _load(model: Model, times: Array) -> Array:
 
 
 def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotion]:
-    """A method that remembers displacement and velocity alone, fed with the load's samples at the
-    step ends.
+    """Return a solver for methods whose only memory is displacement and velocity, with the load
+    sampled at the ends of the time steps.
 
-    The load is held over each step at its value before, or linear in it: every step is a march of
-    its own, under constant forces and slow sines.
+    If `hold`, the load is constant in each time step and equal to its value at the start of the
+    step; otherwise it is linear. Each time step is a separate integration with constant forces and
+    slow sines.
     """
 
     def solve(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
@@ -328,7 +345,7 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
         motion = np.zeros((3, count + 1, n))
         state = np.array([example.model.initial.displacement, example.model.initial.velocity])
         for j in range(count + 1):
-            # Forces that go from `begin` to `end` (N, shape (n,)) within a step.
+            # Define forces that change from `begin` to `end` (N, shape (n,)) within a time step.
             begin = loads[j]
             end = loads[j] if hold else loads[j + 1]
             slope = (end - begin) / math.sin(_SLOW)
@@ -362,11 +379,12 @@ VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], Examp
     },
     "central-difference": {"start with u(-dt) = 0": _from_rest_before},
 }
-"""What else is done with a method, by its name: the likely reasons for the paper's ranking."""
+"""Variants of methods by name of the method; they are likely reasons for the ranking in the
+paper."""
 
 
 def default_integrators() -> list[Integrator]:
-    """The methods of `METHODS`."""
+    """Return the methods of `METHODS`."""
     return [parse(text) for text in METHODS]
 
 
@@ -375,26 +393,26 @@ def paper_examples(
     method: str | Iterable[str] | None = None,
     dt: float | Sequence[float] = DT,
 ) -> ResultList[ExampleRun]:
-    """The examples of the paper of 2022, run.
+    """Run the examples of the paper of 2022.
 
     Parameters
     ----------
     numbers : sequence of int
-        Which: 1, 2, 3.
+        Numbers of the examples: 1, 2, 3. The default is all three.
     method : str or iterable of str, optional
-        Specifications; by default the paper's methods.
+        Specifications of methods. The default is the seven methods of the paper.
     dt : float or sequence of float
-        Steps, s; by default the paper's.
+        Time steps, s. The default is the time step of the paper, 0.02 s.
 
     Returns
     -------
     ResultList of ExampleRun
-        One for each example, step and method.
+        One result per example, time step, method and variant.
 
     Raises
     ------
     UsageError
-        No such example, an unknown method.
+        An example or a method is unknown.
     """
     by_number = examples()
     if unknown := [number for number in numbers if number not in by_number]:

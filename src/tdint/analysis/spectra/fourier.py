@@ -1,4 +1,4 @@
-"""Fourier amplitude spectra of ground motions, smoothed by the window of Konno and Ohmachi
+"""Fourier amplitude spectra of ground motions with the smoothing window of Konno and Ohmachi
 (1998)."""
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from tdint.tabular import Tabular
 from tdint.units import Quantity
 
 BANDWIDTH = 40.0
-"""Of the window, that of Geopsy and ObsPy: half the weight at 6 % of the frequency either side,
-none at 20 %."""
+"""Default bandwidth of the window, as in Geopsy and ObsPy. The weight is one half at a distance of
+6 % of the frequency, and zero at 20 %."""
 
 _BOUNDS = (1.0, 1000.0)
 _FREQUENCIES = 300
-"""At most, of a smoothed spectrum: over four decades 3 % apart, half the way to half the weight of
-b = 40."""
+"""Maximum number of frequencies of a smoothed spectrum. Over four decades they are 3 % apart, which
+is half the distance to half the weight for b = 40."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,15 +33,14 @@ class FourierSpectrum(Tabular):
     Attributes
     ----------
     record : Record
-        The motion.
+        The ground motion.
     frequencies : ndarray, shape (k,)
-        Hz: of the transform, without zero; of a smoothed spectrum those of them nearest to equal
-        ratios.
+        Frequencies of the transform without zero, Hz. A smoothed spectrum contains only those
+        nearest to a geometric sequence.
     amplitude : ndarray, shape (k,)
-        dt |sum of a_j exp(-2 pi i f j dt)|, m/s: of the samples as they are, without taper and
-        zeros behind them.
+        dt |sum of a_j exp(-2 pi i f j dt)|, m/s, of the samples without taper or zero padding.
     bandwidth : float
-        Of the smoothing; nan for none.
+        Bandwidth of the smoothing; nan without smoothing.
     """
 
     record: Record
@@ -66,16 +65,16 @@ class FourierSpectrum(Tabular):
 
 
 def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> FourierSpectrum:
-    """Fourier amplitude spectrum of a ground motion.
+    """Compute the Fourier amplitude spectrum of a ground motion.
 
     Parameters
     ----------
     record : Record, path or trace
-        The motion.
+        The ground motion.
     smoothing : float or None
-        Bandwidth b of the window (sin x / x)^4, x = b log10(f / f_c), by which amplitudes are
-        averaged (Konno and Ohmachi 1998, Bulletin of the Seismological Society of America 88(1));
-        the weights sum to 1. None: no smoothing.
+        Bandwidth b of the window (sin x / x)^4, x = b log10(f / f_c), for averaging the amplitudes
+        (Konno and Ohmachi 1998, Bulletin of the Seismological Society of America 88(1)). The
+        weights are normalized to the sum 1. None disables smoothing. The default is 40.
 
     Returns
     -------
@@ -84,7 +83,7 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     Raises
     ------
     UsageError
-        The bandwidth is not from 1 to 1000.
+        The bandwidth is not between 1 and 1000.
     """
     record = record_of(record)
     if smoothing is not None and not _BOUNDS[0] <= smoothing <= _BOUNDS[1]:
@@ -97,9 +96,8 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     frequencies: Array = np.arange(1, size // 2 + 1) / (size * record.dt)
     if smoothing is None:
         return FourierSpectrum(record, math.nan, frequencies, amplitude)
-    # ObsPy's smoothing has the same window, not normalized by default, but makes it for each
-    # frequency of the transform: so many times more than are asked for, or a matrix of their
-    # square.
+    # The smoothing of ObsPy uses the same window, not normalized by default. It evaluates the
+    # window for every frequency of the transform, which needs much more time, or a square matrix.
     centers = np.unique(np.rint(np.geomspace(1, frequencies.size, _FREQUENCIES)).astype(int)) - 1
     logarithms = smoothing * np.log10(frequencies)
     smooth = np.empty(centers.size)
