@@ -1,11 +1,11 @@
-"""Response spectrum analysis: the peaks of a linear building under a design spectrum, mode by mode,
-and combined.
+"""Response spectrum analysis: modal and combined peak responses of a linear building for a design
+spectrum.
 
-Every response is combined from its own modal peaks, drifts and shears too, and none is a difference
-of combined ones: by the square root of the sum of squares (Rosenblueth 1951) and by the complete
-quadratic combination (Der Kiureghian
-1981), whose cross terms are those of stationary motion of modes with close frequencies. All modes
-of a chain are taken: no mass is missing.
+Each response, including drifts and shears, is combined from its own modal peaks and never computed
+as a difference of combined responses. The combination rules are the square root of the sum of
+squares (Rosenblueth 1951) and the complete quadratic combination (Der Kiureghian 1981), whose cross
+terms apply to stationary motion of modes with close frequencies. All modes of the building are
+included, so no mass is missing.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ _USUAL_DAMPING = (
 
 @dataclass(frozen=True, repr=False)
 class ModalResponse(Tabular):
-    """Peaks of a linear building under a design spectrum; arrays over the stories have the shape
-    (n,).
+    """Peak responses of a linear building for a design spectrum; arrays over the stories have the
+    shape (n,).
 
     Attributes
     ----------
     model : Model
-        The building; its laws stand with their initial stiffness.
+        The building, with the initial stiffness of its stories.
     target : TargetSpectrum
         The design spectrum.
     period, spectral_acceleration, mass_ratio : ndarray, shape (n,)
-        Of the modes: s, m/s^2 (0 of a mode that is left out), effective modal mass over the total
-        mass.
+        Period of each mode, s; spectral acceleration, m/s^2 (0 for an omitted mode); ratio of
+        effective modal mass to total mass.
     rigid, left_out : int
-        Modes shorter than the target's shortest period: with the target's value at the period 0, or
-        without one.
+        Number of modes with periods below the shortest period of the target, if the target has a
+        value at period 0 (`rigid`) or has no such value (`left_out`).
     base_shear : ndarray, shape (n,)
-        Of each mode alone, N.
+        Base shear of each mode, N.
     drift_srss, drift_cqc, shear_srss, shear_cqc, displacement_srss, displacement_cqc : ndarray
         Drifts, m; shears of the stories, which the masses above give, N; displacements of the
         floors, m.

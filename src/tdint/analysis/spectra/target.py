@@ -1,6 +1,8 @@
-"""Spectra that others give: target spectra, what a suite of ground motions is scaled to, of a CSV
-file or a design spectrum of a code by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`,
-`ec8:type=1,soil=B,ag=0.25g`); and published spectra, and how far computed ones are from them.
+"""Target spectra and published spectra.
+
+A target spectrum, to which a suite of ground motions is scaled, is a CSV file or a design spectrum
+of a code specified by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`,
+`ec8:type=1,soil=B,ag=0.25g`). Computed spectra are compared with published spectra.
 """
 
 from __future__ import annotations
@@ -31,11 +33,12 @@ Texts = Mapping[str, str]
 _NAMED = re.compile(r"([A-Za-z]\w*)(?::(\w+=.*)?)?", re.DOTALL)
 
 _MCER = 1.5
-"""The risk-targeted maximum considered earthquake over the design spectrum (ASCE 7-16, 11.4.7)."""
+"""Ratio of the spectrum of the risk-targeted maximum considered earthquake to the design spectrum
+(ASCE 7-16, 11.4.7)."""
 
 _LARGEST_SDS = 5.0
-"""g; the maps of ASCE 7 have less than 3. What is larger was taken for m/s^2, in which 1 g is
-9.8."""
+"""Maximum SDS, g. Values in the maps of ASCE 7 are below 3; a larger value was probably specified
+in m/s^2."""
 
 _GROUND = {
     "1": {
@@ -53,8 +56,8 @@ _GROUND = {
         "E": (1.6, 0.05, 0.25, 1.2),
     },
 }
-"""S, TB, TC, TD of types and grounds: the values that EN 1998-1:2004 recommends (tables 3.2 and
-3.3)."""
+"""S, TB, TC, TD by spectrum type and ground type: recommended values of EN 1998-1:2004 (tables 3.2
+and 3.3)."""
 
 _LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
 _EC8_END = 4.0  # s; beyond it stands Annex A, for type 1 alone
@@ -66,13 +69,13 @@ _LONGEST_PERIOD = (
 
 
 DesignSpectrum: TypeAlias = tuple[Callable[[Array], Array], tuple[float, ...], float, float]
-"""A design spectrum as its code writes it: pseudo-accelerations, m/s^2, at periods (s, 0 or more),
-shape (k,); periods at which its branches meet, s; the damping ratio that it is for; the period up
-to which the code has it, s."""
+"""Design spectrum of a code: function that returns pseudo-accelerations, m/s^2, at periods (s, 0 or
+more), shape (k,); periods at which its branches meet, s; its damping ratio; its maximum period,
+s."""
 
 
 def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
-    """The two-period design spectrum (ASCE 7-10, 7-16, 11.4), times a factor."""
+    """Return the two-period design spectrum (ASCE 7-10, 7-16, 11.4), multiplied by a factor."""
     sds, sd1, tl = (parse_positive(key, given[key]) for key in ("sds", "sd1", "tl"))
     if sds > _LARGEST_SDS:
         raise UsageError(f"sds = {sds:g}: it is in g; did you mean {sds / STANDARD_GRAVITY:.3g}?")
@@ -94,8 +97,9 @@ def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
 
 
 def _ec8(given: Texts) -> DesignSpectrum:
-    """The elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or those of a
-    National Annex; of type 1 up to 10 s, from TE on by the displacements of eq. A.2."""
+    """Return the elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or the
+    values of a National Annex. Type 1 extends to 10 s; from TE on it follows the displacements of
+    eq. A.2."""
     soils = _GROUND.get(given["type"])
     if soils is None:
         raise UsageError(f"type must be 1 or 2, got {given['type']!r}")
