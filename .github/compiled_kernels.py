@@ -34,7 +34,7 @@ nothing newer."""
 
 
 class KernelHook(BuildHookInterface):
-    """Has `tdint compile` write the objects, and puts them into the wheel."""
+    """Build hook that runs `tdint compile` and adds the object files to the wheel."""
 
     @property
     def _targets(self) -> str:

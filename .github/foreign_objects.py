@@ -1,5 +1,5 @@
-"""What an object file leaves to the process that loads it, and how: for kernels that no run of this
-machine tries."""
+"""Check the undefined symbols and relocations of object files for other platforms, which cannot be
+run on this machine."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ LIBRARY = {
     ),
     *("ceil", "floor", "rint", "trunc", "memcpy", "memmove", "memset"),
 }
-"""What the C libraries of all systems have."""
+"""Symbols that the C libraries of all systems define."""
 
 FURTHER = {
     "linux": {"sincos"},
@@ -74,7 +74,7 @@ def check(code: bytes, about: Mapping[str, Any]) -> None:
 
 
 def left_open(code: bytes, platform: str) -> tuple[set[str], set[str]]:
-    """The symbols that an object does not define, and the kinds of its relocations."""
+    """Return the undefined symbols of an object and the types of its relocations."""
     if platform == "win32":
         coff = lief.COFF.parse(list(code))
         external = lief.COFF.Symbol.STORAGE_CLASS.EXTERNAL

@@ -1,7 +1,6 @@
-"""The catalogue of methods: the only list of them, and where they were published, as
-`publications.bib` has it.
+"""Catalogue of the time-integration methods and their publications (`publications.bib`).
 
-A new family is one file, one line here, and its entries there.
+A new family requires one file, one line in this module and its entries in `publications.bib`.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ FAMILIES = (
 )
 
 DEFAULT_METHOD = "impulse4"
-"""The method where none is named."""
+"""Default method."""
 
 _FIELD = re.compile(r"  (\w+) = \{+(.*?)\}+,\n")
 _KEYWORDS = re.compile(r"  keywords = .*\n")
@@ -69,14 +68,16 @@ _KEYWORDS = re.compile(r"  keywords = .*\n")
 
 @cache
 def _known() -> dict[str, Method]:
-    """Our methods, and behind them those that are registered."""
+    """Return the built-in methods by name; registered methods are added to this dictionary."""
     return {method.name: method for family in FAMILIES for method in family.METHODS}
 
 
 @cache
 def catalogue() -> dict[str, Method]:
-    """All methods by name, in the order in which they are listed: ours, then those of plug-ins,
-    those of installed packages (entry points `tdint.methods`) among them."""
+    """Return all methods by name: the built-in methods, then those of plug-ins.
+
+    Plug-ins include installed packages (entry points `tdint.methods`).
+    """
 
     def take(module: Any, origin: Origin) -> None:
         for method in declared(module, "METHODS", Method, origin.where):
@@ -87,12 +88,12 @@ def catalogue() -> dict[str, Method]:
 
 
 def is_ours(name: str) -> bool:
-    """Whether a method is none of a plug-in."""
+    """Return True if a method is built in, that is, not part of a plug-in."""
     return any(method.name == name for family in FAMILIES for method in family.METHODS)
 
 
 def register_method(method: Method, where: str | Origin = "") -> None:
-    """Make a method known by its name, to everything that takes methods.
+    """Register a method under its name for all commands and functions.
 
     Parameters
     ----------
@@ -130,8 +131,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
             f"{where}: method {method.name!r}: its step is no kernel of the signature "
             "tdint.plugin.STEP"
         )
-    # What it declares is asked for with its defaults, as it will be; a method that fails there is
-    # not kept.
+    # Evaluate the declared properties with default parameters; a method that fails is removed.
     kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
     try:
