@@ -1,5 +1,4 @@
-"""A first model file as text, and drift laws of stories from curves of shear over drift, which it
-may have."""
+"""Text of a first model file, and drift laws fitted to story curves of shear over drift."""
 
 from __future__ import annotations
 
@@ -54,8 +53,8 @@ SYSTEMS = {
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A law that was fitted to a story's curve, SI units: its initial stiffness, and its parameters
-    by their names, or the points of a backbone (drift, shear)."""
+    """Law fitted to a story curve, SI units: initial stiffness, and parameters by name or the
+    points of a backbone curve (drift, shear)."""
 
     type: str
     stiffness: float
@@ -95,7 +94,7 @@ def story_model(
             units, load_key="weight", units=f"{{length: {units.length}, force: {units.force}}}"
         )
     loads = list(weights) if weights is not None else [units.load] * stories
-    # Laws that were fitted replace these; masses are the user's or equal.
+    # Fitted laws replace these values; the masses are user-defined or equal.
     stiffness, strength = _in_a_line(units, loads, 2.0 * math.pi / period)
     lines = []
     for i, load in enumerate(loads):
@@ -151,7 +150,8 @@ def _in_a_line(
 
 
 def _written(law: FittedLaw, units: _System) -> str:
-    """A law as a model file has it; a parameter's dimension is force, length or none."""
+    """Return a law in the notation of model files; the dimension of a parameter is force, length or
+    empty."""
     scale = {"force": FORCE[units.force], "length": LENGTH[units.length], "": 1.0}
     values = [
         f"{name}: {value / scale[dimension]:.6g}" for name, value, dimension in law.parameters
@@ -203,7 +203,7 @@ def type_model(
 def _rest(
     units: _System, motion: str | None, pulled: list[str], *, damping: bool = True
 ) -> list[str]:
-    """Damping, load, analysis and units of the output."""
+    """Return the lines for damping, load, analysis and output units."""
     lines = ["damping: 5%  # Rayleigh damping in modes 1 and 3, or the last one"] if damping else []
     lines.append("p_delta: false  # true: gravity acts on the displaced building")
     if motion:
@@ -268,14 +268,14 @@ _NEEDS = (
 )
 _FEWEST = 4
 _STARTS = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Where the corners of a law are looked for, over the largest drift."""
+"""Start values of the search for the corners of a law, over the largest drift."""
 _GAP = 1e-3  # between the points of a law, over the largest drift
 _LEAST_SHEAR = 1e-6  # over the largest
 
 
 @dataclass(frozen=True)
 class CurveFit:
-    """A law that was fitted to the curve of a story.
+    """Law fitted to the curve of a story.
 
     Attributes
     ----------
@@ -309,7 +309,7 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
     values = np.array(
         [np.array(table.numbers(drift)) * length, np.array(table.numbers(shear)) * force]
     )
-    # Stories are numbered without a gap: one that is missing would shift all above it.
+    # Story numbers must have no gaps: a missing story would shift all stories above it.
     count = int(stories.max()) if stories.size else 0
     curves = {story: values[:, stories == story] for story in range(1, count + 1)}
     if not curves or stories.size != sum(part.shape[1] for part in curves.values()):
@@ -325,7 +325,7 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
 
 
 def _column(table: CsvTable, name: str, units: dict[str, float]) -> tuple[str, float]:
-    """The column of a quantity by its name with a unit, and that unit in SI."""
+    """Return the column name of a quantity with its unit, and the factor of the unit to SI."""
     names = {
         f"{name}_{re.sub(r'[^a-z]', '', unit.lower())}": factor for unit, factor in units.items()
     }
@@ -372,10 +372,10 @@ def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[A
 
 
 def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
-    """Corners, looked for from parts of `start` on, and the slopes between them."""
+    """Fit a polygon; the search for the corners starts from fractions of `start`."""
     from scipy.optimize import minimize
 
-    # A corner before the first points would be told by nothing.
+    # A corner before the first points is not determined by the data.
     low = 0.5 * float(d[d > 0.0][0])
 
     def squares(corners: Array) -> float:
@@ -454,4 +454,4 @@ _KINDS: dict[
     "trilinear": (partial(_broken_line, (0.4, 1.0), True), _trilinear_law),
     "multilinear": (_multilinear, _multilinear_law),
 }
-"""The laws that curves are fitted by."""
+"""Fit function and law constructor by kind of law."""
