@@ -1,5 +1,4 @@
-"""Motions of the floors of a run as records, and their spectra: what equipment on a floor goes
-through."""
+"""Floor motions of a run as records, and floor response spectra for equipment."""
 
 from __future__ import annotations
 
@@ -20,8 +19,8 @@ _CHANNEL = "HNX"
 
 @dataclass(frozen=True, repr=False)
 class FloorSpectrum(Tabular):
-    """The elastic response spectrum of the absolute acceleration of a floor, counted from 1 at the
-    bottom."""
+    """Elastic response spectrum of the absolute acceleration of a floor; floors are numbered from 1
+    at the bottom."""
 
     floor: int
     spectrum: Spectrum

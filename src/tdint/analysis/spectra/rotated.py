@@ -140,7 +140,8 @@ def rotated_spectrum(
 def _displacements(
     motion: Horizontals, omega: Array, damping: float, settings: SpectrumSettings
 ) -> Array:
-    """Largest displacement (m) of each oscillator in each direction, shape (k, ANGLES)."""
+    """Return the maximum displacement (m) of each oscillator in each direction, shape
+    (k, ANGLES)."""
     shortest = 2.0 * math.pi / float(np.max(omega))
     components = (
         settings.interpolation.resample(record, shortest)
@@ -161,7 +162,7 @@ def _displacements(
 
 
 def _directions() -> Array:
-    """Cosine and sine of each direction, shape (2, ANGLES); exact along both components."""
+    """Return cosine and sine of each direction, shape (2, ANGLES); exact along both components."""
     angles = np.arange(rotation.ANGLES) * (math.pi / rotation.ANGLES)
     cosine = np.where(np.arange(rotation.ANGLES) == rotation.ANGLES // 2, 0.0, np.cos(angles))
     return np.array([cosine, np.sin(angles)])
