@@ -42,7 +42,7 @@ class ReadmeHook(MetadataHookInterface):
 
 
 def urls(repository: str) -> dict[str, str]:
-    """The addresses of the project by what they are; none without one."""
+    """Return the project addresses by label; empty without a repository address."""
     if not repository:
         return {}
     changes = f"{repository}/blob/main/CHANGELOG.md"
@@ -55,9 +55,12 @@ def urls(repository: str) -> dict[str, str]:
 
 
 def for_index(text: str, repository: str = "", version: str = "") -> str:
-    """A text without comments, its first run one that needs no checkout; links and pictures lead to
-    the files of a version in the repository. Without one a link becomes the file's name, and
-    pictures go."""
+    """Convert the README for a package index.
+
+    Comments are removed, and the first example is replaced by one that needs no checkout. Links and
+    pictures refer to the files of a version in the repository. Without a repository, links become
+    file names and pictures are removed.
+    """
     text = _COMMENT.sub("", _CHECKOUT.sub(lambda _: _FIRST_RUN, text))
     if not repository:
         return _LINK.sub(_words, _PICTURE.sub("", text))
