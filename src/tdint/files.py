@@ -1,5 +1,8 @@
-"""Files are written whole or not at all: under a temporary name in the same folder, renamed once
-all is well."""
+"""Read and write files.
+
+Files are written completely or not at all: under a temporary name in the same directory, and
+renamed after all of them have been written.
+"""
 
 from __future__ import annotations
 
@@ -18,28 +21,30 @@ from typing import BinaryIO
 from tdint.errors import OutputError, TdintError
 from tdint.system import is_running, process_start, this_host
 
-# ---- The bytes of an input, a file or standard input: at most so many, and of nothing that may
-# never end
+# ---- Read an input, which is a file or standard input, up to a maximum size. Inputs that may never
+# end are refused.
 
 STDIN = "-"
-"""The name that stands for standard input."""
+"""Name of standard input."""
 
 MOST_BYTES = 2**28
-"""Of the largest file that is read: 256 MiB."""
+"""Maximum size of a file, bytes (256 MiB)."""
 
-_PIECE = 2**20  # bytes: large enough that calls cost nothing, small beside any memory
+_PIECE = 2**20  # bytes per read call; the cost of calls is negligible, and memory use is small
 
 READ: ContextVar[dict[str, str] | None] = ContextVar("read", default=None)
-"""SHA-256 of the inputs that the command that runs has read, by name; None where nobody asks."""
+"""SHA-256 of the inputs that the present command has read, by name; None if it is not recorded."""
 
 KEPT: ContextVar[dict[tuple[int, int], str] | None] = ContextVar("kept", default=None)
-"""Device and number of the files that this command reads, with a name of each: never replaced,
-whatever they are called there; None where nobody asks."""
+"""Names of the files that the present command reads, by device and inode. These files are not
+replaced, under any name. None if it is not recorded."""
 
 
 def keep_input(source: str | Path) -> None:
-    """Have a file that is read never be replaced by what this command writes; - is the file behind
-    standard input."""
+    """Protect an input file from being replaced by an output of this command.
+
+    `-` is the file that standard input is redirected from.
+    """
     kept = KEPT.get()
     if kept is None:
         return
@@ -52,19 +57,21 @@ def keep_input(source: str | Path) -> None:
 
 
 def is_kept(file: str | Path) -> bool:
-    """Whether a name leads, through links, too, to a file that this command reads."""
+    """Return True if a path, with links resolved, is a file that this command reads."""
     try:
         status = Path(file).stat()
         name = (KEPT.get() or {}).get((status.st_dev, status.st_ino))
-        # Its number may be another file's by now.
+        # The inode may have been reused for another file.
         return name is not None and (name == STDIN or Path(name).samefile(file))
     except (OSError, ValueError):
         return False
 
 
 def note_input(source: str | Path, content: bytes | Callable[[], str]) -> None:
-    """Keep that this was read, for who tells what a result came from; of what is large give what
-    makes its SHA-256."""
+    """Record that an input has been read, for the list of inputs in results.
+
+    `content` is the content, or, for large files, a function that returns its SHA-256.
+    """
     keep_input(source)
     seen = READ.get()
     if seen is not None:
@@ -74,23 +81,23 @@ def note_input(source: str | Path, content: bytes | Callable[[], str]) -> None:
 
 
 def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> bytes:
-    """Read a file, up to one byte beyond `most`, which tells that it is larger.
+    """Read at most `most` + 1 bytes of a file. The additional byte shows that the file is larger.
 
     Parameters
     ----------
     source : str or Path
-        The file, or `-` for standard input.
+        Path, or `-` for standard input.
     most : int
-        Bytes.
+        Maximum size, bytes.
     error : type
-        The error of the reader's kind of file.
+        Type of the exception.
 
     Raises
     ------
     TdintError
-        Of the type `error`: the file is a named pipe, or there is no standard input.
+        Exception of type `error`: the file is a named pipe, or standard input is closed.
     OSError, ValueError
-        The system cannot read it, or no file can have this name: readers say it in their own words.
+        The file cannot be read, or its name is invalid. Callers convert these exceptions.
     """
     if str(source) != STDIN:
         if is_named_pipe(source):
@@ -113,9 +120,22 @@ def read_whole(
     large: str,
     most: int,
 ) -> bytes:
-    """Read a file that must not be larger than `most`; as `read_at_most`, but all that the system
-    says becomes an `error`, in the words of `told` where it has some for the kind; `large` is what
-    to say of a larger file."""
+    """Read a file that must not be larger than `most`.
+
+    Parameters
+    ----------
+    source, error, most
+        As for `read_at_most`.
+    told : mapping of type to str
+        Messages for exceptions of the operating system, by their type. Default: its own message.
+    large : str
+        Message if the file is too large.
+
+    Raises
+    ------
+    TdintError
+        Exception of type `error`: the file cannot be read, or is too large.
+    """
     try:
         data = read_at_most(source, most, error)
     except (OSError, ValueError) as fault:
@@ -128,7 +148,7 @@ def read_whole(
 
 
 def _read(file: BinaryIO, most: int) -> bytes:
-    """Read in pieces: an endless device ends at `most`, and memory grows as needed."""
+    """Read in pieces, so that an endless device is read up to `most` and memory grows as needed."""
     content = bytearray()
     while len(content) <= most and (piece := file.read(_PIECE)):
         content += piece
@@ -136,8 +156,7 @@ def _read(file: BinaryIO, most: int) -> bytes:
 
 
 def is_named_pipe(source: str | Path) -> bool:
-    """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are
-    none of those."""
+    """Return True if opening a file may block; False for pipes of a shell (`<(command)`)."""
     if str(source).startswith(("/dev/fd/", "/proc/")):
         return False
     try:
@@ -147,63 +166,62 @@ def is_named_pipe(source: str | Path) -> bool:
 
 
 def is_folder(name: str | Path) -> bool:
-    """Whether a name is that of a folder; False also for one that can be no file's (too long,
-    say)."""
+    """Return True if a path is a directory; False also for invalid names, for example too long."""
     return os.path.isdir(name)  # noqa: PTH112  Path's raises of the latter
 
 
 def is_there(name: str | Path) -> bool:
-    """Return True if a file or a folder has this name; False also for a name that no file can have,
-    such as one of 300 characters."""
+    """Return True if a file or directory exists; False also for invalid names."""
     return os.path.exists(name)  # noqa: PTH110  as above
 
 
 def is_file(name: str | Path) -> bool:
-    """Whether a name is that of a file, as `is_folder`."""
+    """Return True if a path is a file; False also for invalid names."""
     return os.path.isfile(name)  # noqa: PTH113  as above
 
 
 # ---- Files
 
 Writer = Callable[[BinaryIO], object]
-"""Writes the content of one file to a stream."""
+"""Function that writes the content of one file to a stream."""
 
 Content = bytes | Writer
-"""What a file shall hold, or what writes it."""
+"""Content of a file, or the function that writes it."""
 
 _PACKED = 4
-"""Level of gzip: a history is a few percent larger than with the usual 9, and written in a third of
-the time."""
+"""Compression level of gzip. A response history is a few percent larger than with the usual level
+9, and is written in a third of the time."""
 
 _TEMPORARY = ".tdint-{}.tmp"
 _OF_PROCESS = re.compile(r"\.tdint-(?P<host>.+)-(?P<process>\d+)-(?P<start>\d+)-[0-9a-f]{16}\.tmp")
-"""The name of a temporary file: who writes it."""
+"""Name of a temporary file with host, process and start time of the writer."""
 
 _WEEK = 7 * 86400.0
-"""Age in s from which a temporary file of another machine is told: no run takes so long, and nobody
-here knows whether its process is gone."""
+"""Age in s above which a temporary file of another machine is reported. No run takes this long, and
+this machine cannot determine if the process of the writer still exists."""
 
 _log = logging.getLogger(__name__)
 
-_unfinished: set[Path] = set()  # of the whole process: for who ends it from another thread
+# Temporary files of all threads, which are removed if another thread ends the process
+_unfinished: set[Path] = set()
 
 
 def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
-    """Make sure that files can be written, before the work whose results they shall hold.
+    """Check that files can be written, before the results are computed.
 
     Parameters
     ----------
     files : iterable of Path
         All outputs of a command.
     overwrite : bool
-        Whether existing files may be replaced.
+        Allow to replace existing files.
 
     Raises
     ------
     OutputError
-        The first obstacle: a file that this command reads, an existing file, a folder in the way, a
-        read-only folder, two outputs of one name. Missing folders are none: `write_files` makes
-        them.
+        A file is an input of this command, exists already, is a directory, is in a read-only
+        directory, or is named twice. Missing directories are not errors, because `write_files`
+        creates them.
     """
     seen: set[str] = set()
     for file in files:
@@ -229,8 +247,7 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
 
 
 def refuse_kept(files: Iterable[Path]) -> None:
-    """Raise OutputError for a file, to be replaced or removed, that this command reads, under
-    whatever name."""
+    """Raise OutputError if a file to be replaced or removed is an input of this command."""
     for file in files:
         if is_kept(file):
             raise OutputError(f"{file}: is read by this command; write to another place")
@@ -244,25 +261,24 @@ def write_files(
     tell: Callable[[Mapping[Path, str]], None] | None = None,
     last: tuple[Path, Callable[[Mapping[Path, str]], bytes]] | None = None,
 ) -> None:
-    """Write files so that each is there whole or not at all, in the order given; missing folders
-    are made.
+    """Write files completely or not at all, in the given order. Missing directories are created.
 
-    All are written under temporary names first; only then they take their places. Whatever goes
-    wrong before, Ctrl-C too, leaves the folder as it was. A symbolic link is followed.
+    All files are written under temporary names first and renamed afterwards. After an error or
+    Ctrl-C before that, the directory is unchanged. Symbolic links are followed.
 
     Parameters
     ----------
     contents : mapping of Path to bytes or callable
-        What each file shall hold, or what writes it to a binary stream.
+        Content of each file, or a function that writes it to a binary stream.
     overwrite : bool
-        Whether existing files may be replaced.
+        Allow to replace existing files.
     stale : mapping of Path to str, optional
-        Files of an earlier run that do not belong to the new ones, with what their SHA-256 was:
-        removed, with `overwrite` and if it still is.
+        Files of an earlier run that are not part of the new results, with their SHA-256. They are
+        removed if `overwrite` is set and their content is unchanged.
     tell : callable, optional
-        Told the SHA-256 of each file when all are written, before any takes its place.
+        Receives the SHA-256 of each file after all have been written, before they are renamed.
     last : Path and callable, optional
-        One more file, behind the others, and what makes its content of their SHA-256.
+        Additional file, and a function that returns its content from the SHA-256 of the others.
 
     Raises
     ------
@@ -298,7 +314,7 @@ def write_files(
             with suppress(OSError):
                 temporary.unlink()
         for folder in reversed(made):
-            with suppress(OSError):  # Not empty: some file has taken its place.
+            with suppress(OSError):  # not empty: it contains a renamed file
                 folder.rmdir()
         raise
     finally:
@@ -316,12 +332,12 @@ def write_files(
 
 
 def digest_of(file: Path) -> str:
-    """SHA-256 of what a file holds.
+    """Return the SHA-256 of a file.
 
     Raises
     ------
     OutputError
-        It cannot be read.
+        The file cannot be read.
     """
     import hashlib
 
@@ -333,8 +349,10 @@ def digest_of(file: Path) -> str:
 
 
 def _write(file: Path, content: Content, stream: BinaryIO) -> None:
-    """Write the content of a file, packed if its name ends in .gz: the same bytes at any time,
-    under any name."""
+    """Write the content of a file, compressed if its name ends with .gz.
+
+    The compressed bytes do not depend on the time or the name.
+    """
     writer = (lambda into: into.write(content)) if isinstance(content, bytes) else content
     if file.suffix.lower() != ".gz":
         writer(stream)
@@ -348,7 +366,7 @@ def _write(file: Path, content: Content, stream: BinaryIO) -> None:
 
 
 def _temporary_name() -> str:
-    """The name of a new temporary file of this process."""
+    """Return the name of a new temporary file of this process."""
     process = os.getpid()
     return _TEMPORARY.format(
         f"{this_host()}-{process}-{process_start(process)}-{os.urandom(8).hex()}"
@@ -356,8 +374,11 @@ def _temporary_name() -> str:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove the temporary files that processes of this machine have left in a folder and that are
-    gone; of others, of which nobody here can know, tell what is older than a week."""
+    """Remove the temporary files of terminated processes of this machine from a directory.
+
+    Files of other machines are reported if they are older than a week, because this machine cannot
+    determine if their processes still run.
+    """
     for temporary in folder.glob(_TEMPORARY.format("*")):
         with suppress(OSError):
             writer = _OF_PROCESS.fullmatch(temporary.name)
@@ -372,7 +393,7 @@ def remove_abandoned(folder: Path) -> None:
 
 
 def remove_unfinished() -> None:
-    """Remove the temporary files of this process, before it is ended where it stands."""
+    """Remove the temporary files of this process before it is terminated."""
     for temporary in list(_unfinished):
         with suppress(OSError):
             temporary.unlink()
@@ -384,12 +405,13 @@ def write_file(file: Path, writer: Content, *, overwrite: bool) -> None:
 
 
 def check_room(file: Path, least: float) -> None:
-    """Make sure that a disk has so many bytes for a file, before the work.
+    """Check before a computation that a disk has at least `least` free bytes for a file.
 
     Raises
     ------
     OutputError
-        It has not; of a file that is replaced, the old one stays until the new one is whole.
+        There is not enough space. A replaced file is kept until the new one is complete, so its
+        size is not available.
     """
     import shutil
 
@@ -404,7 +426,7 @@ def check_room(file: Path, least: float) -> None:
 
 
 def _nearest_folder(file: Path) -> Path:
-    """The folder of a file, or the first one above it that is there."""
+    """Return the directory of a file, or its nearest parent that exists."""
     folder = file.parent
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
@@ -412,9 +434,10 @@ def _nearest_folder(file: Path) -> Path:
 
 
 def _made(folder: Path) -> list[Path]:
-    """Make a folder and those above it that are missing; the new ones, the outermost first.
+    """Create a directory and its missing parents, and return the new ones, outermost first.
 
-    What another process makes meanwhile is not new; and it may stay, with what it holds.
+    Directories that another process creates in the meantime are not returned, so they are not
+    removed after an error.
     """
     if folder.exists():
         return []
@@ -428,8 +451,7 @@ def _made(folder: Path) -> list[Path]:
 
 
 def _move(temporary: Path, file: Path, overwrite: bool) -> None:
-    """Give the temporary file its place; without `overwrite` even a file that came up meanwhile is
-    kept."""
+    """Rename a temporary file. Without `overwrite`, a file created in the meantime is kept."""
     target = os.path.realpath(file)
     with _in_words(file):
         if not overwrite:
@@ -452,7 +474,7 @@ def _exists(file: Path) -> OutputError:
 
 @contextmanager
 def _in_words(path: Path) -> Iterator[None]:
-    """Turn what the operating system says about a path into an OutputError."""
+    """Convert an error of the operating system about a path to an OutputError."""
     try:
         yield
     except OSError as error:

@@ -1,6 +1,9 @@
-"""The machine: what operating systems do in different ways, each name that only some of them have,
-with what is done without it; and work on its processors, in threads, for compiled loops let Python
-go on meanwhile."""
+"""Functions that depend on the operating system, and work on threads.
+
+Functions of the standard library that exist on some systems only are called here, with a fallback
+for the other systems. Compiled loops release the global interpreter lock, so threads run in
+parallel.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ _SIGNAL_AT_PARENTS_DEATH = 1
 """PR_SET_PDEATHSIG of Linux's prctl."""
 
 _LOW = 10
-"""How far below others, of 19: on a busy machine a tenth of a processor is left for it."""
+"""Niceness (0 to 19). On a busy machine, such a process gets about a tenth of a processor."""
 
 _MOUNTS = Path("/proc/self/mountinfo")
 _REMOTE_DRIVE = 4
@@ -34,17 +37,17 @@ _MAY_ASK, _STILL_ACTIVE = 0x1000, 259
 GetExitCodeProcess."""
 
 START_OF_PROCESSES = "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
-"""Forked processes have all that this one has loaded; where forking is not safe, they load it from
-the cache."""
+"""Start method of processes. Forked processes inherit loaded kernels; if forking is not safe, they
+load the kernels from the cache."""
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 _FINE = 1e-5
-"""The longest tick, s, of a clock that times marches: a hundredth of the shortest ones, which take
+"""Maximum resolution of the clock for time loops, s: a hundredth of the shortest loops, which take
 a millisecond."""
 
 CLOCKS = {"thread_time": "processor time of the thread", "perf_counter": "wall time"}
@@ -52,15 +55,15 @@ CLOCKS = {"thread_time": "processor time of the thread", "perf_counter": "wall t
 
 @cache
 def clock() -> str:
-    """The clock that times marches, a key of `CLOCKS` and a function of the module `time`.
+    """Return the clock for time loops: a key of `CLOCKS` and a function of the module `time`.
 
-    Other work on the machine does not count as processor time. Windows adds it up by ticks of 16
-    ms, whatever resolution it tells: where the clock is seen to tick as coarsely, wall time is
-    taken.
+    Processor time excludes other work on the machine. Windows counts it in ticks of 16 ms,
+    regardless of the resolution that it reports. If the measured resolution is this coarse, wall
+    time is used.
     """
     ticks = []
-    deadline = time.perf_counter() + 0.1  # s; a clock that stands still is none
-    for _ in range(3):  # an interrupt may count for one
+    deadline = time.perf_counter() + 0.1  # s; after this time the clock is considered stopped
+    for _ in range(3):  # an interrupt may lengthen one of the ticks
         begin = time.thread_time()
         while (now := time.thread_time()) == begin:
             if time.perf_counter() > deadline:
@@ -70,18 +73,17 @@ def clock() -> str:
 
 
 def seconds() -> float:
-    """What `clock` shows, s."""
+    """Return the time of `clock`, s."""
     return float(getattr(time, clock())())
 
 
 def load() -> float | None:
-    """Processes that ran or waited for a processor in the last minute, on average; None where
-    nobody counts them."""
+    """Return the average number of running or waiting processes in the last minute, or None."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def processor() -> str:
-    """What the system calls this machine's processor."""
+    """Return the name of the processor of this machine."""
     with suppress(OSError):
         for line in (
             Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -93,7 +95,7 @@ def processor() -> str:
 
 
 def memory() -> int | None:
-    """This machine's memory, bytes; None where it does not tell."""
+    """Return the memory of this machine, bytes; None if it is unknown."""
     if hasattr(os, "sysconf"):
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if (kernel := _windows()) is None:
@@ -106,27 +108,26 @@ def memory() -> int | None:
 
 
 def do_not_wait(descriptor: int) -> None:
-    """Have writing to a pipe that is full fail; on Windows, before Python 3.12, it waits."""
+    """Make writing to a full pipe fail instead of blocking. No effect on Windows before 3.12."""
     if hasattr(os, "set_blocking"):
         os.set_blocking(descriptor, False)
 
 
 def unnamed_file() -> BinaryIO:
-    """A file in memory to write and read, which needs no folder; where there is none, what is
-    written is lost."""
+    """Return a file in memory; on systems without such files, the null device."""
     if hasattr(os, "memfd_create"):
         return os.fdopen(os.memfd_create("tdint"), "w+b")
     return Path(os.devnull).open("w+b")
 
 
-# ---- Who owns what is loaded
+# ---- Ownership of files that are loaded
 
 
 def is_trusted(file: os.stat_result, also: int) -> bool:
-    """Whether a file belongs to the user, to root or to the user `also`, and others cannot write
-    it.
+    """Return True if a file belongs to the user, to root or to the user `also`, and is not writable
+    for others.
 
-    True on Windows, which keeps a user's folders by other means.
+    Always True on Windows, which protects the directories of a user by other means.
     """
     if not hasattr(os, "geteuid"):
         return True
@@ -134,11 +135,11 @@ def is_trusted(file: os.stat_result, also: int) -> bool:
 
 
 def _is_own(home: Path, folder: Path) -> bool:
-    """Whether nobody else may put anything into a folder or, by renaming it within its home, in its
-    place.
+    """Return True if no other user can write to a directory or replace it by renaming.
 
-    The folder must be this user's and closed to others. Its home may be root's, and open if it is
-    sticky, as /tmp. True on Windows.
+    The directory must belong to this user and must not be writable for others. Its parent `home`
+    may belong to root, and may be writable for others if it has the sticky bit, like /tmp. Always
+    True on Windows.
     """
     if not hasattr(os, "getuid"):
         return True
@@ -151,16 +152,16 @@ def _is_own(home: Path, folder: Path) -> bool:
     return itself.st_uid == os.getuid() and closed and above.st_uid in (os.getuid(), 0) and kept
 
 
-# ---- What is kept between runs, in one folder of the user: compiled kernels, reference solutions
+# ---- Cache directory of the user: compiled kernels and reference solutions
 
 
 def cache_home() -> Path | None:
-    """TDINT_CACHE_DIR, else the platform's folder for caches; None for a user without a home."""
+    """Return TDINT_CACHE_DIR or the cache directory of the platform; None without a home."""
     if chosen := os.environ.get("TDINT_CACHE_DIR"):
         return Path(chosen)
-    if sys.platform == "linux":  # as platformdirs has it, without its import
+    if sys.platform == "linux":  # the result of platformdirs, without importing it
         base = Path(os.environ.get("XDG_CACHE_HOME", ""))
-        with suppress(RuntimeError):  # nobody's home
+        with suppress(RuntimeError):  # the user has no home directory
             base = base if base.is_absolute() else Path("~/.cache").expanduser()
         home = base / "tdint"
     else:
@@ -171,11 +172,10 @@ def cache_home() -> Path | None:
 
 
 def cache_subfolder(name: str) -> Path | None:
-    """A folder in the cache, made if it is missing and marked as used now; None if it cannot be
-    written.
+    """Return a directory in the cache, created if necessary, or None if it cannot be used.
 
-    What is loaded from it is run: a folder that belongs to another user, or that others may write
-    to, is not used.
+    Its modification time is set to now. Files in it are executed, so a directory that belongs to
+    another user, or to which other users can write, is not used.
     """
     home = cache_home()
     if home is None:
@@ -190,8 +190,8 @@ def cache_subfolder(name: str) -> Path | None:
 
 
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
-    """Remove files or folders beside `keep` by a pattern of their names that were not used for some
-    days."""
+    """Remove files and directories next to `keep` that match a pattern and have not been used for
+    `days` days."""
     import shutil
 
     limit = time.time() - days * 86400.0
@@ -209,10 +209,9 @@ def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
 
 
 def file_system(folder: Path) -> str:
-    """The kind of the file system that a folder lies on, or will, as the system calls it; empty
-    where it does not tell.
+    """Return the type of the file system of a directory, which may not exist yet; empty if unknown.
 
-    Windows tells no more than that a drive is on the network: that is `network drive`.
+    Windows only distinguishes network drives: the result is `network drive` for these.
     """
     path = os.path.realpath(folder)
     if kernel := _windows():
@@ -239,7 +238,10 @@ def _kinds_of_linux() -> dict[str, str]:
 
 
 def _kinds_told_by_mount() -> dict[str, str]:
-    """Of macOS: lines like `//guest@server/share on /Volumes/share (smbfs, nodev, nosuid)`."""
+    """Return types of file systems by mount point on macOS.
+
+    The lines of `mount` are like `//guest@server/share on /Volumes/share (smbfs, nodev, nosuid)`.
+    """
     import subprocess
 
     try:
@@ -254,7 +256,7 @@ def _kinds_told_by_mount() -> dict[str, str]:
 
 
 def _windows() -> Any:
-    """The functions of Windows' kernel; None elsewhere."""
+    """Return the functions of the kernel of Windows; None on other systems."""
     if sys.platform != "win32":
         return None
     import ctypes
@@ -267,8 +269,10 @@ def _windows() -> Any:
 
 @cache
 def this_host() -> str:
-    """This machine since it was started, or the container of it whose processes we can see: its
-    name, and a hash."""
+    """Return an identifier of this machine since its last start, or of its container.
+
+    It consists of the host name and a hash of the boot identifier and the process namespace.
+    """
     import hashlib
     import platform
 
@@ -282,18 +286,17 @@ def this_host() -> str:
 
 
 def process_start(process: int) -> int:
-    """When a process was started, in ticks of the system; 0 where it does not tell, or there is
-    none."""
+    """Return the start time of a process in ticks of the system; 0 if unknown or not running."""
     try:
         fields = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()
     except OSError:
         return 0
-    return 0 if fields[0] in (b"Z", b"X") else int(fields[19])  # the 22nd field of all
+    return 0 if fields[0] in (b"Z", b"X") else int(fields[19])  # field 22, starttime, of the line
 
 
 def is_running(process: int, start: int) -> bool:
-    """Whether a process that was started then is still there; True where the system does not
-    tell."""
+    """Return True if a process with this start time still runs, or if the system does not report
+    it."""
     if start and (now := process_start(process)):
         return now == start
     if (kernel := _windows()) is None:
@@ -301,9 +304,9 @@ def is_running(process: int, start: int) -> bool:
             os.kill(process, 0)
         except ProcessLookupError:
             return False
-        except (OSError, OverflowError):  # Another user's, of which /proc may tell nothing
+        except (OSError, OverflowError):  # a process of another user, which /proc may hide
             return True
-        return not start  # else it would tell its start: it has ended, and nobody has asked how
+        return not start  # otherwise /proc would report its start: it is a zombie
     import ctypes
 
     code, handle = ctypes.c_ulong(), kernel.OpenProcess(_MAY_ASK, 0, process)
@@ -314,7 +317,7 @@ def is_running(process: int, start: int) -> bool:
 
 @contextmanager
 def held_back(signals: Collection[signal.Signals]) -> Iterator[None]:
-    """Let signals wait; where that is not possible they do not."""
+    """Block signals during a `with` statement, if the system supports it."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -326,28 +329,41 @@ def held_back(signals: Collection[signal.Signals]) -> Iterator[None]:
 
 
 def let_through(signals: Collection[signal.Signals]) -> None:
-    """Take signals again in a process that was started while they were `held_back`."""
+    """Unblock signals in a process that was started while they were blocked (`held_back`)."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
 
 
 def end_with(parent: int) -> None:
-    """Have this process killed when the one that started it ends; Linux does that, elsewhere its
-    pipe tells it."""
+    """Request that this process is killed when its parent ends.
+
+    Only Linux supports this; on other systems the process notices the end of its parent by a closed
+    pipe.
+    """
     if sys.platform == "linux":
         import ctypes
 
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, signal.SIGKILL)
-        if os.getppid() != parent:  # It ended before that was asked for.
+        if os.getppid() != parent:  # the parent ended before the request
             os._exit(1)
 
 
 def start_apart(arguments: list[str], folder: Path) -> None:
-    """Start a program of low priority in a folder that goes on when this process ends, and says
-    nothing.
+    """Start a program with low priority that continues when this process ends, without output.
 
-    Raises OSError where it cannot be started."""
+    Parameters
+    ----------
+    arguments : list of str
+        Program and its arguments.
+    folder : Path
+        Working directory of the program.
+
+    Raises
+    ------
+    OSError
+        The program cannot be started.
+    """
     import subprocess
 
     path = os.pathsep.join(filter(None, sys.path))
@@ -365,7 +381,7 @@ def start_apart(arguments: list[str], folder: Path) -> None:
     )
     with suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, process.pid, _LOW)
-    process.returncode = 0  # nobody waits for it
+    process.returncode = 0  # prevents a warning about a process that is not waited for
 
 
 # ---- Locks
@@ -402,8 +418,7 @@ def _lock_on_windows(descriptor: int) -> bool:
 
 
 def available_memory() -> float:
-    """Bytes of memory that this process may still take, as far as the system tells; inf if it does
-    not."""
+    """Return the memory that this process can still allocate, bytes; inf if unknown."""
     limits = []
     with suppress(OSError, ValueError, IndexError), Path("/proc/meminfo").open() as lines:
         limits += [
@@ -421,12 +436,13 @@ def available_memory() -> float:
 
 @contextmanager
 def locked(file: Path | None, waiting: Callable[[], object]) -> Iterator[None]:
-    """Hold the lock of a file, which is made; `waiting` is called once if another process has it.
+    """Hold the lock of a file, which is created if necessary.
 
-    Nothing is locked where there is no file or it cannot be made.
+    `waiting` is called once if another process holds the lock. Without a file, or if the file
+    cannot be created, there is no lock.
     """
     try:
-        # A named pipe in its place would be waited for.
+        # Opening a named pipe of this name would block.
         stream = file.open("a") if file and (file.is_file() or not file.exists()) else None
     except OSError:
         stream = None
@@ -447,19 +463,29 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _AHEAD = 2
-"""Items that each thread has, the one that it is at among them: none waits for who writes the
-results."""
+"""Number of submitted items per thread, including the running item, so that threads do not wait
+while results are written."""
 
 
 def on_threads(
     work: Callable[[Item], Result], items: Iterable[Item], jobs: int
 ) -> Iterator[Result]:
-    """What `work` makes of each item, in the order in which they are done; what it raises is raised
-    here.
+    """Call a function for each item on threads, and yield the results in order of completion.
 
-    No more than a few items are under way or waiting to be taken.
+    Exceptions of the function are raised here. Only a few items are submitted at a time.
+
+    Parameters
+    ----------
+    work : callable
+        Function of one item.
+    items : iterable
+        Items.
+    jobs : int
+        Number of threads.
     """
-    from concurrent import futures  # not for who asks for their number
+    from concurrent import (
+        futures,
+    )  # imported here, because most calls of this module do not need it
 
     waiting = iter(items)
     running: set[futures.Future[Result]] = set()
@@ -467,7 +493,8 @@ def on_threads(
     try:
         while True:
             while len(running) < _AHEAD * jobs and (item := next(waiting, None)) is not None:
-                running.add(pool.submit(copy_context().run, work, item))  # what it reads is noted
+                # The context records the files that the thread reads.
+                running.add(pool.submit(copy_context().run, work, item))
             if not running:
                 return
             finished, running = futures.wait(running, return_when=futures.FIRST_COMPLETED)
@@ -477,17 +504,17 @@ def on_threads(
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-# ---- The version of tdint: for people, for packages, and for files that say what wrote them
+# ---- Version of tdint, for messages, packages and the JSON files of results
 
 __version__ = "0.2.0"
 
 
 @cache
 def version_of_sources() -> tuple[str, str]:
-    """The version, with the sources' hash behind it unless they are those that the installed
-    package came with (`0.2.0+sources.1a2b3c4d`), and that hash, 16 hexadecimal digits.
+    """Return the version and the hash of the sources (16 hexadecimal digits).
 
-    Nothing tells a checkout that was changed from one that was not: none calls itself a release.
+    The version includes the hash (`0.2.0+sources.1a2b3c4d`) unless the sources are those of the
+    installed package. A checkout always includes the hash, because changes cannot be detected.
     """
     from base64 import urlsafe_b64encode
     from hashlib import sha256
