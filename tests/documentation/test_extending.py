@@ -36,7 +36,7 @@ CHANGES = (
     (
         "quantity",
         "src/tdint/analysis/run/outcome.py",
-        'called="peak_absolute_acceleration",\n        ),\n    ]\n',
+        "            _peak(rows.PEAK_ACCELERATION),\n        ),\n    ]\n",
     ),
     ("format-sample", "tests/ground_motion/samples.py", "SAMPLES = {\n"),
 )

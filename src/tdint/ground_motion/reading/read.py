@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -584,8 +585,10 @@ def _event(trace: Any) -> str:
         name, origin = str(stats.sac.get("kevnm", "")).strip(), stats.sac.get("o")
         # SAC times are relative to a reference time; the first sample is at `b`.
         if origin is not None and isfinite(origin) and _start(trace):
-            time = stats.starttime + (float(origin) - float(stats.sac.get("b", 0.0)))
-            name = f"{name} {time.datetime:%Y-%m-%d %H:%M:%S}".strip()
+            # A corrupt header may contain a time outside the range of dates.
+            with suppress(ValueError, OverflowError):
+                time = stats.starttime + (float(origin) - float(stats.sac.get("b", 0.0)))
+                name = f"{name} {time.datetime:%Y-%m-%d %H:%M:%S}".strip()
         return name
     return str(stats.get("tdint_event", ""))
 
