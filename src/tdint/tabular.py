@@ -1,5 +1,8 @@
-"""Functions and results as a person at a Python prompt or in a notebook meets them: arguments that
-are none are told by their names; a short line, a table, columns for pandas."""
+"""Support for use from a Python prompt or a notebook.
+
+Calls with arguments of a wrong type raise an error that names the argument. Results have a one-line
+description, an HTML table, and columns for pandas, Parquet and figures.
+"""
 
 from __future__ import annotations
 
@@ -31,110 +34,125 @@ P = ParamSpec("P")
 Result = TypeVar("Result")
 
 _OF_ARGUMENTS = (TypeError, ValueError, AttributeError, IndexError, OverflowError)
-"""What Python and numpy raise of an argument that is of another kind than it must be."""
+"""Errors that Python and numpy raise for an argument of a wrong type."""
 
 
 _RENAMED = {"methods": "method", "dts": "dt"}
-"""What arguments were called in 0.1, taken for one release more."""
+"""Names of arguments in version 0.1 and their present names. The old names are accepted with a
+deprecation warning until the next release.
+"""
 
 
 class WrongCall(UsageError, TypeError):
-    """A call without an argument that it needs, or with one that it does not have."""
+    """Call with a missing or an unknown argument."""
 
 
 @functools.cache
 def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """A function of `tdint` that says which argument is of another kind than its signature tells,
-    if it fails by one.
+    """Wrap a public function so that errors name the argument of a wrong type.
 
-    Its arguments are looked at then only: whatever works, works. What fails by none of them is a
-    bug, and raised as it is.
+    Arguments are compared with the signature only after the function has failed. If every argument
+    has the declared type, the failure is a bug, and its exception is raised unchanged.
+
+    Parameters
+    ----------
+    function : callable
+        The function.
+    name : str
+        Its public name, for messages.
     """
 
     @functools.wraps(function)
-    def asked(*given: Any, **named: Any) -> Any:
+    def wrapper(*arguments: Any, **keywords: Any) -> Any:
         for before, now in _RENAMED.items():
             if (
-                before in named
-                and before not in (known := inspect.signature(function).parameters)
-                and now in known
+                before in keywords
+                and before not in (parameters := inspect.signature(function).parameters)
+                and now in parameters
             ):
                 warnings.warn(f"{name}: {before} is {now} now", DeprecationWarning, stacklevel=2)
-                named[now] = named.pop(before)
+                keywords[now] = keywords.pop(before)
         try:
-            return function(*given, **named)
+            return function(*arguments, **keywords)
         except TdintError:
             raise
         except _OF_ARGUMENTS as error:
             try:
-                arguments = inspect.signature(function).bind(*given, **named)
+                bound = inspect.signature(function).bind(*arguments, **keywords)
             except TypeError as wrong:
                 raise WrongCall(f"{name}: {wrong}") from None
-            # Without an argument to blame the fault is ours.
-            raise _fault(name, arguments) or error from error
+            # If no argument has a wrong type, the error is a bug of tdint.
+            raise _wrong_argument(name, bound) or error from error
 
-    asked.__module__, asked.__qualname__, asked.__name__ = (
-        "tdint",
-        name,
-        name,
-    )  # where pickle finds it
-    return asked
+    # pickle imports the function by its public name.
+    wrapper.__module__, wrapper.__qualname__, wrapper.__name__ = "tdint", name, name
+    return wrapper
 
 
-def _fault(function: str, arguments: inspect.BoundArguments) -> UsageError | None:
-    """The first argument that is not of the kind that its annotation tells; if there is none, the
-    first one that may be anything."""
+def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageError | None:
+    """Return an error for the first argument that does not match its annotation.
+
+    If all arguments match, the error is for the first argument with an annotation that accepts any
+    value, because only the function itself checks such values. None if every annotation is closed.
+    """
     anything = None
     for parameter in arguments.signature.parameters.values():
         if parameter.name not in arguments.arguments:
             continue
         value = arguments.arguments[parameter.name]
-        of_one = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        is_variadic = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
         annotation = parameter.annotation
         written = (
             annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
         )
         kind = ast.parse(written, mode="eval").body
         values = (
-            value.values() if isinstance(value, dict) and of_one else value if of_one else (value,)
+            value.values()
+            if isinstance(value, dict) and is_variadic
+            else value
+            if is_variadic
+            else (value,)
         )
         got = reprlib.repr(value)
-        if not all(_is_of(item, kind) for item in values):
-            return UsageError(f"{function}: {parameter.name} must be {_in_words(kind)}, got {got}")
-        if anything is None and any(_is_open(part) for part in ast.walk(kind)):
+        if not all(_matches(item, kind) for item in values):
+            return UsageError(f"{function}: {parameter.name} must be {_as_text(kind)}, got {got}")
+        if anything is None and any(_accepts_any(part) for part in ast.walk(kind)):
             anything = UsageError(
                 f"{function}: {parameter.name} cannot be used as it is, got {got}"
             )
     return anything
 
 
-def _is_open(kind: ast.AST) -> bool:
-    """Whether it stands for anything, or for what only the function can judge: `AnyModel`,
-    `AnyRecord`, ..."""
+def _accepts_any(kind: ast.AST) -> bool:
+    """Return True if the annotation accepts values that only the function can check.
+
+    The names of such annotations start with `Any`: `Any`, `AnyModel`, `AnyRecord`, ...
+    """
     return isinstance(kind, ast.Name) and kind.id.startswith("Any")
 
 
-def _is_of(value: Any, kind: ast.expr) -> bool:
-    """Whether a value is of the kind that an annotation tells."""
+def _matches(value: Any, kind: ast.expr) -> bool:
+    """Return True if a value matches an annotation."""
     match kind:
         case ast.BinOp():
-            return _is_of(value, kind.left) or _is_of(value, kind.right)
+            return _matches(value, kind.left) or _matches(value, kind.right)
         case ast.Constant():
             return value is kind.value
         case ast.Subscript(value=ast.Name(id="tuple"), slice=ast.Tuple(elts=kinds)):
             return (
                 isinstance(value, tuple)
                 and len(value) == len(kinds)
-                and all(map(_is_of, value, kinds))
+                and all(map(_matches, value, kinds))
             )
         case ast.Subscript(value=ast.Name(id="Mapping")):
             return isinstance(value, Mapping)
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
-            # A text is a sequence to Python; a generator would be used up by a look at its members.
+            # For Python, a text is a sequence. Members of a generator are not checked, because this
+            # would consume the generator.
             several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
             several = several and getattr(value, "ndim", 1) > 0
             return several and (
-                not hasattr(value, "__len__") or all(_is_of(item, member) for item in value)
+                not hasattr(value, "__len__") or all(_matches(item, member) for item in value)
             )
         case ast.Subscript(value=ast.Name(id="NDArray")):
             return getattr(value, "ndim", 0) == 1
@@ -142,13 +160,14 @@ def _is_of(value: Any, kind: ast.expr) -> bool:
             row = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
             return row and len(value) > 0 and all(isinstance(item, numbers.Real) for item in value)
         case ast.Name(id=name) if name in _KINDS:
-            # numpy's truth values are none of Python's, and Python's are numbers.
+            # In Python, bool is a subclass of int; numpy's bool_ is not a subclass of bool.
             truth = type(value).__name__ in ("bool", "bool_")
             return truth if name == "bool" else isinstance(value, _KINDS[name][0]) and not truth
         case ast.Name(id=name):
-            # By the name, as annotations of types are not loaded at run time.
+            # Types are compared by name, because modules imported for annotations only are not
+            # loaded at run time.
             return (
-                _is_open(kind)
+                _accepts_any(kind)
                 or callable(value)
                 or name in [item.__name__ for item in type(value).__mro__]
             )
@@ -164,13 +183,13 @@ _KINDS: dict[str, tuple[tuple[type, ...], str]] = {
 }
 
 
-def _in_words(kind: ast.expr) -> str:
-    """An annotation for people."""
+def _as_text(kind: ast.expr) -> str:
+    """Return an annotation as text for a message."""
     match kind:
         case ast.BinOp():
-            return f"{_in_words(kind.left)} or {_in_words(kind.right)}"
+            return f"{_as_text(kind.left)} or {_as_text(kind.right)}"
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
-            return f"a sequence (each {_in_words(member)})"
+            return f"a sequence (each {_as_text(member)})"
         case ast.Name(id="Array") | ast.Subscript(value=ast.Name(id="NDArray")):
             return "an array of numbers in one row"
         case ast.Name(id=name) if name in _KINDS:
@@ -179,11 +198,26 @@ def _in_words(kind: ast.expr) -> str:
 
 
 Progress = Callable[[int, int], None]
-"""Told how much is done, of how much."""
+"""Callable that receives the number of completed parts and the total number of parts."""
 
 
 def optional(package: str, purpose: str, extra: str = "notebook") -> Any:
-    """A package that is not needed else; UsageError where it is not installed."""
+    """Import an optional package.
+
+    Parameters
+    ----------
+    package : str
+        Name of the module to import.
+    purpose : str
+        Option or method that requires the package, for the message.
+    extra : str
+        Extra of tdint that installs the package.
+
+    Raises
+    ------
+    UsageError
+        The package is not installed.
+    """
     try:
         return import_module(package)
     except ImportError:
@@ -194,25 +228,36 @@ def optional(package: str, purpose: str, extra: str = "notebook") -> Any:
 
 @contextmanager
 def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Progress]:
-    """What to tell of progress: nothing, a callable's, or a bar on a terminal or in a notebook;
-    none into a pipe.
+    """Return the callable that reports progress, as a context manager.
+
+    Parameters
+    ----------
+    asked : bool or callable
+        False for no report; True for a progress bar in a notebook or on a terminal (no bar is
+        written to a pipe); or a callable that receives the completed and the total number of parts.
+        Without tqdm, True results in a warning and no bar.
+    count : int
+        Total number of parts.
+    unit : str
+        Name of a part, displayed by the bar.
 
     Raises
     ------
     UsageError
-        What is neither. Without tqdm there is no bar, and a warning says so.
+        `asked` is neither a bool nor a callable.
     """
     if callable(asked):
         yield asked
         return
     if not isinstance(asked, bool):
-        raise UsageError(f"progress is True, False or a callable (done, of), got {asked!r:.60}")
+        raise UsageError(
+            f"progress must be True, False or a callable (done, total), got {asked!r:.60}"
+        )
     if not asked:
         yield lambda done, of: None
         return
-    with (
-        warnings.catch_warnings()
-    ):  # a notebook without ipywidgets has a bar of letters, which is none of its faults
+    # In a notebook without ipywidgets, tqdm warns and draws a text bar, which is sufficient.
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             tqdm = optional("tqdm.auto", "progress=True")
@@ -220,7 +265,7 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
             logging.getLogger("tdint").warning("%s; it runs without a bar", error)
             yield lambda done, of: None
             return
-    # A bar that is not told otherwise draws itself on terminals alone; a notebook is none.
+    # By default (None) tqdm draws a bar on terminals only, which excludes notebooks.
     with tqdm.tqdm(
         total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None
     ) as bar:
@@ -232,72 +277,84 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
 
 
 class Tabular:
-    """A result with a table. Its columns are declared where tables are written, which may know all
-    results, while results know nothing of tables: the package's front door, which knows both, says
-    where they are.
+    """Base class of results with a table.
+
+    The columns are declared in the output layer, which imports the results; the results do not
+    import the output layer. `tdint/__init__.py` therefore sets the names of its modules.
 
     Attributes
     ----------
-    tables, figures : str
-        Names of the modules with `to_dict` and `to_html`, and with `plot`; set by
-        `tdint/__init__.py`.
+    tables : str
+        Name of the module with `to_dict`, `to_html` and `to_parquet`.
+    figures : str
+        Name of the module with `plot`.
     """
 
     tables: ClassVar[str]
     figures: ClassVar[str]
 
     def _headline(self) -> str:
-        """What it is, in a line."""
+        """Return a description of one line."""
         raise NotImplementedError
 
     def to_dict(self, units: str = "") -> dict[str, Any]:
-        """The columns of its table by name, as arrays: `pandas.DataFrame(result.to_dict())`.
+        """Return the columns of the table as arrays by name.
+
+        `pandas.DataFrame(result.to_dict())` is the table as a data frame.
 
         Parameters
         ----------
         units : str
-            Units in place of SI, such as `kip,in,g`; the names change with them.
+            Units to use instead of SI, such as `kip,in,g`. The units at the end of the column names
+            change accordingly.
 
         Returns
         -------
         dict
-            Arrays of one length; words as lists.
+            Arrays of equal length by column name. Columns of text are lists.
+
+        Raises
+        ------
+        UsageError
+            The result has no table, or a unit is unknown.
         """
         columns: dict[str, Any] = import_module(self.tables).to_dict(self, units)
         return columns
 
     def to_pandas(self, units: str = "") -> DataFrame:
-        """Its table as a DataFrame of pandas.
+        """Return the table as a pandas DataFrame.
 
         Parameters
         ----------
         units : str
-            As of `to_dict`.
+            Units to use instead of SI, as for `to_dict`.
 
         Returns
         -------
         pandas.DataFrame
+            The table, with one column for each entry of `to_dict`.
 
         Raises
         ------
         UsageError
-            It has no table, an unknown unit; pandas is not installed.
+            The result has no table, a unit is unknown, or pandas is not installed.
         """
         return optional("pandas", "to_pandas").DataFrame(self.to_dict(units))
 
     def to_parquet(self, file: str | Path) -> None:
-        """Write its table, SI units, as a Parquet file whose columns say their units; one that is
-        there is replaced.
+        """Write the table in SI units as a Parquet file with the units of the columns as metadata.
+
+        An existing file is replaced.
 
         Parameters
         ----------
         file : str or Path
-            NAME.parquet.
+            Name of the file, ending in .parquet.
 
         Raises
         ------
         UsageError
-            It has no table; pyarrow is not installed.
+            The result has no table, or pyarrow is not installed.
         OutputError
             The file cannot be written.
         """
@@ -310,25 +367,24 @@ class Tabular:
     def plot(self, ax: Axes, units: str = "") -> Axes: ...
 
     def plot(self, ax: Axes | None = None, units: str = "") -> Figure | Axes:
-        """Draw it: a new figure, or its main panel on axes that are there.
+        """Plot the result in a new figure, or plot its main panel on existing axes.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            The axes; what has no single panel is refused.
+            Axes for the main panel. Results with a figure of several equal panels refuse it.
         units : str
-            Units in place of SI, such as `kip,in,g`.
+            Units to use instead of SI, such as `kip,in,g`.
 
         Returns
         -------
         matplotlib.figure.Figure or matplotlib.axes.Axes
-            The figure, of this call alone: a notebook shows it, pyplot does not know it; or the
-            axes given.
+            The new figure, which is not registered with pyplot (a notebook displays it), or `ax`.
 
         Raises
         ------
         UsageError
-            It has no picture, or no main panel; an unknown unit.
+            The result has no figure or no main panel, or a unit is unknown.
         """
         drawn: Figure | Axes = import_module(self.figures).plot(self, ax=ax, units=units)
         return drawn
@@ -337,7 +393,7 @@ class Tabular:
         return f"<{type(self).__name__} {self._headline()}>"
 
     def _repr_html_(self) -> str:
-        """A caption and the first rows, for notebooks."""
+        """Return a caption and the first rows as HTML, for notebooks."""
         return str(import_module(self.tables).to_html(self, self._headline()))
 
 
@@ -345,8 +401,9 @@ Member = TypeVar("Member")
 
 
 class ResultList(Tabular, Generic[Member]):
-    """Results of one kind in a row, with one table: it has a length, members by number, and may be
-    walked through.
+    """Immutable sequence of results of one class, with a common table.
+
+    It has a length, can be indexed with an integer, and can be iterated.
 
     Attributes
     ----------
@@ -363,8 +420,8 @@ class ResultList(Tabular, Generic[Member]):
     def __iter__(self) -> Iterator[Member]:
         return iter(self.members)
 
-    def __getitem__(self, place: int) -> Member:
-        return self.members[place]
+    def __getitem__(self, index: int) -> Member:
+        return self.members[index]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ResultList) and self.members == other.members
@@ -379,33 +436,39 @@ class ResultList(Tabular, Generic[Member]):
 
 
 def each_of(function: Callable[P, Result]) -> Callable[P, Result]:
-    """A function whose first argument may be a list or a tuple, too: then it gives a `ResultList`
-    of what it gives for each, which a checker of types takes for one."""
+    """Wrap a function so that its first argument may also be a list or a tuple.
+
+    For a list or a tuple, the wrapper calls the function with each member and returns a
+    `ResultList` of the results. The signature that type checkers see is that of the function.
+    """
     first = next(iter(inspect.signature(function).parameters))
 
     @functools.wraps(function)
-    def one_or_each(*given: P.args, **named: P.kwargs) -> Any:
-        of, rest = (given[0], given[1:]) if given else (named.get(first), ())
-        if not isinstance(of, list | tuple | ResultList):
-            return function(*given, **named)
-        named.pop(first, None)
-        return ResultList(function(one, *rest, **named) for one in of)  # type: ignore[arg-type]
+    def wrapper(*arguments: P.args, **keywords: P.kwargs) -> Any:
+        values, others = (arguments[0], arguments[1:]) if arguments else (keywords.get(first), ())
+        if not isinstance(values, list | tuple | ResultList):
+            return function(*arguments, **keywords)
+        keywords.pop(first, None)
+        return ResultList(function(value, *others, **keywords) for value in values)  # type: ignore[arg-type]
 
-    return one_or_each
+    return wrapper
 
 
 class FunctionPackage(ModuleType):
-    """A package that is the function of its name, too: once it is loaded, `tdint.campaign` stands
-    for both."""
+    """Package with the same name as a public function: calling the package calls the function.
 
-    def __call__(self, *given: Any, **named: Any) -> Any:
-        """Call the function."""
-        return self._function(*given, **named)
+    After its import, a package such as `tdint.campaign` replaces the function `tdint.campaign` as
+    the attribute of `tdint`; this class therefore makes the package callable.
+    """
+
+    def __call__(self, *arguments: Any, **keywords: Any) -> Any:
+        """Call the function of the same name."""
+        return self._function(*arguments, **keywords)
 
     @property
     def _function(self) -> Callable[..., Any]:
-        whole, _, name = self.__name__.rpartition(".")
-        function: Callable[..., Any] = import_module(whole).__getattr__(name)
+        parent, _, name = self.__name__.rpartition(".")
+        function: Callable[..., Any] = import_module(parent).__getattr__(name)
         return function
 
     @property
@@ -414,11 +477,11 @@ class FunctionPackage(ModuleType):
 
 
 def modules_on_use(package: str) -> Callable[[str], ModuleType]:
-    """The `__getattr__` of a package whose modules are imported when they are first used."""
+    """Return a `__getattr__` for a package that imports its modules at their first use."""
 
-    def found(name: str) -> ModuleType:
+    def import_on_use(name: str) -> ModuleType:
         if find_spec(f"{package}.{name}") is None:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return import_module(f"{package}.{name}")
 
-    return found
+    return import_on_use
