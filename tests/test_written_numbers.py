@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from tdint.errors import UsageError
-from tdint.written_numbers import MOST_POINTS, Grid, parse_grid, parse_ratio
+from tdint.units import parse_output_units
+from tdint.written_numbers import (
+    MOST_POINTS,
+    Grid,
+    number_text,
+    parse_grid,
+    parse_ratio,
+    table_number,
+)
 
 
 def test_a_ratio_is_a_number_or_a_percentage():
@@ -59,3 +67,43 @@ def test_what_is_no_grid(text):
         parse_grid(text)
     with pytest.raises(UsageError, match=str(MOST_POINTS)):
         parse_grid(f"1:2:{MOST_POINTS + 1}")
+
+
+def test_a_number_for_people_has_few_digits():
+    assert number_text(0.895228162611) == "0.8952"
+    assert number_text(0.895228162611, 3) == "0.895"
+    assert number_text(200.0) == "200"
+
+
+def test_a_number_differs_in_writing_from_a_limit_that_it_does_not_meet():
+    assert number_text(0.89999, unlike=0.9) == "0.89999"
+    assert number_text(0.8999, unlike=0.9) == "0.8999"
+    assert number_text(0.9, unlike=0.9) == "0.9"
+    assert number_text(np.nextafter(0.9, 0.0), unlike=0.9) == "0.8999999999999999"
+
+
+def test_a_number_in_a_table_has_no_power_of_ten():
+    for value, text in (
+        (8.847113e6, "8847000"),
+        (0.0, "0"),
+        (-12345.0, "-12340"),
+        (7.5178e-3, "0.007518"),
+        (np.nan, ""),
+    ):
+        assert table_number(value, abs(value)) == text
+    assert table_number(2e-5, 1.0) == "0"  # negligible in its column
+    assert table_number(2e-5, 3e-5) == "0.0000200"
+    assert table_number(2e-5) == "below 0.0001"
+
+
+def test_a_mass_is_in_the_unit_that_belongs_to_the_force():
+    """1218 t in the units of a model in kip and in: 1218e3 / 175126.8 kip*s^2/in."""
+    mass = 1.218e6
+    for words, text in (
+        ("kip,in", "6.955 kip*s^2/in"),
+        ("kip,ft", "83.46 kip*s^2/ft"),
+        ("kN,mm", "1218 t"),
+        ("kip,in,lb", "2.685e+06 lb"),
+        ("N,m", "1.218e+06 kg"),
+    ):
+        assert parse_output_units(words).text(mass, "kg") == text

@@ -10,6 +10,7 @@ from math import isfinite
 from typing import Any, get_args, get_type_hints
 
 from tdint.errors import UsageError, did_you_mean
+from tdint.written_numbers import number_text
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
@@ -274,6 +275,15 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
 # ---- Units that results are written in, in place of SI: how names of columns and keys, and
 # numbers, change with them
 
+_MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
+"""Unit of mass in texts and reports for a unit of force. Default: kg."""
+
+
+def mass_beside(force: str, length: str) -> str:
+    """Return the unit of mass that belongs to units of force and length, for texts and reports."""
+    return "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
+
+
 _QUANTITIES = {
     "length": LENGTH,
     "force": FORCE,
@@ -330,8 +340,19 @@ class OutputUnits:
         return value / self.unit(si)[1]
 
     def text(self, value: float, si: str) -> str:
-        """A number and its unit for people, in four digits."""
-        return f"{self.of(value, si):.4g} {self.unit(si)[0]}"
+        """Return a number with its unit for people, with four significant digits.
+
+        A mass is in the unit that belongs to the unit of force, unless another unit of mass was
+        chosen: t for kN, kip*s^2/in for kip and in.
+        """
+        units = replace(self, mass=self.mass_beside) if si == "kg" else self
+        return f"{number_text(units.of(value, si))} {units.unit(si)[0]}"
+
+    @property
+    def mass_beside(self) -> str:
+        """Unit of mass in texts and reports: the chosen unit, or the one that belongs to the unit
+        of force."""
+        return mass_beside(self.force, self.length) if self.mass == "kg" else self.mass
 
     def label(self, si: str) -> str:
         """The unit that stands for an SI unit, as an axis of a picture has it: m/s², kip·in."""

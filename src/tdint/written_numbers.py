@@ -26,6 +26,61 @@ def how_many(count: int, thing: str) -> str:
     return f"{count} {thing if count == 1 else several}"
 
 
+DIGITS = 4
+"""Default number of significant digits in sentences and in the tables of reports."""
+
+_DIGITS_OF_DOUBLES = 17  # significant digits that distinguish any two double-precision numbers
+
+
+def number_text(value: float, digits: int = DIGITS, *, unlike: float | None = None) -> str:
+    """Return a number for people, rounded to significant digits.
+
+    Parameters
+    ----------
+    value : float
+        The number.
+    digits : int
+        Number of significant digits, 3 or 4; trailing zeros are omitted.
+    unlike : float, optional
+        A limit that the number does not meet. If both would be written equally, the number gets
+        as many digits as are necessary to distinguish it: 0.89999 and not 0.9 for a limit of 0.9.
+    """
+    text = f"{value:.{digits}g}"
+    if unlike is None or value == unlike:
+        return text
+    while text == f"{unlike:.{digits}g}" and digits < _DIGITS_OF_DOUBLES:
+        digits += 1
+        text = f"{value:.{digits}g}"
+    return text
+
+
+_SMALL = 1e-4
+"""Smallest number that is written; also the smallest fraction of the maximum of a column."""
+
+
+def table_number(value: float, largest: float | None = None) -> str:
+    """Return a number for a table or a report: four significant digits and no power of ten.
+
+    Parameters
+    ----------
+    value : float
+        The number; nan is an empty cell.
+    largest : float, optional
+        Largest absolute value of the column. A number that is below 0.0001 times this value is
+        written as 0. Without it, a number below 0.0001 is written as "below 0.0001".
+    """
+    if math.isnan(value):
+        return ""
+    text = number_text(value)
+    if "e" not in text or value == 0.0:
+        return text
+    if abs(value) >= 1.0:
+        return f"{float(text):.0f}"
+    if largest is None:
+        return f"below {_SMALL}"
+    return "0" if abs(value) < _SMALL * largest else f"{value:.7f}"
+
+
 def first_few(names: Sequence[str], most: int) -> str:
     """Names with commas between them: of many the first ones, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

@@ -1,6 +1,7 @@
 """Both components of a recording are one motion in every command."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -184,6 +185,8 @@ def test_capacities_of_pairs(suite, tdint):
     result = tdint(*call.split(), code=0)
     (line,) = [line for line in result.stderr.splitlines() if "pair_demand" in line]
     assert "3 pairs" in line and rows(result.stdout) == tables["larger"]
+    # The summary counts motions as the table does: pairs, not their six records.
+    assert re.search(r": 3 pairs, \d+ runs with ", result.stderr)
 
 
 def test_the_mean_curve_of_a_pair_is_found_by_hand():

@@ -265,12 +265,64 @@ def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(
     # The base shear of the restoring forces, and that of equilibrium, which Rayleigh damping is
     # part of.
     restoring = float(stories[0]["peak_shear_N"]) / 1e3
-    assert f"base shear {restoring:.4g} kN ({shears[0]} kN with viscous forces)" in found.text
+    assert (
+        f"base shear {shears[0]} kN with viscous forces ({restoring:.4g} kN without)" in found.text
+    )
     tdint("run", "kilo.yaml", "--report", "us.html", "--output-units", "kip,in", code=0)
     found = page("us.html")
     assert table_with(found, "peak total shear (kip)")
     Path("kilo.yaml").write_text(text.replace("Project: tower", "tower"))
     tdint.refused("kilo.yaml:3:9: report", "run", "kilo.yaml", "-q", code=3)
+
+
+def test_the_base_shear_of_the_headline_is_in_the_table(folder: Path, tdint: Command) -> None:
+    """With dashpots the table has only the shear with viscous forces, and so has the headline."""
+    table = rows(
+        tdint("run", CONFIGS / "base-isolated.yaml", "--report", "page.html", code=0).stdout
+    )
+    springs, total = (
+        f"{float(table[0][name]) / 1e3:.4g}" for name in ("peak_shear_N", "peak_total_shear_N")
+    )
+    assert springs != total
+    found = page("page.html")
+    assert table_with(found, "peak total shear (kN)")[0]["peak total shear (kN)"] == total
+    assert f"base shear {total} kN with viscous forces" in found.text
+    assert f"{springs} kN" not in found.text
+    # Residual drifts are in the unit of the other drifts, although they are small.
+    heads = [head for head in found.tables[0][0] if "drift" in head or "displacement" in head]
+    assert heads == [
+        "peak drift ratio (%)",
+        "peak drift (m)",
+        "residual drift (m)",
+        "peak displacement (m)",
+    ]
+
+
+def test_small_masses_are_in_kilograms(folder: Path, tdint: Command) -> None:
+    """A laboratory model of 10 kg per floor in N and m is not written as 0.01 t."""
+    tdint("run", "shaken.yaml", "--report", "page.html", code=0)
+    assert [row["mass (kg)"] for row in table_with(page("page.html"), "mass (kg)")] == ["10", "10"]
+
+
+def test_the_figure_of_a_collapse_states_the_peak_of_the_record(
+    folder: Path, tdint: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The run ends before the peak of the record; the figure states both peaks."""
+    from tdint.output.figures import runs
+
+    notes: list[str] = []
+    monkeypatch.setattr(runs, "write_note", lambda axes, text, **_: notes.append(text))
+    scaled = ("--component", "HN1", "--scale", "12", "--report", "page.html")
+    result = tdint(
+        "run", CONFIGS / "collapse-prone-frame.yaml", RECORDS / "near-fault.mseed", *scaled, code=0
+    )
+    assert "analysis stopped" in result.stderr
+    (pga,) = re.findall(r"PGA (\S+) m/s", result.stderr)
+    (said,) = [text for text in notes if "PGA" in text]
+    peaks = re.fullmatch(r"peak (\S+) g at \S+ s, PGA (\S+) g later", said)
+    assert peaks
+    early, late = map(float, peaks.groups())
+    assert late == pytest.approx(float(pga) / 9.80665, rel=2e-3) and early < 0.9 * late
 
 
 def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:

@@ -347,6 +347,8 @@ def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
 
 def _report(study: IdaStudy, precision: float) -> None:
     """Report the results, and warn of conditions that affect their meaning."""
+    from tdint.campaign.pairs import SEPARATE, motions_text
+
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
         note("nothing to do: all records were done")
@@ -354,7 +356,8 @@ def _report(study: IdaStudy, precision: float) -> None:
         note(f"{study.resumed} of {len(study.curves)} records were done before")
     options.analysis.warn_of(study.model)
     note(*study.remarks)
-    records = how_many(len(study.states[0].curves), "record")
+    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
+    records = motions_text(len(study.states[0].curves), paired)
     say(
         f"{study.model.name}: {records}, {how_many(len(runs), 'run')} with {study.method}.",
         *map(_median, study.states),

@@ -515,7 +515,8 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
         The units of the values.
     page : bool
         True for a report page: drift ratios in percent, and always the base shear with viscous
-        forces. Otherwise this base shear is reported only if a story has dashpots.
+        forces, which the table of the stories contains. The table has no other base shear if a
+        story has dashpots. The base shear of the springs is first in other texts.
     """
     from tdint.analysis.run.demands import demands
 
@@ -530,14 +531,15 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
         ratio = f"drift ratio {value} in story {largest.drift_ratio.place}"
         # A story without a height has no drift ratio: report its drift in addition.
         worst = ratio if all(story.drift_height for story in model.stories) else f"{ratio}, {worst}"
-    viscous = ""
-    if page or any(story.dashpot or story.power_dashpot for story in model.stories):
-        viscous = f" ({units.text(largest.total_base_shear.value, 'N')} with viscous forces)"
-    roof, base = (
-        units.text(largest.roof_displacement.value, "m"),
-        units.text(largest.base_shear.value, "N"),
-    )
-    return f"{worst}, roof displacement {roof}, base shear {base}{viscous}"
+    roof = units.text(largest.roof_displacement.value, "m")
+    springs = units.text(largest.base_shear.value, "N")
+    total = f"{units.text(largest.total_base_shear.value, 'N')} with viscous forces"
+    base = springs
+    if any(story.dashpot or story.power_dashpot for story in model.stories):
+        base = total if page else f"{springs} ({total})"
+    elif page:
+        base = f"{total} ({springs} without)"
+    return f"{worst}, roof displacement {roof}, base shear {base}"
 
 
 def _damage(response: Response, units: OutputUnits) -> str:

@@ -27,7 +27,7 @@ from tdint.model.definition import Excitation, Model
 from tdint.model.recorded import AUTO, Recording, Sensor, load_recording
 from tdint.tabular import Tabular
 from tdint.units import GROUND_MOTION
-from tdint.written_numbers import how_many, parse_positive
+from tdint.written_numbers import how_many, number_text, parse_positive
 
 # ---- Recorded event with a common clock: the ground motion that drives the model, and the motions
 # of the floors at its sampling times
@@ -327,7 +327,7 @@ _MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
     "correlation": (lambda value, limit: value >= limit, "at least {limit:g}"),
     "peak_ratio": (
         lambda value, limit: min(limit, 1.0 / limit) <= value <= max(limit, 1.0 / limit),
-        "between {limit:g} and its inverse",
+        "between {low:.4g} and {high:.4g}",
     ),
     "rms_difference": (lambda value, limit: value <= limit, "at most {limit:g}"),
 }
@@ -682,8 +682,10 @@ def parse_requirement(text: str) -> tuple[str, float]:
 def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> list[str]:
     """Return a message for each requirement that a floor does not meet."""
     return [
-        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is {value:.12g}, "
-        "required is " + condition.format(limit=limit)
+        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is "
+        f"{number_text(value, unlike=min(limit, 1.0 / limit, key=lambda end: abs(value - end)))}, "
+        "required is "
+        + condition.format(limit=limit, low=min(limit, 1.0 / limit), high=max(limit, 1.0 / limit))
         for floor in comparison.floors
         for name, limit in requirements
         for meets, condition in [_MET[name]]

@@ -192,6 +192,23 @@ def describe_demand(demand: str) -> str:
     return _DESCRIPTIONS[demand]
 
 
+def motions_text(records: int, pairs: int) -> str:
+    """Return the number of motions; a pair is one motion: 11 pairs and 2 single records.
+
+    Parameters
+    ----------
+    records : int
+        Number of records; each component of a pair is a record.
+    pairs : int
+        Number of pairs that count as one motion; 0 if the components count separately.
+    """
+    singles = records - 2 * pairs
+    if not pairs:
+        return how_many(records, "record")
+    text = how_many(pairs, "pair")
+    return f"{text} and {how_many(singles, 'single record')}" if singles else text
+
+
 def note(pairs: int, demand: str) -> str:
     """Return one line that reports recognized pairs and the choice that was not made explicitly."""
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)

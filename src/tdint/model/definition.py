@@ -412,8 +412,8 @@ class Model:
     damage : DamageStates or None
         Damage states of the building.
     plausibility_off : str
-        Why nothing that is unusual of the building is told (`plausibility: off, ...`); empty where
-        it is.
+        Reason for disabled plausibility checks (`plausibility: off, ...`); empty if the checks are
+        enabled.
     """
 
     name: str

@@ -15,6 +15,7 @@ from tdint.output import figures
 from tdint.output.summary import versions
 from tdint.output.tables.table import TEXT, Cell, Table, converted
 from tdint.units import OutputUnits, suffix
+from tdint.written_numbers import table_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -115,12 +116,12 @@ class Told:
 def page_units(units: OutputUnits) -> OutputUnits:
     """Return the units of a report.
 
-    N is replaced by kN, kg by t if forces are in kN, and accelerations are in g unless a unit was
-    selected. Tables then have the same units as figures, and no number needs a power of ten.
+    N is replaced by kN, kg by the unit of mass that belongs to the unit of force, and
+    accelerations are in g unless a unit was selected. Tables then have the same units as figures,
+    and no number needs a power of ten.
     """
-    force = "kN" if units.force == "N" else units.force
-    mass = "t" if (force, units.mass) == ("kN", "kg") else units.mass
-    return replace(units, force=force, mass=mass).in_pictures
+    units = replace(units, force="kN") if units.force == "N" else units
+    return replace(units, mass=units.mass_beside).in_pictures
 
 
 class _Flow:
@@ -303,22 +304,8 @@ _POWER = re.compile(r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b")
 
 
 def _plain(text: str) -> str:
-    """Return a text in which numbers have four digits and no power of ten.
-
-    Numbers below 0.0001 are written as "below 0.0001".
-    """
-
-    def written(match: re.Match[str]) -> str:
-        value = float(match[0])
-        return (
-            "below 0.0001"
-            if 0.0 < abs(value) < 1e-4
-            else f"{value:.0f}"
-            if abs(value) >= 1e4
-            else f"{value:.4g}"
-        )
-
-    return _POWER.sub(written, text)
+    """Return a text in which numbers have no power of ten (`table_number`)."""
+    return _POWER.sub(lambda match: table_number(float(match[0])), text)
 
 
 def once(texts: Iterable[str]) -> list[str]:
@@ -353,19 +340,20 @@ def _add_table(flow: _Flow, table: Table) -> None:
     # The heading is the column name with spaces and the unit in parentheses. Text and digests are
     # left-aligned.
     heads, sides, cells = [], [], []
+    moved = _largest_of(table, (name for name in table.columns if _is_moved(table, name)))
     for i, name in enumerate(table.columns):
         column = [row[i] for row in table.rows]
         unit, factor = table.meanings.get(name, {}).get("unit", TEXT), 1.0
         error = " error" * name.endswith("_error")
         bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
-        largest = max(
-            (abs(cell) for cell in column if isinstance(cell, float) and math.isfinite(cell)),
-            default=0.0,
-        )
+        # Drifts and displacements of a table have one unit.
+        largest = moved if _is_moved(table, name) else _largest_of(table, (name,))
         if "drift_ratio" in name:
             unit, factor = "%", 0.01
         elif unit == "m" and 0.0 < largest < _MILLIMETERS:
             unit, factor = "mm", 1e-3
+        elif unit == "t" and 0.0 < largest < 1.0:
+            unit, factor = "kg", 1e-3
         heads.append(
             escape(
                 f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")
@@ -415,26 +403,28 @@ def _add_table(flow: _Flow, table: Table) -> None:
         )
 
 
+def _is_moved(table: Table, name: str) -> bool:
+    """Return True for a column of drifts or displacements, with their errors."""
+    unit = table.meanings.get(name, {}).get("unit", TEXT)
+    return unit == "m" and any(word in name for word in ("drift", "displacement"))
+
+
+def _largest_of(table: Table, names: Iterable[str]) -> float:
+    """Return the largest absolute number of some columns; 0 without a number."""
+    places = [table.columns.index(name) for name in names]
+    numbers = (row[i] for row in table.rows for i in places)
+    return max(
+        (abs(cell) for cell in numbers if isinstance(cell, float) and math.isfinite(cell)),
+        default=0.0,
+    )
+
+
 _MILLIMETERS = 0.01
 """m; a column of lengths with smaller values is printed in mm, so that it needs no power of ten."""
 
 
 def _shown(cell: Cell, largest: float = 1.0) -> str:
-    """Return a cell with four digits and no power of ten.
-
-    A value below 0.0001 times `largest`, the maximum of its column, is written as 0.
-    """
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
-        return ""
-    if not isinstance(cell, float):
-        return _plain(str(cell))
-    text = f"{cell:.4g}"
-    if "e" in text:
-        text = (
-            f"{float(text):.0f}"
-            if abs(cell) >= 1.0
-            else "0"
-            if abs(cell) < 1e-4 * largest
-            else f"{cell:.7f}"
-        )
-    return text
+    """Return a cell; `largest` is the maximum of its column."""
+    if isinstance(cell, float):
+        return table_number(cell, largest)
+    return "" if cell is None else _plain(str(cell))

@@ -18,6 +18,7 @@ from tdint.analysis.compare import (
     compare,
     parse_requirement,
     respond,
+    unmet,
 )
 from tdint.analysis.fit import _SCAN, _STARTS, _STIFFNESS, _damping, _Problem, _starts, fit
 from tdint.analysis.fit import _smoothed as smoothed
@@ -591,6 +592,22 @@ def test_requirements_at_their_limits(name, limit, met, missed):
     meets, _ = _MET[name]
     assert all(meets(value, limit) for value in met)
     assert not any(meets(value, limit) for value in missed)
+
+
+def test_an_unmet_requirement_is_stated_with_both_bounds(made):
+    """Bounds and value have four digits, and more if the value would read as the bound."""
+    made.usual()
+    comparison = compare(made.model, made.event())
+    (first, *_) = comparison.floors
+    for value, limit, text in (
+        (0.895228162611, 0.9, "is 0.8952, required is between 0.9 and 1.111"),
+        (1.1112, 0.9, "is 1.1112, required is between 0.9 and 1.111"),
+        (0.899996, 0.9, "is 0.899996, required is between 0.9 and 1.111"),
+    ):
+        floors = (SimpleNamespace(floor=first.floor, peak_ratio=value),)
+        changed = SimpleNamespace(event=comparison.event, floors=floors)
+        (said,) = unmet(changed, [("peak_ratio", limit)])
+        assert said.endswith(f"peak_ratio {text}")
 
 
 # ---- The picture

@@ -43,9 +43,6 @@ _OPEN = tuple(unit for unit in (*units.LENGTH, *units.FORCE) if unit not in ("m"
 """Units of length and force that do not determine the unit of mass: with kN it is usually t, with
 mm it can be any unit."""
 
-_MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
-"""Unit of mass in reports for a unit of force, if the file does not specify it. Default: kg."""
-
 UNITS = Keys(
     (
         Key("length", Choice(tuple(units.LENGTH)), "unit of length; default: m"),
@@ -101,7 +98,6 @@ def read_units(section: Section) -> ModelUnits:
 
     length, force = named("length", units.LENGTH, "m"), named("force", units.FORCE, "N")
     mass, mass_is_said = named("mass", units.MASS, "kg"), section.mentions("mass")
-    beside = "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
     # With other units than m and N a mass is rarely in kg, so its unit is required.
     entries = [entry for name in ("length", "force") if (entry := section.get(name))]
     foreign = any(entry.is_word(unit) for entry in entries for unit in _OPEN)
@@ -109,7 +105,9 @@ def read_units(section: Section) -> ModelUnits:
         units.LENGTH[length],
         units.FORCE[force],
         units.MASS[mass],
-        units.OutputUnits(length, force, mass if mass_is_said else beside),
+        units.OutputUnits(
+            length, force, mass if mass_is_said else units.mass_beside(force, length)
+        ),
         mass_is_open=foreign and not mass_is_said,
     )
 

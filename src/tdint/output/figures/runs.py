@@ -101,7 +101,11 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         ground.set_ylabel(f"ground ({unit})")
         ground.tick_params(labelbottom=False)
         ground.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
-        _mark_peak(ground, time, motion, float(np.max(np.abs(motion))), unit)
+        # The figure ends with the run. After a collapse the peak of the record can be later.
+        pga = units.of(response.record.pga, "m/s^2")
+        shown_peak = float(np.max(np.abs(motion)))
+        later = f", PGA {_short(pga)} {unit} later" if pga > shown_peak * (1.0 + _SAME) else ""
+        _mark_peak(ground, time, motion, shown_peak, unit, later)
         roof = figure.add_subplot(grid[1], sharex=ground)
     _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
     _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history, units)
@@ -209,17 +213,32 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
-def _mark_peak(axes: Any, time: Array, values: Array, peak: float, unit: str) -> None:
+def _mark_peak(
+    axes: Any, time: Array, values: Array, peak: float, unit: str, more: str = ""
+) -> None:
     """Mark the maximum absolute value and write the peak into the upper right corner.
 
     The peak may occur between the points. A quantity that is zero is not marked.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel.
+    time, values : ndarray
+        Points of the curve.
+    peak : float
+        Maximum absolute value.
+    unit : str
+        Unit of the values.
+    more : str
+        Text after the peak; empty by default.
     """
     if not np.any(values):
         return
     i = int(np.argmax(np.abs(values)))
     axes.plot(time[i], values[i], "o", color=MARK, markersize=4)
     axes.margins(y=0.12)
-    write_note(axes, f"peak {_short(peak)} {unit} at {time[i]:.4g} s", x=0.995)
+    write_note(axes, f"peak {_short(peak)} {unit} at {time[i]:.4g} s{more}", x=0.995)
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
