@@ -386,7 +386,7 @@ def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
 RUNS, STORIES, SHOCKS, SUMMARY = "runs.csv", "stories.csv", "shocks.csv", "summary.json"
 DAMAGE, TYPES, LOSSES, EXCEEDANCE = "damage.csv", "damage-types.csv", "losses.csv", "exceedance.csv"
 PARQUET = ("runs.parquet", "stories.parquet", "damage.parquet")
-SIMCENTER, GEOJSON = "simcenter.csv", "buildings.geojson"
+SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts.geojson"
 """Names of the files that are written from a store; each file is written completely."""
 
 MEASURES = "measures.csv"
@@ -475,7 +475,7 @@ def carry_out(
                 PICTURE,
                 MEASURES,
             )
-            names = (*made, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY)
+            names = (*made, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS, SUMMARY)
             refuse_kept(folder / name for name in names)
             forget(folder / FILE)
             for name in names:
@@ -657,9 +657,8 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read
 
-    ours = [
-        name for name in (*PARQUET, SIMCENTER, GEOJSON) if profiles.store.is_ours(folder / name)
-    ]
+    optional = (*PARQUET, SIMCENTER, GEOJSON, DISTRICTS)
+    ours = [name for name in optional if profiles.store.is_ours(folder / name)]
     again = _exports(profiles, ours)
     written = {name: writer for name, writer in again.items() if writer}
     contents = {**_of_suite(profiles, folder, plan), **written}
@@ -709,7 +708,26 @@ def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dic
     return contents
 
 
-def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) -> None:
+@dataclass(frozen=True)
+class MapRequest:
+    """Options of maps.
+
+    Attributes
+    ----------
+    asked : bool
+        Write the GeoJSON map of the buildings and, with `--by`, the map of the districts.
+    events : tuple of str
+        Events on the maps; all if empty.
+    polygons : str or None
+        GeoJSON file with the polygons of the districts; by default their buildings are points.
+    """
+
+    asked: bool = False
+    events: tuple[str, ...] = ()
+    polygons: str | None = None
+
+
+def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapRequest) -> None:
     """Rewrite all tables of a store, and write Parquet files if pyarrow is installed.
 
     Parquet files and the SimCenter file use SI units.
@@ -722,35 +740,32 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
         Output directory.
     simcenter : bool
         Write the SimCenter file.
-    geojson : bool
-        Write the GeoJSON map of the buildings.
+    maps : MapRequest
+        Maps to write.
 
     Raises
     ------
     UsageError
-        A map is requested, but the buildings have no coordinates or not all runs are done.
+        A map is requested, but the buildings have no coordinates, not all runs are done, an event
+        or a column is unknown, or there are no losses for a map of districts.
     """
-    from tdint.output.summary import told_of
+    from tdint.output.summary import files_read, merged_inputs, told_of
 
-    store = profiles.store
-    if geojson:
-        from tdint.output.tables.exports import is_mapped
-
-        if not is_mapped(store):
-            raise UsageError(
-                f"{store.name}: a map needs an inventory with the columns Latitude and Longitude"
-            )
-        if not is_complete(store):
-            raise UsageError(
-                f"{store.name}: not all runs are done; a map tells what the buildings do under all "
-                "motions: call `tdint campaign` again first"
-            )
-    asked = {SIMCENTER: simcenter, GEOJSON: geojson}
+    store, by = profiles.store, profiles.request.by
+    if maps.asked:
+        _check_map(store, maps, by)
+    districts = maps.asked and by is not None
+    asked = {SIMCENTER: simcenter, GEOJSON: maps.asked, DISTRICTS: districts}
     exported = {
         *PARQUET,
         *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name)),
     }
-    others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
+    writers = _exports(profiles, exported, maps)
+    others = {name: writer for name, writer in writers.items() if writer}
+    # A map of districts that this call does not write again would be of an earlier state.
+    if DISTRICTS in exported and DISTRICTS not in others:
+        (folder / DISTRICTS).unlink(missing_ok=True)
+        note(f"{folder / DISTRICTS}: removed; --geojson --by COLUMN writes it again")
     # The summary keeps the provenance of the runs that the last call of the campaign has recorded.
     before = told_of(folder / SUMMARY)
     made = {
@@ -759,16 +774,71 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
         "export": list(current().arguments),
     }
     _write(
-        profiles, folder, {**_of_suite(profiles, folder), **others}, before.get("inputs", ()), made
+        profiles,
+        folder,
+        {**_of_suite(profiles, folder), **others},
+        merged_inputs(before.get("inputs", ()), files_read()),
+        made,
     )
 
 
-def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | None]:
-    """Return the writer of each named optional file, or None if the file cannot be written here."""
+def _has_losses(store: Store) -> bool:
+    """Return True if the damage states have losses."""
+    from tdint.campaign.fragility.runs import stored_states
+
+    return any(states.losses for states in stored_states(store).values())
+
+
+def _check_map(store: Store, maps: MapRequest, by: str | None) -> None:
+    """Raise UsageError if a map cannot be written from a store."""
+    from tdint.output.tables.damage_states import check_column
+    from tdint.output.tables.maps import check_events, is_mapped
+
+    if not is_mapped(store):
+        raise UsageError(
+            f"{store.name}: a map needs an inventory with the columns Latitude and Longitude"
+        )
+    if not is_complete(store):
+        raise UsageError(
+            f"{store.name}: not all runs are done; a map tells what the buildings do under all "
+            "motions: call `tdint campaign` again first"
+        )
+    check_events(store, maps.events)
+    if by is not None:
+        check_column(store, by)
+        if not _has_losses(store):
+            raise UsageError(
+                f"--geojson --by {by}: a map of districts needs losses; add `damage` with `losses` "
+                "to the campaign file"
+            )
+
+
+def _exports(
+    profiles: Profiles, names: Collection[str], maps: MapRequest | None = None
+) -> dict[str, Writer | None]:
+    """Return the writer of each named optional file, or None if the file cannot be written here.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        Store and options of the command line.
+    names : collection of str
+        Names of the files.
+    maps : MapRequest, optional
+        Options of maps; by default the maps contain all events, and districts have no polygons.
+    """
     if not names:
         return {}
     from tdint.output.tables import exports
+    from tdint.output.tables import maps as of_maps
 
+    maps, by = maps or MapRequest(), profiles.request.by
+    shapes = None
+    if maps.polygons is not None and by is not None:
+        titles = [title.lower() for title in profiles.store.inventory_columns()]
+        place = titles.index(by.lower())
+        parts = {profiles.store.carried(number)[place] for number in profiles.store.buildings()}
+        shapes = of_maps.read_polygons(maps.polygons, by, sorted(parts))
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
     # Each entry states whether the file can be written here, and contains its writer.
     runs, stories, damage = PARQUET
@@ -784,8 +854,14 @@ def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | N
         ),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
         GEOJSON: (
-            is_complete(store) and exports.is_mapped(store),
-            partial(exports.write_geojson, store, units=profiles.units),
+            is_complete(store) and of_maps.is_mapped(store),
+            partial(of_maps.write_geojson, store, units=profiles.units, events=maps.events),
+        ),
+        DISTRICTS: (
+            by is not None and is_complete(store) and of_maps.is_mapped(store),
+            partial(
+                of_maps.write_districts, store, by=by or "", polygons=shapes, events=maps.events
+            ),
         ),
     }
     return {
@@ -848,7 +924,6 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     """
     if not store.damage():
         return {}
-    from tdint.campaign.fragility.runs import stored_states
     from tdint.output.tables.damage_states import (
         write_damage,
         write_exceedance,
@@ -863,8 +938,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
         writers[TYPES] = lambda stream: write_types(store, stream)
     # Losses require a damage state with a loss ratio. Their exceedance rates also require rates of
     # the events.
-    costs = any(states.losses for states in stored_states(store).values())
-    if costs and is_complete(store) and store.writes("losses"):
+    if _has_losses(store) and is_complete(store) and store.writes("losses"):
         writers[LOSSES] = lambda stream: write_losses(store, stream, by)
         if store.rates():
             writers[EXCEEDANCE] = lambda stream: write_exceedance(store, stream, by)

@@ -621,3 +621,60 @@ def test_functions_of_each_building(region: Path, tdint: Command) -> None:
     numbers = [[float(row[name]) for name in ("theta", "beta")] for row in (same, own)]
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-9) and same["im"] == own["im"]
     assert f'imt="SA({own["im"][3:-1]})"' in Path("f.xml").read_text()
+
+
+EXPOSURE = """\
+<nrml xmlns="http://openquake.org/xmlns/nrml/0.5"><exposureModel id="e">
+<conversions><costTypes><costType name="structural" type="aggregated" unit="EUR"/></costTypes>
+</conversions>
+<assets>
+%s</assets></exposureModel></nrml>
+"""
+ASSET = """\
+<asset id="%s" taxonomy="%s" number="%g"><location lon="10" lat="45"/>
+<costs><cost type="structural" value="%g"/></costs></asset>
+"""
+
+
+def test_losses_of_an_exposure_model(region: Path, tdint: Command) -> None:
+    """The damage of its buildings is that of the same buildings in an inventory, to the last digit;
+    the value of an asset is its structural cost; its losses go into a map."""
+    assets = (("one", "A/1", 4.0, 8e5), ("two", "A/3", 0.5, 1e6), ("three", "B/2", 1.0, 3e5))
+    Path("exposure.xml").write_text(EXPOSURE % "".join(ASSET % asset for asset in assets))
+    Path("types.csv").write_text("taxonomy,class,NumberOfStories\nA/1,A,1\nA/3,A,3\nB/2,B,2\n")
+    losses = "losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: 1}"
+    study = REGION.replace(
+        "inventory: buildings.csv", "inventory: exposure.xml, mapping: types.csv"
+    )
+    Path("exposure.yaml").write_text(study + BY_CURVES.replace("}", f", {losses}}}"))
+    tdint("campaign", "exposure.yaml", "-o", "exposed", code=0)
+    found, expected = rows("exposed/damage.csv"), rows("out/damage.csv")
+    assert [probabilities(row) for row in found] == [probabilities(row) for row in expected]
+    values = {
+        row["building"]: float(row["value"])
+        for row in rows("exposed/losses.csv")
+        if row["building"] or not row["type"]
+    }
+    assert values == pytest.approx({"": 2.1e6} | {name: value for name, _, _, value in assets})
+    tdint("campaign", "export", "exposed", "--geojson", "--by", "taxonomy", code=0)
+    (three,) = {
+        of["properties"]["loss"]
+        for of in json.loads(Path("exposed/districts.geojson").read_text())["features"]
+        if (of["properties"]["taxonomy"], of["properties"]["level"]) == ("B/2", 1.0)
+    }
+    (told,) = (
+        float(row["loss"])
+        for row in rows("exposed/losses.csv")
+        if (row["building"], row["level"]) == ("three", "1")
+    )
+    assert three == pytest.approx(told, rel=1e-11) and told > 0.0
+    assert {"types.csv", "exposure.xml"} <= {
+        Path(item["file"]).name
+        for item in json.loads(Path("exposed/summary.json").read_text())["inputs"]
+    }
+    result = tdint(
+        *("inventory", "exposure.xml", "--mapping", "types.csv", "--units", "m"),
+        *("--rules", "capacity", "--classes", "classes.csv"),
+        code=0,
+    )
+    assert {row["id"] for row in rows(result.stdout)} == {"one", "two", "three"}

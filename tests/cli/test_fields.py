@@ -787,5 +787,119 @@ def test_the_annual_loss_under_each_rule_for_pairs(
         assert feature["loss_ratio"] == pytest.approx(value, rel=1e-9)
         assert row["pair_demand"] == feature["pair_demand"] == demand
         assert int(row["runs"]) == (2 if demand == "separate" else 1)
+        of_year = {of: rates[of] * worth[name] * it for (name, of), it in by_hand.items()
+                   if name == building}  # fmt: skip
+        assert (feature["value"], feature["loss"], feature["annual_loss"]) == pytest.approx(
+            (worth[building], worth[building] * value, of_year[event]), rel=1e-9
+        )
+        assert feature["average_annual_loss"] == pytest.approx(sum(of_year.values()), rel=1e-9)
     for table in (exceedance, rows("out/damage-types.csv"), rows("out/losses.csv")):
         assert {row["pair_demand"] for row in table} == {demand}
+
+
+def districts() -> list[dict[str, Any]]:
+    return json.loads(Path("out/districts.geojson").read_text())["features"]
+
+
+POLYGON = {"type": "Polygon", "coordinates": [[[0, 0], [1, 0], [1, 1], [0, 0]]]}
+
+
+def polygons(*names: str) -> str:
+    """A GeoJSON file with the same triangle for each name."""
+    features = [
+        {"type": "Feature", "properties": {"DISTRICT": name}, "geometry": POLYGON} for name in names
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": features})
+
+
+def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
+    """The rows of losses.csv and exceedance.csv of a district, at the points of its buildings or in
+    its polygon. The average annual loss is the sum of those of its buildings, and is that of all
+    events, also if the map has only one of them."""
+    tdint("campaign", "export", "out", "--geojson", "--by", "District", code=0)
+    losses = {
+        (row["District"], row["event"]): row for row in rows("out/losses.csv") if row["District"]
+    }
+    annual: dict[str, float] = {}
+    for row in rows("out/exceedance.csv"):
+        annual[row["District"]] = annual.get(row["District"], 0.0) + float(row["annual_loss"])
+    found = districts()
+    assert {(of["properties"]["District"], of["properties"]["event"]) for of in found} == set(
+        losses
+    )
+    for feature in found:
+        of = feature["properties"]
+        row = losses[of["District"], of["event"]]
+        for name in ("value", "loss", "loss_ratio", "buildings", "runs"):
+            assert of[name] == pytest.approx(float(row[name]), rel=1e-11)
+        assert of["average_annual_loss"] == pytest.approx(annual[of["District"]], rel=1e-9)
+        assert feature["geometry"]["type"] == "MultiPoint"
+    (north,) = (
+        of["geometry"]["coordinates"]
+        for of in found
+        if (of["properties"]["District"], of["properties"]["event"]) == ("north", "M6")
+    )
+    assert north == [[-122.27, 37.8], [-122.26, 37.81]]
+    buildings = json.loads(Path("out/buildings.geojson").read_text())["features"]
+    by_building = {
+        of["properties"]["building"]: of["properties"]["average_annual_loss"] for of in buildings
+    }
+    assert annual["north"] == pytest.approx(by_building["a"] + by_building["c"], rel=1e-9)
+    assert annual[""] == pytest.approx(sum(by_building.values()), rel=1e-9)
+    # One event, and polygons.
+    Path("shapes.geojson").write_text(polygons("north", "south", "west"))
+    more = ("--by", "district", "--event", "M6", "--polygons", "shapes.geojson")
+    tdint("campaign", "export", "out", "--geojson", *more, code=0)
+    alone = districts()
+    assert [of["geometry"] for of in alone] == [POLYGON, POLYGON]
+    expected = [of["properties"] for of in found if of["properties"]["event"] == "M6"]
+    assert [{name.lower(): cell for name, cell in of["properties"].items()} for of in alone] == [
+        {name.lower(): cell for name, cell in of.items()} for of in expected
+    ]
+    left = json.loads(Path("out/buildings.geojson").read_text())["features"]
+    assert left == [of for of in buildings if of["properties"]["event"] == "M6"]
+    assert 'shapes.geojson"' in Path("out/summary.json").read_text()
+    # A map of districts does not outlive a call that cannot write it again.
+    result = tdint("campaign", "export", "out", code=0)
+    assert "districts.geojson: removed" in result.stderr
+    assert not Path("out/districts.geojson").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "shapes", "message"),
+    [
+        (("--by", "quarter"), "", "--by quarter: the inventory has no such column"),
+        (
+            ("--event", "M9"),
+            "",
+            "--event M9: out/campaign.sqlite has no such event; it has M7-1, M7-2, M6",
+        ),
+        (("--polygons", "s.json"), "{}", "--polygons requires --by COLUMN"),
+        (
+            ("--by", "district", "--polygons", "s.json"),
+            polygons("north"),
+            "s.json: no polygon of district south",
+        ),
+        (
+            ("--by", "district", "--polygons", "s.json"),
+            polygons("north", "south", "north"),
+            "s.json: district 'north' is there twice",
+        ),
+        (
+            ("--by", "district", "--polygons", "s.json"),
+            polygons("north", "south").replace("Polygon", "Point"),
+            "s.json: the geometry of 'north' must be a Polygon or MultiPolygon",
+        ),
+        (
+            ("--by", "district", "--polygons", "s.json"),
+            "[1]",
+            "s.json: cannot be read; --polygons is a GeoJSON file",
+        ),
+    ],
+)
+def test_what_a_map_of_districts_refuses(
+    losing: Path, tdint: Command, arguments: tuple[str, ...], shapes: str, message: str
+) -> None:
+    Path("s.json").write_text(shapes)
+    result = tdint.refused(message, "campaign", "export", "out", "--geojson", *arguments)
+    assert result.stderr.count("\n") == 1

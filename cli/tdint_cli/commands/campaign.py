@@ -19,6 +19,7 @@ from tdint_cli.campaigns import (
     LIMIT,
     PAIR_DEMAND,
     REQUIRE,
+    MapRequest,
     Profiles,
     SuiteRequest,
     carry_out,
@@ -97,7 +98,22 @@ class CampaignRequest(SuiteRequest):
     geojson: bool = options.output.option(
         rare=True,
         help="With export: also write buildings.geojson, the buildings of an inventory as points "
-        "with their mean and maximum demands, for maps.",
+        "with their demands, damage, losses and average annual losses, for maps; with --by COLUMN "
+        "also districts.geojson, the losses by the values of that column.",
+    )
+    event: tuple[str, ...] = options.output.option(
+        type=ListOf(Name()),
+        needs="--geojson",
+        rare=True,
+        help="Write only these events of ground motion fields to the maps.",
+    )
+    polygons: str | None = options.output.option(
+        type=FileName(),
+        needs="--geojson",
+        rare=True,
+        metavar="FILE.geojson",
+        help="Polygons of the districts for districts.geojson, with a property that has the name "
+        "of the column of --by; points of the buildings by default.",
     )
 
     plot: str | None = options.output.plot(
@@ -259,7 +275,10 @@ def _export(request: CampaignRequest) -> None:
         if request.pair_demand is not None:
             store.choose_pair_demand(request.pair_demand)
         profiles = Profiles(store, request)
-        export(profiles, folder, simcenter=request.simcenter, geojson=request.geojson)
+        if request.polygons is not None and request.by is None:
+            raise UsageError("--polygons requires --by COLUMN, the column of the districts")
+        maps = MapRequest(request.geojson, request.event or (), request.polygons)
+        export(profiles, folder, simcenter=request.simcenter, maps=maps)
         if unmet := profiles.tell():
             raise Failures(unmet)
 

@@ -61,6 +61,13 @@ class Request:
         help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to "
         "four rows for each, and, if they are wanted, soft_story and degradation (true or false).",
     )
+    mapping: str | None = options.option(
+        type=FileName(),
+        metavar="FILE.csv",
+        help="Read an exposure model of OpenQuake (NRML, or CSV files that it names); FILE.csv has "
+        "a row per taxonomy with the column taxonomy and the columns that the rules need, such as "
+        "class and NumberOfStories.",
+    )
     damping: str = options.option(
         type=click.Choice(["full", "mass-only"]),
         default="full",
@@ -91,6 +98,9 @@ def command(request: Request) -> None:
     mass_kg (of all floors; 1000 by default) and DampingRatio: its stories follow from the capacity
     curve of its class as in GEM's vulnerability toolkit (oq-vmtk), with the period of the curve.
 
+    With --mapping FILE.csv, BUILDINGS is an exposure model of OpenQuake: id, place, number and
+    structural cost are those of its assets.
+
     Rows that cannot be used are told together, the others are done, and the exit code is 3.
     """
     from tdint.model.capacity import read_classes
@@ -109,6 +119,7 @@ def command(request: Request) -> None:
         LENGTH[request.units],
         mass_only=request.damping == "mass-only",
         classes=classes,
+        mapping=request.mapping,
     )
     derived = derive_all(rows, rules)
     files = _model_files(derived, rules, request.models) if request.models else {}

@@ -382,7 +382,7 @@ class InventoryFile:
     Attributes
     ----------
     file : str
-        CSV file.
+        CSV file, or exposure model of OpenQuake.
     rules : str
         Name of the set of rules.
     length : float
@@ -391,6 +391,8 @@ class InventoryFile:
         CSV file of the classes, for rules that require it.
     as_published : bool
         As for `tdint.model.capacity.CapacityFacts`.
+    mapping : str or None
+        CSV file with the columns of an inventory for each taxonomy of an exposure model.
     mass_only : bool
         Omit the stiffness-proportional damping.
     stiffness_scatter, damping_scatter : float
@@ -408,11 +410,12 @@ class InventoryFile:
     seed: int = 0
     classes: str | None = None
     as_published: bool = False
+    mapping: str | None = None
 
     @property
     def files(self) -> tuple[str, ...]:
         """Files of the inventory."""
-        return (self.file, *([self.classes] if self.classes else []))
+        return tuple(filter(None, (self.file, self.classes, self.mapping)))
 
 
 @dataclass(frozen=True)

@@ -233,6 +233,7 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
         mass_only=buildings.mass_only,
         classes=classes,
         as_published=buildings.as_published,
+        mapping=buildings.mapping,
     )
     if not rows:
         raise ModelError(faults or f"{buildings.file}: the file contains no buildings")

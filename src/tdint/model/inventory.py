@@ -36,6 +36,7 @@ from tdint.model.capacity import (
     derive_capacity,
 )
 from tdint.model.definition import LAWS, RayleighRatio, Story
+from tdint.model.exposure import TAXONOMY, read_mapping, stream_exposure
 from tdint.model.keys.fields import POSITIVE, RATIO, Bounds
 from tdint.model.mdof_lu import (
     LEVELS,
@@ -116,8 +117,9 @@ def read_inventory(
     mass_only: bool = False,
     classes: Mapping[str, CapacityClass] | None = None,
     as_published: bool = False,
+    mapping: str | None = None,
 ) -> tuple[InventoryRows, list[ModelFault]]:
-    """Read the buildings of a CSV file.
+    """Read the buildings of a CSV file, or of an exposure model of OpenQuake.
 
     Parameters
     ----------
@@ -132,6 +134,9 @@ def read_inventory(
         and area are not required in this case.
     as_published : bool
         Value of `CapacityFacts.as_published` for all buildings.
+    mapping : str, optional
+        CSV file with the columns of an inventory for each taxonomy. The source is an exposure model
+        of OpenQuake in this case (`tdint.model.exposure`).
 
     Returns
     -------
@@ -146,11 +151,33 @@ def read_inventory(
         The file cannot be read, or a required column is missing.
     """
     columns, needed = (_COLUMNS, NEEDED) if classes is None else (_OF_CLASSES, OF_CLASSES)
-    needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
-    table, rows = stream_table(source, needs, columns=columns, whole=True)
-    of = _Table(table, length, mass_only, classes, as_published)
+    arguments = (length, mass_only, classes, as_published)
+    if mapping is None:
+        needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
+        table, rows = stream_table(source, needs, columns=columns, whole=True)
+    else:
+        of_types = read_mapping(mapping)
+        of_types.need(*needed[1:])
+        _check_mapping(_Table(of_types, *arguments))
+        table, rows = stream_exposure(source, of_types, columns)
+    of = _Table(table, *arguments)
     of.read(rows)
     table.need(*needed)
+    return _checked(of)
+
+
+def _check_mapping(of: _Table) -> None:
+    """Raise ModelError if a row of a mapping table does not define a building."""
+    header = tuple("id" if name == TAXONOMY else name for name in of.table.header)
+    of = replace(of, table=replace(of.table, header=header, titles=header))
+    of.read(iter(of.table.rows))
+    if faults := _checked(of)[1]:
+        raise ModelError(faults)
+
+
+def _checked(of: _Table) -> tuple[InventoryRows, list[ModelFault]]:
+    """Return the valid rows of a table, and the errors of the other rows."""
+    table = of.table
     faults: list[ModelFault] = []
     # Almost all of a million rows are valid. Only the others are read cell by cell to list their
     # errors.
@@ -696,13 +723,14 @@ def inventory(
     stiffness: float = 0.0,
     damping: float = 0.0,
     seed: int = 0,
+    mapping: str | Path | None = None,
 ) -> ResultList[InventoryBuilding]:
     """Derive shear buildings from a table of buildings.
 
     Parameters
     ----------
     source : str or Path
-        Path of the CSV file.
+        Path of the CSV file, or of an exposure model of OpenQuake.
     units : str
         Unit of lengths, such as `m` or `ft`. Areas are in its square.
     rules : str
@@ -711,6 +739,8 @@ def inventory(
         Standard deviations of the random factors on stiffness and damping ratio (`derive_all`).
     seed : int
         Seed of the random factors.
+    mapping : str or Path, optional
+        CSV file with the columns of an inventory for each taxonomy of an exposure model.
 
     Returns
     -------
@@ -727,7 +757,8 @@ def inventory(
     """
     if units not in LENGTH:
         raise UsageError(f"unknown unit of length {units!r:.60}; known: {', '.join(LENGTH)}")
-    rows, faults = read_inventory(os.fspath(source), LENGTH[units])
+    table = None if mapping is None else os.fspath(mapping)
+    rows, faults = read_inventory(os.fspath(source), LENGTH[units], mapping=table)
     if faults:
         raise ModelError(faults)
     return ResultList(derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=seed))

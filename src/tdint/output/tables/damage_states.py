@@ -246,6 +246,13 @@ def _type_rows(store: Store) -> Iterator[list[Any]]:
     )
 
 
+def check_column(store: Store, by: str) -> None:
+    """Raise UsageError if the inventory has no column of a name."""
+    if by.lower() not in [title.lower() for title in store.inventory_columns()]:
+        offered = ", ".join(store.inventory_columns()) or "none"
+        raise UsageError(f"--by {by}: the inventory has no such column; it has {offered}")
+
+
 def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
     """Write losses.csv.
 
@@ -257,9 +264,8 @@ def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
     UsageError
         The inventory has no such column.
     """
-    if by is not None and by.lower() not in [title.lower() for title in store.inventory_columns()]:
-        offered = ", ".join(store.inventory_columns()) or "none"
-        raise UsageError(f"--by {by}: the inventory has no such column; it has {offered}")
+    if by is not None:
+        check_column(store, by)
     write_rows(loss_columns(store, by), _loss_rows(store, by), stream)
 
 

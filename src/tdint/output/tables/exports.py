@@ -1,4 +1,4 @@
-"""Exports of a campaign: Parquet, demands for SimCenter workflows, GeoJSON maps (RFC 7946).
+"""Exports of a campaign: Parquet and demands for SimCenter workflows.
 
 Parquet requires pyarrow. Fragility and vulnerability functions are exported for OpenQuake.
 """
@@ -18,18 +18,10 @@ import numpy as np
 from tdint.analysis.run.demands import RUN
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.fragility.runs import (
-    BuildingDamage,
-    building_damages,
-    by_motion,
-    stored_states,
-)
-from tdint.campaign.pairs import combine
-from tdint.campaign.store_schema import RUNS, STORIES
+from tdint.campaign.store_schema import STORIES
 from tdint.errors import UsageError
 from tdint.output.tables.campaign import (
     SAMPLE,
-    carried_columns,
     numeric,
     run_columns,
     run_heads,
@@ -39,19 +31,15 @@ from tdint.output.tables.campaign import (
     write_rows,
 )
 from tdint.output.tables.damage_states import (
-    LOSS,
     damage_rows,
     damage_table_columns,
-    probability_name,
 )
-from tdint.output.tables.table import PARQUET, TEXT, Column, describe, digits, names
+from tdint.output.tables.table import PARQUET, TEXT, Column, describe
 from tdint.tabular import optional
-from tdint.units import ACCELERATION, LENGTH, SI, VELOCITY, OutputUnits
+from tdint.units import ACCELERATION, LENGTH, VELOCITY
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
-    from tdint.campaign.batch import Run
-    from tdint.campaign.profiles import SuiteLevel
     from tdint.campaign.store import Store
 
 _ROWS_AT_ONCE = 131_072  # rows per row group of a Parquet file
@@ -231,143 +219,6 @@ def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> li
         roof_ratio,
         *(*displacements, *rest),
     ]
-
-
-_SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleration")
-_DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
-_PLACES = tuple(RUNS.columns.index(one.column) for one in _DEMANDS)
-_STATUS = RUNS.columns.index("status")
-_OWN = ("building", "scale", "level", "runs", "collapsed", "failed", "pair_demand")
-
-Feature = dict[str, Any]
-
-
-def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a GeoJSON FeatureCollection of points.
-
-    Coordinates are longitude and latitude in degrees; the geometry is null for a building without a
-    location. The properties are: the columns of the inventory; the event of a field; the level
-    (`scale`, and `level` as in profiles.csv); the numbers of ground motions, collapses and failed
-    runs; mean and maximum of the demands over the other runs. `pair_demand` states how the
-    components of pairs are counted, if there are pairs. With damage states, the mean probability of
-    each state and the mean loss ratio follow. Unknown values are null. The inventory must have
-    locations (`is_mapped`).
-    """
-    stream.write(b'{"type": "FeatureCollection", "features": [')
-    between = b"\n"
-    for feature in _features(store, units):
-        stream.write(
-            between
-            + json.dumps(feature, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace")
-        )
-        between = b",\n"
-    stream.write(b"\n]}\n")
-
-
-def is_mapped(store: Store) -> bool:
-    """Return True if the inventory has locations."""
-    return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
-
-
-def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
-    from tdint.campaign.batch import Run
-    from tdint.campaign.profiles import SuiteRules
-
-    titles = [title.lower() for title in store.inventory_columns()]
-    longitude, latitude = titles.index("longitude"), titles.index("latitude")
-    rules, events, buildings, damages = (
-        SuiteRules.of(store),
-        store.events(),
-        store.buildings(),
-        building_damages(store),
-    )
-    # Inventory columns get names that differ from all other properties.
-    demands = [
-        f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
-    ]
-    outcomes = [
-        probability_name(name)
-        for states in stored_states(store).values()
-        for name in states.outcomes
-    ]
-    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[
-        1 if events else 0 :
-    ]
-    kinds = numeric(store)
-    for number, rows in groupby(store.runs(), key=lambda row: row[0]):
-        of_runs = next(damages, None)
-        damage = by_motion(of_runs, rules.pairs) if of_runs else None
-        runs = {Run(*row[1:4]): row for row in rows}
-        cells = store.carried(number)
-        carried = {
-            name: (json.loads(text) if text else None) if is_number else text
-            for name, text, is_number in zip(columns, cells, kinds, strict=True)
-        }
-        # Longitudes are between -180 and 180 degrees, positive to the east; latitudes are positive
-        # to the north.
-        geometry: Feature | None = None
-        if cells[longitude] and cells[latitude]:
-            east = float(cells[longitude])
-            east = (east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east
-            geometry = {
-                "type": "Point",
-                "coordinates": [digits(east), digits(float(cells[latitude]))],
-            }
-        for event in sorted({key.sample for key in runs}) if events else (0,):
-            head: Feature = {"building": buildings[number][0]} | (
-                {"event": events[event - 1]} if events else {}
-            )
-            # Without events, all runs belong to event 0.
-            mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
-            for rank, level in enumerate(
-                rules.levels({key: row[_STATUS] for key, row in mine.items()})
-            ):
-                results = _damage(damage, rank, event) if damage else {}
-                results |= {"pair_demand": level.pair_demand} if level.pair_demand else {}
-                feature = head | _of_level(level, mine, units) | results | carried
-                yield {"type": "Feature", "geometry": geometry, "properties": feature}
-
-
-def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
-    """Return the level, the counts of its ground motions, and mean and maximum of each demand.
-
-    A demand is None without completed runs, or if it is undefined (no drift ratio without height).
-    """
-    feature: Feature = {"scale": level.scale, "level": level.level}
-    feature = {name: digits(value) for name, value in feature.items() if not math.isnan(value)}
-    feature |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
-    for demand, place in zip(_DEMANDS, _PLACES, strict=True):
-        column, factor = units.column(demand.column, demand.unit)
-        cells = [[runs[key][place] for key in keys] for keys in level.stood]
-        values = [
-            float(combine(np.abs(of_motion), level.pair_demand)) / factor
-            for of_motion in cells
-            if None not in of_motion
-        ]
-        feature[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
-        feature[f"max_{column}"] = digits(max(values)) if values else None
-    return feature
-
-
-def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
-    """Return mean probabilities of damage states and the mean loss ratio of the runs of a level.
-
-    If `event` is not 0, only the runs of this event are included.
-    """
-    mine = np.array([event in (0, sample) for _, _, sample in of.keys])
-    chosen = of.known & (of.rank == rank) & mine
-    means = (
-        of.probability[chosen].mean(axis=0).tolist()
-        if chosen.any()
-        else [None] * len(of.states.outcomes)
-    )
-    if of.states.losses:
-        means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
-    names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
-    return {
-        name: None if mean is None else digits(mean)
-        for name, mean in zip(names, means, strict=True)
-    }
 
 
 # ---- Fragility functions for OpenQuake: NRML 0.5, lognormal functions defined by mean and standard

@@ -1,0 +1,405 @@
+"""Read an exposure model of OpenQuake as an inventory of buildings.
+
+An exposure model (NRML 0.4 or 0.5) lists assets: groups of buildings with a place, a taxonomy, a
+number of buildings and a structural cost. The assets are in the XML file itself, or in CSV files
+that it names. The taxonomy describes a building in words; a mapping table contains the columns of
+an inventory for each taxonomy.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
+from tdint.errors import ModelError, ModelFault
+from tdint.files import MOST_BYTES, is_file, note_input, read_whole
+from tdint.model.damage_states import COST, NUMBER
+from tdint.written_numbers import how_many
+
+TAXONOMY = "taxonomy"
+"""Column of the taxonomy in the mapping table, and in the inventory that is read."""
+
+_STRUCTURAL = "structural"  # the cost type that becomes the cost of an inventory
+_AGGREGATED, _PER_ASSET, _PER_AREA = "aggregated", "per_asset", "per_area"
+_COST_TYPES = (_AGGREGATED, _PER_ASSET, _PER_AREA)
+_AREA_TYPES = (_AGGREGATED, _PER_ASSET)
+_FIELDS = ("id", "lon", "lat", TAXONOMY, NUMBER, _STRUCTURAL, "area")
+_OTHER_NAMES: Mapping[str, tuple[str, ...]] = {
+    "id": ("asset_id",),
+    "lon": ("longitude",),
+    "lat": ("latitude",),
+    _STRUCTURAL: (f"value-{_STRUCTURAL}",),
+}
+"""Names of columns in CSV files if the XML file does not assign them (exposureFields)."""
+
+_MAPPING_NEEDS = (
+    f"a mapping table is a CSV file with the column {TAXONOMY} and, for each taxonomy, the columns "
+    "of an inventory that the rules need (class and NumberOfStories for the rules capacity)"
+)
+_NEEDS = (
+    "an exposure model of OpenQuake is an XML file (NRML), or a CSV file with the columns "
+    f"{', '.join(_FIELDS[:5])}"
+)
+_SHOWN = 10
+"""Number of faults that a message lists."""
+
+
+@dataclass
+class _Model:
+    """Contents of the XML file of an exposure model.
+
+    Attributes
+    ----------
+    cost_type, area_type : str
+        How structural costs and areas are given; empty if the file does not state it.
+    fields : dict
+        Column of a CSV file for each field of OpenQuake.
+    tags : list of str
+        Names of the tags.
+    assets : list of (int, dict)
+        Line and values of each asset in the file.
+    files : str
+        Text of the element `assets`: names of CSV files, separated by white space.
+    """
+
+    cost_type: str = ""
+    area_type: str = ""
+    fields: dict[str, str] = field(default_factory=dict)
+    tags: list[str] = field(default_factory=list)
+    assets: list[tuple[int, dict[str, str]]] = field(default_factory=list)
+    files: str = ""
+
+
+def read_mapping(source: str) -> CsvTable:
+    """Read a mapping table.
+
+    Raises
+    ------
+    ModelError
+        The table cannot be read, or contains a taxonomy twice.
+    """
+    table = read_table(source, _MAPPING_NEEDS)
+    lines: dict[str, int] = {}
+    for line, text in table.lines(TAXONOMY, empty=False):
+        if text in lines:
+            raise ModelError(
+                f"{source}:{line}: taxonomy {text[:60]!r} is already on line {lines[text]}; give "
+                "each taxonomy one row"
+            )
+        lines[text] = line
+    return table
+
+
+def stream_exposure(
+    source: str, mapping: CsvTable, reserved: Collection[str]
+) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
+    """Return an exposure model as the table of an inventory, and its rows with their lines.
+
+    The columns are `id`, `taxonomy`, the other columns of the mapping table, `number`, `cost` (of
+    one building, from the structural cost), `Longitude`, `Latitude` and the tags of the model.
+
+    Parameters
+    ----------
+    source : str
+        Path of the XML file, or of a CSV file with the assets alone.
+    mapping : CsvTable
+        Mapping table (`read_mapping`).
+    reserved : collection of str
+        Columns of an inventory from which buildings are derived. A tag with such a name gets the
+        prefix `tag_`.
+
+    Raises
+    ------
+    ModelError
+        A file cannot be read, an asset lacks a value or has one that is out of range, or taxonomies
+        are missing in the mapping table. The errors of all assets are reported together.
+    """
+    large = f"larger than {MOST_BYTES // 1024**2} MiB; list CSV files in its element `assets`"
+    # Standard input and pipes, which can be read only once, contain the CSV file.
+    data = read_whole(source, ModelError, {}, large, MOST_BYTES) if is_file(source) else b""
+    if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        note_input(source, data)
+        model = _parse(source, data)
+        files = [str(Path(source).parent / name) for name in model.files.split()]
+        if bool(files) == bool(model.assets):
+            raise ModelError(
+                f"{source}: the element `assets` must contain either assets or names of CSV files; "
+                f"it contains {'both' if files else 'neither'}"
+            )
+    else:
+        model, files = _Model(), [source]
+    assets = _Assets(source, model, mapping, reserved)
+    for name in files:
+        assets.read_csv(name)
+    assets.read_elements(source)
+    assets.check()
+    table = CsvTable(
+        files[0] if len(files) == 1 else source,
+        tuple(title.lower() for title in assets.titles),
+        assets.titles,
+        1,
+        (),
+        _NEEDS,
+        ModelError,
+    )
+    return table, iter(assets.rows)
+
+
+class _Assets:
+    """Assets of an exposure model, converted to rows of an inventory, and their errors."""
+
+    def __init__(
+        self, source: str, model: _Model, mapping: CsvTable, reserved: Collection[str]
+    ) -> None:
+        self._source, self._model, self._mapping = source, model, mapping
+        place = mapping.header.index(TAXONOMY)
+        columns = [at for at in range(len(mapping.titles)) if at != place and mapping.titles[at]]
+        named = [mapping.titles[at] for at in columns]
+        self._classes = {
+            text: [cells[at].strip() if at < len(cells) else "" for at in columns]
+            for text, (_, cells) in zip(mapping.texts(TAXONOMY), mapping.rows, strict=True)
+        }
+        self.has_cost = bool(model.cost_type)
+        own = ["id", TAXONOMY, *named, NUMBER, *([COST] * self.has_cost), "Longitude", "Latitude"]
+        taken = {name.lower() for name in own}
+        if len(taken) < len(own):
+            twice = next(name for name, of in Counter(map(str.lower, own)).items() if of > 1)
+            raise ModelError(
+                f"{mapping.source}:{mapping.header_line}: column {twice} comes from the exposure "
+                "model; remove it from the mapping table"
+            )
+        self._tags = [tag for tag in dict.fromkeys(model.tags) if tag.lower() != TAXONOMY]
+        # A tag must not be taken for a column from which the rules derive a building.
+        known = {*taken, *map(str.lower, reserved)}
+        tags = [f"tag_{tag}" if tag.lower() in known else tag for tag in self._tags]
+        self.titles = (*own, *tags)
+        self.rows: list[tuple[int, list[str]]] = []
+        self._faults: list[ModelFault] = []
+        self._count = 0
+        self._unmapped: Counter[str] = Counter()
+
+    def read_csv(self, name: str) -> None:
+        """Read the assets of a CSV file."""
+        table, rows = stream_table(name, _NEEDS, columns=(), whole=True)
+        fields = {of: self._column(table, of) for of in _FIELDS}
+        missing = [of for of in _FIELDS[:5] if fields[of] is None]
+        if self._model.cost_type:
+            missing += [_STRUCTURAL] * (fields[_STRUCTURAL] is None)
+            missing += ["area"] * (self._model.cost_type == _PER_AREA and fields["area"] is None)
+        elif fields[_STRUCTURAL] is not None and name == self._source:
+            raise ModelError(
+                f"{name}:{table.header_line}: column {table.titles[fields[_STRUCTURAL] or 0]} can "
+                "be the cost of one building or of all; the XML file of the exposure model states "
+                f"which (costType type={_AGGREGATED!r} or {_PER_ASSET!r}): give that file, which "
+                "names this one"
+            )
+        if missing:
+            table.need(*missing)
+        tags = {tag: table.header.index(tag.lower()) for tag in self._tags if table.has(tag)}
+        places = {of: place for of, place in {**tags, **fields}.items() if place is not None}
+        for line, cells in rows:
+            if len(cells) > len(table.header) and table.overfull(cells):
+                raise ModelError(
+                    f"{name}:{line}: {how_many(len(cells), 'cell')} under "
+                    f"{how_many(len(table.header), 'column')}"
+                )
+            self._add(
+                name,
+                line,
+                {of: cells[at].strip() for of, at in places.items() if at < len(cells)},
+            )
+
+    def _column(self, table: CsvTable, of: str) -> int | None:
+        """Return the index of the column of a field, or None if the file does not contain it."""
+        named = self._model.fields.get(of)
+        if named is not None:
+            table.need(named)
+        for name in [named] if named else [of, *_OTHER_NAMES.get(of, ())]:
+            if table.has(name):
+                return table.header.index(name.lower())
+        return None
+
+    def read_elements(self, source: str) -> None:
+        """Add the assets of the XML file itself."""
+        for line, values in self._model.assets:
+            self._add(source, line, values)
+        self._model.assets.clear()
+
+    def _add(self, source: str, line: int, values: Mapping[str, str]) -> None:
+        """Convert an asset to a row of the inventory, or report its errors."""
+        before = self._count
+
+        def fault(name: str, message: str) -> None:
+            self._count += 1
+            if len(self._faults) < _SHOWN:
+                self._faults.append(ModelFault(source, line, 1, name, message))
+
+        def positive(name: str) -> float:
+            text = values.get(name, "")
+            value = number(text)
+            if not value >= 0.0:
+                expected = "zero or a positive number"
+                fault(name, no_number(text, expected) if text else f"is missing; give {expected}")
+            return value
+
+        name, taxonomy = values.get("id", ""), values.get(TAXONOMY, "")
+        if not name:
+            fault("id", "is missing")
+        for degrees in ("lon", "lat"):
+            if not values.get(degrees):
+                fault(degrees, "is missing; give degrees")
+        count = positive(NUMBER)
+        cost = [repr(self._cost(count, positive, fault))] if self.has_cost else []
+        classes = self._classes.get(taxonomy)
+        if classes is None:
+            self._unmapped[taxonomy] += 1
+            return
+        if self._count == before:
+            place = [values["lon"], values["lat"]]
+            tags = [values.get(tag, "") for tag in self._tags]
+            cells = [name, taxonomy, *classes, values[NUMBER], *cost, *place, *tags]
+            self.rows.append((line, cells))
+
+    def _cost(
+        self,
+        count: float,
+        positive: Callable[[str], float],
+        fault: Callable[[str, str], None],
+    ) -> float:
+        """Return the structural cost of one building of an asset.
+
+        `positive` returns the number in a field, and `fault` reports an error of a field.
+        """
+        value, kind = positive(_STRUCTURAL), self._model.cost_type
+        if kind == _PER_AREA:
+            value *= positive("area")
+            kind = self._model.area_type
+        # The cost of all buildings of an asset is shared equally by them.
+        if kind == _AGGREGATED and value > 0.0:
+            if count == 0.0:
+                fault(NUMBER, "must be positive where the structural cost is, got 0")
+                return 0.0
+            return value / count
+        return value
+
+    def check(self) -> None:
+        """Raise ModelError if an asset has an error, or taxonomies are not in the table."""
+        if self._count:
+            more = self._count - len(self._faults)
+            lines = [*map(str, self._faults), *([f"and {more} more faults"] if more > 0 else [])]
+            raise ModelError("\n".join(lines))
+        if self._unmapped:
+            listed = ", ".join(
+                f"{name[:60]!r} ({how_many(of, 'asset')})"
+                for name, of in self._unmapped.most_common(_SHOWN)
+            )
+            raise ModelError(
+                f"{self._mapping.source}: no row for {len(self._unmapped)} of the taxonomies of "
+                f"{self._source}: {listed}{', ...' * (len(self._unmapped) > _SHOWN)}; add them"
+            )
+
+
+# ---- XML
+
+
+def _parse(source: str, data: bytes) -> _Model:
+    """Return the contents of an XML file.
+
+    Raises
+    ------
+    ModelError
+        The file is no well-formed XML, contains a document type definition (which could reference
+        other files), or is no exposure model.
+    """
+    parser, model = expat.ParserCreate(namespace_separator=" "), _Model()
+    path: list[str] = []
+    texts: list[str] = []
+
+    def refuse(*_: object) -> None:
+        raise ModelError(f"{source}: an XML file with a document type definition is not read")
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        local = name.rpartition(" ")[2]
+        path.append(local)
+        texts.clear()
+        if len(path) == 2 and path != ["nrml", "exposureModel"]:
+            raise ModelError(
+                f"{source}: must contain an exposureModel, got {'/'.join(path)[:60]}; {_NEEDS}"
+            )
+        _element(source, parser.CurrentLineNumber, path, attributes, model)
+
+    def end(_: str) -> None:
+        text, local = "".join(texts), path.pop()
+        texts.clear()
+        if local == "assets" and not model.assets:
+            model.files = text
+        if local == "tagNames":
+            model.tags += text.split()
+
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = texts.append
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise ModelError(f"{source}:{error.lineno}: no well-formed XML: {reason}") from None
+    if model.cost_type == _PER_AREA and not model.area_type:
+        raise ModelError(
+            f"{source}: structural costs are given per area, but the file does not state whether "
+            f"areas are {' or '.join(_AREA_TYPES)}; add an element area with its type"
+        )
+    return model
+
+
+def _element(
+    source: str, line: int, path: Sequence[str], attributes: Mapping[str, str], model: _Model
+) -> None:
+    """Store the attributes of an element of an exposure model.
+
+    Parameters
+    ----------
+    source : str
+        File, for messages.
+    line : int
+        Line of the element.
+    path : sequence of str
+        Names of the element and of all elements that contain it.
+    attributes : mapping
+        Attributes of the element.
+    model : _Model
+        Changed by this function.
+    """
+    name, parent = path[-1], path[-2] if len(path) > 1 else ""
+    asset = model.assets[-1][1] if model.assets else {}
+    if name == "costType" and attributes.get("name") == _STRUCTURAL:
+        model.cost_type = _choice(source, line, attributes.get("type", ""), _COST_TYPES)
+    elif name == "area" and parent == "conversions":
+        model.area_type = _choice(source, line, attributes.get("type", ""), _AREA_TYPES)
+    elif name == "field":
+        of = attributes.get("oq", "")
+        of = attributes.get("type", "") if of == "value" else of
+        model.fields[of] = attributes.get("input", "")
+    elif name == "asset":
+        model.assets.append((line, dict(attributes)))
+    elif name == "location" and parent == "asset":
+        asset |= {of: attributes.get(of, "") for of in ("lon", "lat")}
+    elif name == "cost" and attributes.get("type") == _STRUCTURAL:
+        asset[_STRUCTURAL] = attributes.get("value", "")
+    elif name == "tags":
+        asset.update({tag: text for tag, text in attributes.items() if tag not in _FIELDS})
+
+
+def _choice(source: str, line: int, text: str, allowed: Sequence[str]) -> str:
+    """Return a type of costs or areas; raise ModelError if it is unknown."""
+    if text not in allowed:
+        raise ModelError(
+            f"{source}:{line}: type must be one of {', '.join(allowed)}, got {text[:40]!r}"
+        )
+    return text

@@ -1,0 +1,413 @@
+"""Maps of a campaign: buildings and districts as GeoJSON (RFC 7946)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from tdint.analysis.run.demands import RUN
+from tdint.campaign.fragility.runs import (
+    BuildingDamage,
+    TypeDamage,
+    building_damages,
+    by_motion,
+    group_damages,
+    stored_states,
+)
+from tdint.campaign.pairs import combine
+from tdint.campaign.store_schema import RUNS
+from tdint.csv_table import number as cell_number
+from tdint.errors import UsageError
+from tdint.files import MOST_BYTES, note_input, read_whole
+from tdint.model.damage_states import COST, NUMBER
+from tdint.output.tables.campaign import carried_columns, numeric
+from tdint.output.tables.damage_states import LOSS, has_costs, probability_name
+from tdint.output.tables.table import digits, names
+from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.campaign.batch import Run
+    from tdint.campaign.profiles import SuiteLevel
+    from tdint.campaign.store import Store
+
+_SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleration")
+_DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
+_PLACES = tuple(RUNS.columns.index(one.column) for one in _DEMANDS)
+_STATUS = RUNS.columns.index("status")
+_VALUE, _LOSS, _ANNUAL, _AVERAGE = "value", "loss", "annual_loss", "average_annual_loss"
+_OWN = (
+    *("building", "scale", "level", "runs", "collapsed", "failed", "pair_demand"),
+    *(_VALUE, _LOSS, _ANNUAL, _AVERAGE),
+)
+
+Feature = dict[str, Any]
+
+
+def write_geojson(
+    store: Store, stream: BinaryIO, units: OutputUnits = SI, events: Collection[str] = ()
+) -> None:
+    """Write a GeoJSON FeatureCollection of points.
+
+    Coordinates are longitude and latitude in degrees; the geometry is null for a building without a
+    location. The properties are: the columns of the inventory; the event of a field; the level
+    (`scale`, and `level` as in profiles.csv); the numbers of ground motions, collapses and failed
+    runs; mean and maximum of the demands over the other runs. `pair_demand` states how the
+    components of pairs are counted, if there are pairs. With damage states, the mean probability of
+    each state and the mean loss ratio follow; with costs, `value` and the mean `loss` in the unit
+    of the costs; with rates of the events, `annual_loss` (rate times loss of the event) and
+    `average_annual_loss` (their sum over all events). Without costs both are fractions of the value
+    of the building. Unknown values are null. The inventory must have locations (`is_mapped`).
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    stream : BinaryIO
+        Output.
+    units : OutputUnits
+        Units of the demands.
+    events : collection of str
+        Events to write; all by default. The average annual loss is that of all events.
+    """
+    _write_collection(_features(store, units, events), stream)
+
+
+def _write_collection(features: Iterable[Feature], stream: BinaryIO) -> None:
+    """Write GeoJSON features to a stream."""
+    stream.write(b'{"type": "FeatureCollection", "features": [')
+    between = b"\n"
+    for feature in features:
+        stream.write(
+            between
+            + json.dumps(feature, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace")
+        )
+        between = b",\n"
+    stream.write(b"\n]}\n")
+
+
+def is_mapped(store: Store) -> bool:
+    """Return True if the inventory has locations."""
+    return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
+
+
+def check_events(store: Store, chosen: Collection[str]) -> None:
+    """Raise UsageError if the campaign has no event of a name."""
+    events = store.events()
+    for name in chosen:
+        if name not in events:
+            known = ", ".join(events[:10]) + ", ..." * (len(events) > 10)
+            raise UsageError(
+                f"--event {name}: {store.name} has no such event; "
+                + (f"it has {known}" if events else "only ground motion fields have events")
+            )
+
+
+def _features(store: Store, units: OutputUnits, chosen: Collection[str]) -> Iterator[Feature]:
+    from tdint.campaign.batch import Run
+    from tdint.campaign.profiles import SuiteRules
+
+    titles = [title.lower() for title in store.inventory_columns()]
+    longitude, latitude = titles.index("longitude"), titles.index("latitude")
+    rules, events, buildings, damages = (
+        SuiteRules.of(store),
+        store.events(),
+        store.buildings(),
+        building_damages(store),
+    )
+    rates, costs = store.rates(), has_costs(store)
+    # Inventory columns get names that differ from all other properties.
+    demands = [
+        f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
+    ]
+    outcomes = [
+        probability_name(name)
+        for states in stored_states(store).values()
+        for name in states.outcomes
+    ]
+    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[
+        1 if events else 0 :
+    ]
+    kinds = numeric(store)
+    for number, rows in groupby(store.runs(), key=lambda row: row[0]):
+        of_runs = next(damages, None)
+        damage = by_motion(of_runs, rules.pairs) if of_runs else None
+        runs = {Run(*row[1:4]): row for row in rows}
+        cells = store.carried(number)
+        carried = {
+            name: (json.loads(text) if text else None) if is_number else text
+            for name, text, is_number in zip(columns, cells, kinds, strict=True)
+        }
+        position = _position(cells[longitude], cells[latitude])
+        geometry = {"type": "Point", "coordinates": position} if position else None
+        value = _value_of(dict(zip(titles, cells, strict=False))) if costs else math.nan
+        every = sorted({key.sample for key in runs}) if events else [0]
+        annual = _annual_losses(damage, rates, events) if damage and rates else {}
+        for event in every:
+            if chosen and events[event - 1] not in chosen:
+                continue
+            head: Feature = {"building": buildings[number][0]} | (
+                {"event": events[event - 1]} if events else {}
+            )
+            # Without events, all runs belong to event 0.
+            mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
+            for rank, level in enumerate(
+                rules.levels({key: row[_STATUS] for key, row in mine.items()})
+            ):
+                results = _damage(damage, rank, event) if damage else {}
+                results |= _losses(results, value, annual, rank, event)
+                results |= {"pair_demand": level.pair_demand} if level.pair_demand else {}
+                feature = head | _of_level(level, mine, units) | results | carried
+                yield {"type": "Feature", "geometry": geometry, "properties": feature}
+
+
+def _position(longitude: str, latitude: str) -> list[float] | None:
+    """Return a GeoJSON position, or None if the inventory does not state it.
+
+    Longitudes are between -180 and 180 degrees, positive to the east; latitudes are positive to the
+    north.
+    """
+    if not (longitude and latitude):
+        return None
+    east = float(longitude)
+    east = (east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east
+    return [digits(east), digits(float(latitude))]
+
+
+def _annual_losses(
+    damage: BuildingDamage, rates: Mapping[str, float], events: Sequence[str]
+) -> dict[tuple[int, int], float]:
+    """Return rate times mean loss ratio of each level and event of a building.
+
+    Events whose runs have no result are omitted, as in exceedance.csv.
+    """
+    if not damage.states.losses:
+        return {}
+    losses: dict[tuple[int, int], list[float]] = {}
+    known = zip(damage.rank.tolist(), damage.keys, damage.loss.tolist(), strict=True)
+    for rank, key, loss in known:
+        if loss == loss:
+            losses.setdefault((rank, key.sample), []).append(loss)
+    return {key: rates[events[key[1] - 1]] * math.fsum(of) / len(of) for key, of in losses.items()}
+
+
+def _losses(
+    results: Feature, value: float, annual: Mapping[tuple[int, int], float], rank: int, event: int
+) -> Feature:
+    """Return value, loss and annual losses of a building.
+
+    Parameters
+    ----------
+    results : Feature
+        Results of the damage states, with the mean loss ratio.
+    value : float
+        Cost of all buildings of the row; nan without costs.
+    annual : mapping
+        Rate times mean loss ratio by level and event.
+    rank, event : int
+        Level and event.
+    """
+    if LOSS.name not in results:
+        return {}
+    ratio, feature, unit = results[LOSS.name], Feature(), 1.0
+    if value == value:
+        unit = value
+        feature = {
+            _VALUE: digits(value),
+            _LOSS: None if ratio is None else digits(value * ratio),
+        }
+    if annual:
+        mine = annual.get((rank, event))
+        every = math.fsum(of for (level, _), of in annual.items() if level == rank)
+        feature |= {
+            _ANNUAL: None if mine is None else digits(unit * mine),
+            _AVERAGE: digits(unit * every),
+        }
+    return feature
+
+
+def _value_of(cells: Mapping[str, str]) -> float:
+    """Return the cost of all buildings of a row of an inventory; nan for an empty cost."""
+    count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
+    return cell_number(cells.get(COST, "")) * count
+
+
+def write_districts(
+    store: Store,
+    stream: BinaryIO,
+    by: str,
+    polygons: Mapping[str, Feature] | None = None,
+    events: Collection[str] = (),
+) -> None:
+    """Write a GeoJSON FeatureCollection of the losses of all buildings with each value of a column.
+
+    The properties are the value of the column, the level, the event, the numbers of buildings, runs
+    and failed runs, the mean loss ratio and, with costs, `value`, `loss` and its standard error;
+    with rates of the events also `annual_loss` and `average_annual_loss` as in `write_geojson`. The
+    geometry is the polygon of the value, or the points of the buildings.
+
+    Parameters
+    ----------
+    store : Store
+        Store of a campaign with losses.
+    stream : BinaryIO
+        Output.
+    by : str
+        Column of the inventory.
+    polygons : mapping, optional
+        Geometries by value of the column (`read_polygons`).
+    events : collection of str
+        Events to write; all by default.
+    """
+    _write_collection(_districts(store, by, polygons, events), stream)
+
+
+def _districts(
+    store: Store, by: str, polygons: Mapping[str, Feature] | None, chosen: Collection[str]
+) -> Iterator[Feature]:
+    places, rates, costs = _places_of_parts(store, by), store.rates(), has_costs(store)
+    groups = list(group_damages(store, by=by))
+    stated = store.pair_rule().stated
+
+    # The average annual loss of a district is the sum over all events, also those not written.
+    def lost(of: TypeDamage) -> float:
+        return float((of.money if costs else of.loss).value[0])
+
+    annual: dict[tuple[str, float], list[float]] = {}
+    for of in groups:
+        if rates and lost(of) == lost(of):
+            annual.setdefault((of.part, of.level), []).append(rates[of.event] * lost(of))
+
+    def cell(value: float) -> float | None:
+        return digits(value) if value == value else None
+
+    for of in groups:
+        if chosen and of.event not in chosen:
+            continue
+        feature: Feature = {by: of.part} | ({"event": of.event} if of.event else {})
+        feature |= {"level": digits(of.level), "buildings": of.buildings, "runs": of.runs}
+        feature |= {"failed": of.failed, LOSS.name: cell(float(of.loss.value[0]))}
+        if costs:
+            feature |= {_VALUE: cell(of.value), _LOSS: cell(float(of.money.value[0]))}
+            feature[f"{_LOSS}_error"] = cell(float(of.money.error[0]))
+        if rates:
+            every = annual.get((of.part, of.level), [])
+            feature |= {
+                _ANNUAL: cell(rates[of.event] * lost(of)),
+                _AVERAGE: cell(math.fsum(every) if every else math.nan),
+            }
+        feature |= {"pair_demand": stated} if stated else {}
+        points = places.get(of.part, [])
+        geometry: Feature | None = {"type": "MultiPoint", "coordinates": points} if points else None
+        geometry = geometry if polygons is None else polygons.get(of.part)
+        yield {"type": "Feature", "geometry": geometry, "properties": feature}
+
+
+def _places_of_parts(store: Store, by: str) -> dict[str, list[list[float]]]:
+    """Return the positions of the buildings with each value of a column of the inventory."""
+    titles = [title.lower() for title in store.inventory_columns()]
+    column, *degrees = (titles.index(name) for name in (by.lower(), "longitude", "latitude"))
+    places: dict[str, list[list[float]]] = {}
+    for building in store.buildings():
+        cells = store.carried(building)
+        east, north = (cells[place] for place in degrees)
+        if position := _position(east, north):
+            places.setdefault(cells[column], []).append(position)
+    return places
+
+
+def read_polygons(source: str, by: str, parts: Iterable[str]) -> dict[str, Feature]:
+    """Read the geometries of a GeoJSON file, by their property with the name of a column.
+
+    Parameters
+    ----------
+    source : str
+        GeoJSON file: a FeatureCollection of polygons with longitude and latitude in degrees.
+    by : str
+        Name of the property and of the column of the inventory, regardless of case.
+    parts : iterable of str
+        Values of the column. Each one must have a polygon.
+
+    Raises
+    ------
+    UsageError
+        The file cannot be read, is no such collection, or lacks the polygon of a value.
+    """
+    large = f"larger than {MOST_BYTES // 1024**2} MiB; simplify the polygons"
+    data = read_whole(source, UsageError, {}, large, MOST_BYTES)
+    note_input(source, data)
+    needs = f"--polygons is a GeoJSON file (FeatureCollection) of polygons with a property {by}"
+    try:
+        features = json.loads(data)["features"]
+        named = [
+            ({name.lower(): text for name, text in of["properties"].items()}, of["geometry"])
+            for of in features
+        ]
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        raise UsageError(f"{source}: cannot be read; {needs}") from None
+    shapes: dict[str, Feature] = {}
+    for properties, geometry in named:
+        if by.lower() in properties:
+            if not isinstance(geometry, dict) or geometry.get("type") not in _POLYGONS:
+                raise UsageError(
+                    f"{source}: the geometry of {properties[by.lower()]!r} must be a Polygon or "
+                    "MultiPolygon"
+                )
+            name = str(properties[by.lower()])
+            if name in shapes:
+                raise UsageError(f"{source}: {by} {name!r} is there twice; merge its polygons")
+            shapes[name] = geometry
+    missing = [part for part in dict.fromkeys(parts) if part and part not in shapes]
+    if missing:
+        listed = ", ".join(missing[:10]) + ", ..." * (len(missing) > 10)
+        raise UsageError(f"{source}: no polygon of {by} {listed}; {needs}")
+    return shapes
+
+
+_POLYGONS = ("Polygon", "MultiPolygon")
+
+
+def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
+    """Return the level, the counts of its ground motions, and mean and maximum of each demand.
+
+    A demand is None without completed runs, or if it is undefined (no drift ratio without height).
+    """
+    feature: Feature = {"scale": level.scale, "level": level.level}
+    feature = {name: digits(value) for name, value in feature.items() if not math.isnan(value)}
+    feature |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
+    for demand, place in zip(_DEMANDS, _PLACES, strict=True):
+        column, factor = units.column(demand.column, demand.unit)
+        cells = [[runs[key][place] for key in keys] for keys in level.stood]
+        values = [
+            float(combine(np.abs(of_motion), level.pair_demand)) / factor
+            for of_motion in cells
+            if None not in of_motion
+        ]
+        feature[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
+        feature[f"max_{column}"] = digits(max(values)) if values else None
+    return feature
+
+
+def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
+    """Return mean probabilities of damage states and the mean loss ratio of the runs of a level.
+
+    If `event` is not 0, only the runs of this event are included.
+    """
+    mine = np.array([event in (0, sample) for _, _, sample in of.keys])
+    chosen = of.known & (of.rank == rank) & mine
+    means = (
+        of.probability[chosen].mean(axis=0).tolist()
+        if chosen.any()
+        else [None] * len(of.states.outcomes)
+    )
+    if of.states.losses:
+        means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
+    names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
+    return {
+        name: None if mean is None else digits(mean)
+        for name, mean in zip(names, means, strict=True)
+    }
