@@ -388,7 +388,8 @@ def checkout():
             for one in (ROOT / part).iterdir():
                 if one.name != "__pycache__":  # of a program beside the records, which tests import
                     (folder / part / one.name).symlink_to(one)
-        for shown in ("workshop", "recorded", "campaign", "drift-check", "region", "fields", "exposure"):
+        studies = ("campaign", "drift-check", "region", "fields", "exposure")
+        for shown in ("workshop", "recorded", *studies):
             (folder / f"{shown}.yaml").write_text(block(shown))
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         yield folder, {**os.environ, "PATH": path}

@@ -19,6 +19,7 @@ from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
+from tdint_cli.maps import MapRequest, check_map, has_losses
 from tdint_cli.options.grammar import BESIDE, Ratio
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
@@ -708,25 +709,6 @@ def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dic
     return contents
 
 
-@dataclass(frozen=True)
-class MapRequest:
-    """Options of maps.
-
-    Attributes
-    ----------
-    asked : bool
-        Write the GeoJSON map of the buildings and, with `--by`, the map of the districts.
-    events : tuple of str
-        Events on the maps; all if empty.
-    polygons : str or None
-        GeoJSON file with the polygons of the districts; by default their buildings are points.
-    """
-
-    asked: bool = False
-    events: tuple[str, ...] = ()
-    polygons: str | None = None
-
-
 def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapRequest) -> None:
     """Rewrite all tables of a store, and write Parquet files if pyarrow is installed.
 
@@ -753,7 +735,7 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
 
     store, by = profiles.store, profiles.request.by
     if maps.asked:
-        _check_map(store, maps, by)
+        check_map(store, maps, by, complete=is_complete(store))
     districts = maps.asked and by is not None
     asked = {SIMCENTER: simcenter, GEOJSON: maps.asked, DISTRICTS: districts}
     exported = {
@@ -782,37 +764,6 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     )
 
 
-def _has_losses(store: Store) -> bool:
-    """Return True if the damage states have losses."""
-    from tdint.campaign.fragility.runs import stored_states
-
-    return any(states.losses for states in stored_states(store).values())
-
-
-def _check_map(store: Store, maps: MapRequest, by: str | None) -> None:
-    """Raise UsageError if a map cannot be written from a store."""
-    from tdint.output.tables.damage_states import check_column
-    from tdint.output.tables.maps import check_events, is_mapped
-
-    if not is_mapped(store):
-        raise UsageError(
-            f"{store.name}: a map needs an inventory with the columns Latitude and Longitude"
-        )
-    if not is_complete(store):
-        raise UsageError(
-            f"{store.name}: not all runs are done; a map tells what the buildings do under all "
-            "motions: call `tdint campaign` again first"
-        )
-    check_events(store, maps.events)
-    if by is not None:
-        check_column(store, by)
-        if not _has_losses(store):
-            raise UsageError(
-                f"--geojson --by {by}: a map of districts needs losses; add `damage` with `losses` "
-                "to the campaign file"
-            )
-
-
 def _exports(
     profiles: Profiles, names: Collection[str], maps: MapRequest | None = None
 ) -> dict[str, Writer | None]:
@@ -833,12 +784,6 @@ def _exports(
     from tdint.output.tables import maps as of_maps
 
     maps, by = maps or MapRequest(), profiles.request.by
-    shapes = None
-    if maps.polygons is not None and by is not None:
-        titles = [title.lower() for title in profiles.store.inventory_columns()]
-        place = titles.index(by.lower())
-        parts = {profiles.store.carried(number)[place] for number in profiles.store.buildings()}
-        shapes = of_maps.read_polygons(maps.polygons, by, sorted(parts))
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
     # Each entry states whether the file can be written here, and contains its writer.
     runs, stories, damage = PARQUET
@@ -858,10 +803,8 @@ def _exports(
             partial(of_maps.write_geojson, store, units=profiles.units, events=maps.events),
         ),
         DISTRICTS: (
-            by is not None and is_complete(store) and of_maps.is_mapped(store),
-            partial(
-                of_maps.write_districts, store, by=by or "", polygons=shapes, events=maps.events
-            ),
+            is_complete(store) and of_maps.is_mapped(store),
+            maps.districts(store, by) if by is not None else None,
         ),
     }
     return {
@@ -938,7 +881,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
         writers[TYPES] = lambda stream: write_types(store, stream)
     # Losses require a damage state with a loss ratio. Their exceedance rates also require rates of
     # the events.
-    if _has_losses(store) and is_complete(store) and store.writes("losses"):
+    if has_losses(store) and is_complete(store) and store.writes("losses"):
         writers[LOSSES] = lambda stream: write_losses(store, stream, by)
         if store.rates():
             writers[EXCEEDANCE] = lambda stream: write_exceedance(store, stream, by)

@@ -19,7 +19,6 @@ from tdint_cli.campaigns import (
     LIMIT,
     PAIR_DEMAND,
     REQUIRE,
-    MapRequest,
     Profiles,
     SuiteRequest,
     carry_out,
@@ -30,6 +29,7 @@ from tdint_cli.campaigns import (
     set_looks,
 )
 from tdint_cli.drawing import emit_table
+from tdint_cli.maps import MapRequest
 from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
 from tdint_cli.terminal import Failures, say, warn
 

@@ -311,17 +311,8 @@ _UNITS = Keys(
 _BUILDINGS = Keys(
     (
         Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
-        Key(
-            "inventory",
-            Words(),
-            "CSV file with a building per row, or exposure model of OpenQuake, relative to this "
-            "file",
-        ),
-        Key(
-            "mapping",
-            Words(),
-            "CSV file with the columns of an inventory for each taxonomy of an exposure model",
-        ),
+        Key("inventory", Words(), "CSV file with a building per row, relative to this file"),
+        Key("mapping", Words(), "CSV file of taxonomies: the inventory is an exposure model"),
         Key(
             "rules",
             Choice(tuple(RULES), "set of rules"),
@@ -618,7 +609,6 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
     unit = units.read() if units else None
     damping, classes = section.read("damping"), section.file("classes")
-    mapping = section.file("mapping")
     numbers = section.given("stiffness_scatter", "damping_scatter", "seed", "as_published")
     # Rules by capacity curves require another table and have no scatter.
     if name == CAPACITY:
@@ -637,7 +627,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
         unit,
         mass_only=damping == "mass-only",
         classes=classes,
-        mapping=mapping,
+        mapping=section.file("mapping"),
         **numbers,
     )
 

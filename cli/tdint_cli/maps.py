@@ -1,0 +1,92 @@
+"""Options and checks of the maps of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, BinaryIO
+
+from tdint.errors import UsageError
+
+if TYPE_CHECKING:
+    from tdint.campaign.store import Store
+
+
+@dataclass(frozen=True)
+class MapRequest:
+    """Options of maps.
+
+    Attributes
+    ----------
+    asked : bool
+        Write the GeoJSON map of the buildings and, with `--by`, the map of the districts.
+    events : tuple of str
+        Events on the maps; all if empty.
+    polygons : str or None
+        GeoJSON file with the polygons of the districts; by default their buildings are points.
+    """
+
+    asked: bool = False
+    events: tuple[str, ...] = ()
+    polygons: str | None = None
+
+    def districts(self, store: Store, by: str) -> Callable[[BinaryIO], None]:
+        """Return the writer of the map of districts by a column of the inventory.
+
+        Raises
+        ------
+        UsageError
+            The polygons cannot be read, or one is missing.
+        """
+        from tdint.output.tables.maps import read_polygons, write_districts
+
+        shapes = None
+        if self.polygons is not None:
+            place = [title.lower() for title in store.inventory_columns()].index(by.lower())
+            parts = {store.carried(number)[place] for number in store.buildings()}
+            shapes = read_polygons(self.polygons, by, sorted(parts))
+        return partial(write_districts, store, by=by, polygons=shapes, events=self.events)
+
+
+def has_losses(store: Store) -> bool:
+    """Return True if the damage states have losses."""
+    from tdint.campaign.fragility.runs import stored_states
+
+    return any(states.losses for states in stored_states(store).values())
+
+
+def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool) -> None:
+    """Raise UsageError if a map cannot be written from a store.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    maps : MapRequest
+        Maps to write.
+    by : str or None
+        Column of the districts; None without a map of districts.
+    complete : bool
+        True if all runs are done.
+    """
+    from tdint.output.tables.damage_states import check_column
+    from tdint.output.tables.maps import check_events, is_mapped
+
+    if not is_mapped(store):
+        raise UsageError(
+            f"{store.name}: a map needs an inventory with the columns Latitude and Longitude"
+        )
+    if not complete:
+        raise UsageError(
+            f"{store.name}: not all runs are done; a map tells what the buildings do under all "
+            "motions: call `tdint campaign` again first"
+        )
+    check_events(store, maps.events)
+    if by is not None:
+        check_column(store, by)
+        if not has_losses(store):
+            raise UsageError(
+                f"--geojson --by {by}: a map of districts needs losses; add `damage` with `losses` "
+                "to the campaign file"
+            )
