@@ -787,7 +787,7 @@ def _exports(
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
     # Each entry states whether the file can be written here, and contains its writer.
     runs, stories, damage = PARQUET
-    writers: dict[str, tuple[bool, Writer]] = {
+    writers: dict[str, tuple[bool, Writer | None]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
         stories: (
             has_pyarrow and store.parameters()["stories"],
