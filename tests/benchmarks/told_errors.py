@@ -8,15 +8,17 @@ shares of told errors below a half and a tenth of the true ones, the median of t
 share told ten times too large, and of `corrected` peaks that are worse. The truth is impulse4 with
 32 steps in a sample; where gauss4 (moment4 with dashpots of powers) differs from it by more than a
 fifth of an error, that is not judged, nor one below 1e-6 of the peak. tolerance: how many runs for
-1 and 0.1 % are within it, by the methods of `--method`. outside: the truth of `plain_solver`, which
-has nothing of tdint, for buildings of the laws that it knows.
+10 to 0.01 % are within it, by the methods of `--method`, and the equation solutions of all runs of
+a search (without runs of impulse4 that estimate errors of other methods) over those of the cheapest
+run of impulse4 that is within it with all smaller steps. outside: the truth of `plain_solver`,
+which has nothing of tdint, for buildings of the laws that it knows.
 """
 
 import argparse
 from collections import defaultdict
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
-from itertools import product
+from itertools import product, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +26,9 @@ import plain_solver
 from common import ROOT
 
 from random_buildings import any_building
-from tdint import load_model, run
-from tdint.analysis.run.outcome import FailedRun
+from tdint import load_model, prepare, run
+from tdint.analysis.run.outcome import FailedRun, Response
+from tdint.analysis.run.step_choice import _Search
 from tdint.ground_motion.reading.read import read_records
 
 NAMES = (
@@ -44,7 +47,7 @@ FINE = 32
 SURE = 0.2  # of a true error: what both truths may differ by
 # of a peak: below, Newton's tolerance and what both truths miss alike between steps are part of it
 RESOLUTION = 1e-6
-TOLERANCES = (1e-2, 1e-3)
+TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001, 0.0001)
 OUTSIDE = plain_solver.KINDS[1:]
 
 
@@ -186,19 +189,60 @@ def honesty(found):
             print(f"| {group} | {method} | {samples} | {' | '.join(cells)} |")
 
 
+LADDER = (16, 12, 8, 6, 4, 3, 2, 1, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16)
+"""Time steps of single runs, sampling intervals."""
+
+
+def single_runs(model, record, duration, true):
+    """True errors of the peak drifts and equation solutions of impulse4 by time step."""
+    runs = []
+    for part in LADDER:
+        response = attempt(
+            model, record, method="impulse4", dt=part * record.dt, duration=duration, check=False
+        )
+        if response is None:
+            runs.append((np.inf, np.inf))
+            continue
+        off = np.max(np.abs(response.stories.peak_drift / true - 1.0))
+        runs.append((off, response.iterations))
+    return runs
+
+
+def least_solves(runs, tolerance):
+    """Solutions of the cheapest single run within a tolerance, as are all with smaller steps."""
+    good = takewhile(lambda run: run[0] <= tolerance, reversed(runs))
+    return min((solves for _, solves in good), default=np.nan)
+
+
+def search_of(model, record, duration, method, tolerance):
+    """The response by tolerance and the equation solutions of all runs of its search; None for a
+    search that fails."""
+    case = prepare(model, record, method=method)
+    search = _Search.of(case, tolerance, None, duration)
+    try:
+        _, response = search.within(np.inf)
+    except FailedRun:
+        return None, np.nan
+    return response, sum(
+        one.iterations for one in search.runs.values() if isinstance(one, Response)
+    )
+
+
 def within(name, methods):
     """Of a case: for each method and tolerance the true error of the peak drifts over the
-    tolerance, and the steps."""
+    tolerance, the steps, and the solutions of the search over the least."""
     model, record, duration = case_of(name)
     model = load_model(model)
     true = truths(model, record, duration)
     rows = []
+    single = single_runs(model, record, duration, true[0]["peak_drift"]) if true else ()
     for method, tolerance in product(methods, TOLERANCES) if true else ():
-        response = attempt(model, record, method=method, duration=duration, tolerance=tolerance)
+        response, solves = search_of(model, record, duration, method, tolerance)
         gap = np.max(np.abs(true[1]["peak_drift"] / true[0]["peak_drift"] - 1.0))
         if response is not None and gap < SURE * tolerance:
             off = np.max(np.abs(response.stories.peak_drift / true[0]["peak_drift"] - 1.0))
-            rows.append((method, tolerance, off / tolerance, response.dt / record.dt))
+            over = solves / least_solves(single, tolerance)
+            rows.append((method, tolerance, off / tolerance, response.dt / record.dt, over))
     return name, rows
 
 
@@ -214,9 +258,10 @@ def tolerances(found, methods):
         print(
             f"{method}, {100.0 * tolerance:g} %: {np.sum(parts > 1.0)} of {len(rows)} beyond, "
             f"medians: {np.median(parts):.2f} of the tolerance, "
-            f"{np.median([row[2] for row in rows]):g} samples a step"
+            f"{np.median([row[2] for row in rows]):g} samples a step, "
+            f"{np.nanmedian([row[3] for row in rows]):.2f} times the least solutions"
         )
-        for name, part, samples in rows:
+        for name, part, samples, _ in rows:
             if part > 1.0:
                 print(f"  {name}: {part:.3g} times the tolerance, {samples:g} samples")
 

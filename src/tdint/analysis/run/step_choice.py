@@ -1,11 +1,10 @@
-"""Choose the largest time step for which the estimated error of all peak drifts is within a
-tolerance.
+"""Choose a large time step for which the estimated error of all peak drifts is within a tolerance.
 
-The search halves the time step repeatedly, starting from four sampling intervals of the record or
-from the requested time step. With `impulse4`, each run is compared with the previous run, which has
-twice the time step, and the finer run is returned. Its error estimate is 4/9 of the difference once
-the differences decrease at the expected rate, and 8/9 before that. With any other method, the error
-is estimated by one run of `impulse4` with half the time step (see
+Time steps are the requested time step or a few sampling intervals of the record, halved once or
+several times. The search predicts how many halvings are needed from the ratio of the estimated
+error to the tolerance and from the order that previous runs show. With `impulse4`, each run is
+compared with the previous run, which has a longer time step, and the finer run is returned. With
+any other method, the error is estimated by one run of `impulse4` with half the time step (see
 `tdint.analysis.run.error_estimate`), and the run of the chosen method is returned.
 """
 
@@ -22,26 +21,36 @@ from tdint.analysis.run.outcome import NO_STEP, ErrorEstimate, FailedRun, Respon
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.errors import UsageError
 
-_COARSEST = 2
-"""The first time step is 2**_COARSEST sampling intervals. With eight intervals, the first runs of
-most buildings are too coarse to be useful; with two, buildings for which four would suffice take
-twice as long."""
+_COARSEST, _COARSEST_TIGHT = 2, 1
+"""The first time step is 2**_COARSEST sampling intervals, or 2**_COARSEST_TIGHT for tolerances
+below `_TIGHT`. With eight intervals, pairs of runs may agree by accident: of 181 random buildings,
+six were beyond a tolerance of 3 %. With two, runs for large tolerances take longer."""
+
+_TIGHT = 0.003
+"""Tolerance below which the search starts with a shorter time step."""
 
 _MOST_HALVINGS = 8
 """Maximum number of times that the sampling interval, or the requested time step, is halved."""
 
-_CONVERGING_FACTOR, _CAUTIOUS_FACTOR = 4.0 / 9.0, 8.0 / 9.0
-"""Error of the finer run of a pair, divided by the difference between the two runs.
+_FIRST_PAIR, _LATER_PAIR = 8.0 / 3.0, 2.0
+"""Factors of the difference of a pair of runs, divided by its Richardson factor at second order,
+r^2 - 1 for time steps with the ratio r. The result is the error of the finer run. The first factor
+is used for the first pair, the second factor for pairs whose differences decrease."""
 
-4/9 is one third of the error estimate of the coarser run; at second order the error of the finer
-run is one quarter of it. 8/9 is used if the differences of successive pairs decrease by less than a
-factor of `_CONVERGENCE_RATIO`. In 148 random buildings, with two tolerances each (1 % and 0.1 %),
-no error exceeded the tolerance. With 4/9 throughout, two did: with finer time steps, buildings with
-strength degradation may follow a different path. The larger factor costs 5 to 10 % more time steps
-on average."""
+_SLOW_DECREASE = 4.0 / 3.0
+"""If successive differences decrease by the factor R, the error is at least `_SLOW_DECREASE`
+times the difference over R - 1, the Richardson factor at the observed order."""
 
-_CONVERGENCE_RATIO = 4.0
-"""Ratio of the differences of successive pairs at second-order convergence."""
+_LEAST_DECREASE = 4.0 / 3.0
+"""Minimum value of R. Without a minimum, differences at the level of rounding errors would never be
+accepted."""
+
+_ORDERS = (1.0, 3.0)
+"""Range of the order that predicts the next time step. `impulse4` and other methods of order 4 show
+a lower order with long time steps."""
+
+_LARGEST_JUMP, _LARGEST_JUMP_OF_PAIRS = 3, 2
+"""Maximum number of halvings between two runs, without and with comparison to the previous run."""
 
 _SAME = 1e-9
 """Relative tolerance for comparing numbers of steps."""
@@ -55,15 +64,15 @@ def choose_step(
     duration: float | None = None,
     history: bool = False,
 ) -> Response:
-    """Run the case with the largest time step that meets the tolerance, and estimate the errors of
-    the peaks.
+    """Run the case with a large time step within the tolerance, and estimate the errors of the peaks.
 
     Parameters
     ----------
     tolerance : float
         Maximum relative error of any peak drift.
     dt : float, optional
-        Largest time step to try, s. Default: four sampling intervals of the record.
+        Largest time step to try, s. Default: four sampling intervals of the record, or two for
+        tolerances below 0.3 %.
     duration : float, optional
         Duration of the run, as in `Case.steps`.
     history : bool
@@ -105,8 +114,7 @@ def step_within(
     duration: float | None = None,
     largest: float = math.inf,
 ) -> float:
-    """Return the largest time step of the search, s, that does not exceed `largest` and meets the
-    tolerance.
+    """Return the time step of the search, s, that meets the tolerance and is at most `largest`.
 
     The other parameters and the exceptions are those of `choose_step`.
     """
@@ -116,11 +124,12 @@ def step_within(
 
 @dataclass
 class _Search:
-    """Runs with successively halved time steps.
+    """Runs with time steps that are halved once or several times.
 
     Level 0 has the time step `coarsest.h`, which is 2**power times the sampling interval or the
     requested time step. Each run ends at the requested end time, or less than one time step after
-    it.
+    it. `errors` contains the estimated errors by level, `pairs` the differences of pairs of runs
+    with the numbers of halvings between the two runs.
     """
 
     case: Case
@@ -129,6 +138,8 @@ class _Search:
     power: int
     runs: dict[int, Response | FailedRun] = field(default_factory=dict)
     count: int = 0
+    errors: dict[int, float] = field(default_factory=dict)
+    pairs: list[tuple[float, int]] = field(default_factory=list)
 
     @classmethod
     def of(cls, case: Case, tolerance: float, dt: float | None, duration: float | None) -> _Search:
@@ -140,7 +151,8 @@ class _Search:
         case.prepared.compile([case.method, reference(case).method])
         if dt is not None or case.model.analysis.dt is not None or case.record is None:
             return cls(case, tolerance, requested, 0)
-        return cls(case, tolerance, case.steps(2**_COARSEST * requested.h, duration), _COARSEST)
+        power = _COARSEST if tolerance >= _TIGHT else _COARSEST_TIGHT
+        return cls(case, tolerance, case.steps(2**power * requested.h, duration), power)
 
     def steps(self, level: int) -> Steps:
         """Return the time steps of a level."""
@@ -169,14 +181,21 @@ class _Search:
         )
         first = max(first, 1) if is_reference else first  # a pair needs a coarser run
         last = max(self.power + _MOST_HALVINGS, first)
-        for level in range(first, last + 1):
+        before, level = first - 1, first
+        while True:
             response = (
-                self._with_coarser_run(level) if is_reference else self._with_reference(level)
+                self._with_coarser_run(before, level)
+                if is_reference
+                else self._with_reference(level)
             )
             check = response.check if isinstance(response, Response) else None
             error = check.drift_error if check else None
             if isinstance(response, Response) and error is not None and error <= self.tolerance:
                 return level, response
+            if level == last:
+                break
+            jump = self._halvings(level, error, is_reference)
+            before, level = level, min(level + jump, last)
         # No level meets the tolerance: report the error of the finest run, or why it failed.
         if isinstance(response, FailedRun):
             raise response
@@ -194,21 +213,42 @@ class _Search:
         )
         raise FailedRun(message, NO_STEP, label, response.dt, story=story)
 
-    def _with_coarser_run(self, level: int) -> Response | FailedRun:
-        """Run a level and estimate its errors from the run of the previous level, which has twice
-        the time step."""
-        coarse, response = self.run(level - 1), self.run(level)
+    def _halvings(self, level: int, error: float | None, is_reference: bool) -> int:
+        """Predict the number of halvings from a level to a level that meets the tolerance.
+
+        Parameters
+        ----------
+        level : int
+            Level that does not meet the tolerance.
+        error : float or None
+            Estimated error of this level; None leads to one halving.
+        is_reference : bool
+            True if runs are compared with the previous run. Jumps are then shorter, because the
+            time steps of the two runs should be similar.
+        """
+        if error is None or not math.isfinite(error):
+            return 1
+        least, most = _ORDERS
+        order = min(float(self.case.method.order), most)
+        coarser = max((at for at in self.errors if at < level), default=None)
+        if coarser is not None and self.errors[coarser] > error > 0.0:
+            observed = math.log2(self.errors[coarser] / error) / (level - coarser)
+            order = min(max(observed, least), most)
+        self.errors[level] = error
+        needed = math.ceil(math.log2(error / self.tolerance) / order)
+        return min(max(needed, 1), _LARGEST_JUMP_OF_PAIRS if is_reference else _LARGEST_JUMP)
+
+    def _with_coarser_run(self, before: int, level: int) -> Response | FailedRun:
+        """Run a level and estimate its errors from the run of the level before, which has a longer
+        time step."""
+        coarse, response = self.run(before), self.run(level)
         if isinstance(response, FailedRun) or isinstance(coarse, FailedRun):
             return response
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
             return response  # not comparable: one of the two runs ended early, by collapse
-        coarsest = self.runs.get(level - 2)
-        converging = isinstance(coarsest, Response) and (
-            _difference(coarsest, coarse) > _CONVERGENCE_RATIO * _difference(coarse, response)
-        )
-        errors = story_errors(
-            response, coarse, _CONVERGING_FACTOR if converging else _CAUTIOUS_FACTOR
-        )
+        difference = _difference(response, coarse)
+        errors = story_errors(response, coarse, self._factor(difference, level - before))
+        self.pairs.append((difference, level - before))
         dts = (coarse.dt, response.dt)
         return replace(
             response,
@@ -216,6 +256,26 @@ class _Search:
                 response.stories, errors, time_steps=dts, method=response.method
             ),
         )
+
+    def _factor(self, difference: float, halvings: int) -> float:
+        """Return the error of the finer run of a pair over the difference of the two runs.
+
+        Parameters
+        ----------
+        difference : float
+            Largest relative difference of the peak drifts of the pair.
+        halvings : int
+            Number of halvings between the two time steps.
+        """
+        richardson = 4.0**halvings - 1.0
+        if not self.pairs:
+            return _FIRST_PAIR / richardson
+        earlier, of_earlier = self.pairs[-1]
+        decrease = math.pow(
+            earlier / max(difference, float(np.finfo(float).tiny)), halvings / of_earlier
+        )
+        slow = _SLOW_DECREASE / (max(decrease, _LEAST_DECREASE) - 1.0)
+        return max(_LATER_PAIR / richardson, slow)
 
     def _with_reference(self, level: int) -> Response | FailedRun:
         """Run a level and estimate its errors by a run of the reference method."""
