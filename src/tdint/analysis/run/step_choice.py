@@ -64,7 +64,7 @@ def choose_step(
     duration: float | None = None,
     history: bool = False,
 ) -> Response:
-    """Run the case with a large time step within the tolerance, and estimate the errors of the peaks.
+    """Run the case with a large time step within the tolerance, and estimate the peak errors.
 
     Parameters
     ----------
