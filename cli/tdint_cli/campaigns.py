@@ -20,9 +20,10 @@ from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest, check_map, has_losses
-from tdint_cli.options.grammar import BESIDE, Ratio
+from tdint_cli.options.grammar import BESIDE
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
+from tdint_cli.suite_limits import SuiteLimits, check_limit_options, profile_name, without_limits
 from tdint_cli.terminal import Failures, current, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
@@ -43,29 +44,6 @@ PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """Names of files in the directory of -o."""
 
 
-class _DriftLimit(Ratio):
-    """A drift ratio below 1. An integer is refused with a message for old scripts in which
-    `--limit` of a campaign was the number of runs."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
-            self.fail(
-                f"it is the drift limit, such as 2%; the number of runs is --max-runs {value}",
-                param,
-                ctx,
-            )
-        return super().convert(value, param, ctx)
-
-
-LIMIT = options.analysis.option(
-    type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
-    metavar="2%",
-    help="Drift limit: check that the mean over the ground motions of the maximum drift ratio does "
-    "not exceed it in any story; the figure shows it as a line.",
-)
-"""The option --limit."""
-
-
 PAIR_DEMAND = options.record.option(
     "--pair-demand",
     rare=True,
@@ -74,14 +52,6 @@ PAIR_DEMAND = options.record.option(
     "larger (default) or the mean demand of both, or two separate ground motions.",
 )
 """The option --pair-demand."""
-
-
-REQUIRE = options.analysis.option(
-    is_flag=True,
-    needs="--limit",
-    help="Exit with code 5 if the drift limit is exceeded, a run is missing, or a run collapsed.",
-)
-"""The option --require, which requires --limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +64,7 @@ class SuiteRequest:
     output_units: OutputUnits | None
     plot: str | None
     report: str | None
-    limit: float | None
+    limit: float | str | None
     require: bool
     jobs: int | None
     of_floors: FloorRequest
@@ -210,11 +180,19 @@ class Profiles:
             The peaks of stories are not stored.
         """
         self._need("--plot")
-        limit, title = self.request.limit, self.store.meta("name")
         draw = partial(
-            figures.runs.profile_picture, self.found, self.units, limit=limit, title=title
+            figures.runs.profile_picture,
+            self.found,
+            self.units,
+            limit=self.limits.drift_line,
+            title=self.store.meta("name"),
         )
         return figures.style.picture(file.suffix, draw)
+
+    @cached_property
+    def limits(self) -> SuiteLimits:
+        """Comparison of the demands with the limits."""
+        return SuiteLimits(self.found, self.request.limit)
 
     def _need(self, option: str) -> None:
         if not self.found:
@@ -223,16 +201,11 @@ class Profiles:
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
         """Return the report of the suite with the requested floor spectra. Units and head are
         those of the models if all models agree."""
-        from tdint.output.page import Told
+        from tdint.output.page import Told, page_units
         from tdint.output.report import suite_page
         from tdint.output.summary import files_read
 
-        request, limit = self.request, self.request.limit
-        verdicts = (
-            []
-            if limit is None
-            else [(profile, *_verdict(profile, limit)) for profile in self.found]
-        )
+        request = self.request
         # A collapse is part of the verdict; failed runs are warnings.
         lost = [
             (profile.collapsed, text) for profile in self.found if (text := self._lost(profile))
@@ -243,6 +216,7 @@ class Profiles:
             {profile.page_units for profile in models},
             {profile.page_head for profile in models},
         )
+        shown = request.output_units or (units.pop() if len(units) == 1 else self.units)
         told = Told(
             warnings=[
                 *(str(error) for error in plan.failures),
@@ -252,28 +226,21 @@ class Profiles:
             inputs=files_read(),
             verdict=[
                 *((False, text) for collapsed, text in lost if collapsed),
-                *(
-                    (kept, kept_words(kept) + self._told(profile, text))
-                    for profile, text, kept in verdicts
-                ),
+                *self.limits.page_verdicts(page_units(shown)),
             ],
+            limits=self.limits.table(page_units(shown)),
         )
         ratios = self.ratios(stories=False) if request.baseline is not None else None
-        shown = request.output_units or (units.pop() if len(units) == 1 else self.units)
         return suite_page(
             plan,
             self.store,
             self.found,
             told,
-            limit=limit,
+            limit=self.limits.drift_line,
             ratios=ratios,
             floors=floors,
             units=shown,
         )
-
-    def _told(self, profile: Profile, text: str) -> str:
-        name = _name(profile, self.found)
-        return f"{name}: {text[0].lower()}{text[1:]}" if name else text
 
     def _lost(self, profile: Profile) -> str:
         """Return a sentence about the motions that the means of a building exclude.
@@ -287,7 +254,7 @@ class Profiles:
         left = len(profile.motions)
         others = f"{left} others" if left > 1 else "other"
         means = f"the means are those of the {others}" if left else "there is no mean"
-        name = _name(profile, self.found) or profile.building
+        name = profile_name(profile, self.found) or profile.building
         return f"{name}: of {how_many(profile.runs, 'motion')} {told}; {means}"
 
     def tell(self) -> list[TdintError]:
@@ -301,17 +268,26 @@ class Profiles:
         list of TdintError
             With --require: an error if the limit is exceeded or cannot be checked yet.
         """
-        limit = self.request.limit
+        limit, limited = self.request.limit, self.store.has_limits
+        if self.request.require and limit is None and not limited:
+            raise without_limits()
+        named = (
+            f"the drift limit of {100.0 * limit:g} % is"
+            if isinstance(limit, float)
+            else f"the limits of {limit} are"
+            if limit
+            else "the limits of the models are"
+        )
         # Some of the motions are not sufficient for the check, because the building may exceed the
         # limit or collapse under the other motions.
         if left := unfinished(self.store):
-            if limit is None:
+            if limit is None and not self.request.require:
                 note(
                     f"{left}: what is of all motions (means, pictures, pages) comes with the last "
                     "one"
                 )
                 return []
-            text = f"the drift limit of {100.0 * limit:g} % is not judged: {left}"
+            text = f"{named} not judged: {left}"
             if self.request.require:
                 return [AnalysisError(text)]
             warn(text)
@@ -324,62 +300,24 @@ class Profiles:
             ]
         # In a region, collapses of some buildings are a result, not a warning.
         (warn if more <= 0 else note)(*lost)
-        if limit is None:
+        if limit is None and not limited:
             return []
-        self._need("--limit")
-        beyond = []
-        for profile in self.found:
-            text, within = _verdict(profile, limit)
-            say(self._told(profile, text))
-            beyond += [] if within else [_name(profile, self.found) or profile.building]
+        # Limits of the models are checked if this is possible; a request must be fulfilled.
+        if not self.found and limit is None and not self.request.require:
+            note(f"the limits of the models are not judged: {_NOT_KEPT}")
+            return []
+        self._need("--limit" if limit is not None else "--require")
+        beyond: list[str] = []
+        for profile, met, text in self.limits.verdicts(self.units):
+            say(self.limits.named(profile, text))
+            beyond += [] if met else [profile_name(profile, self.found) or profile.building]
+        beyond = list(dict.fromkeys(beyond))
         # An unreadable record counts against the limit, because its motion was not run.
         for kind, reasons in self.store.unused().items():
             beyond += [f"{how_many(len(reasons), kind)} could not be used"] if reasons else []
         if beyond and self.request.require:
-            return [
-                AnalysisError(
-                    f"the drift limit of {100.0 * limit:g} % is not met: {'; '.join(beyond)}"
-                )
-            ]
+            return [AnalysisError(f"{named} not met: {'; '.join(beyond)}")]
         return []
-
-
-def kept_words(kept: bool) -> str:
-    """Return the first words of the result of the drift check."""
-    return f"Limit {'kept' if kept else 'NOT kept'}. "
-
-
-def _name(profile: Profile, among: list[Profile]) -> str:
-    """Return the building and the level, if they are needed to identify the profile."""
-    parts = [profile.building] if len({other.building for other in among}) > 1 else []
-    levels = {(repr(other.scale), repr(other.level)) for other in among}
-    if len(levels) > 1:
-        parts.append(profile.level_text)
-    return ", ".join(parts)
-
-
-def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
-    """Return a sentence that compares the drifts of a building with a limit, and True if the limit
-    is met."""
-    from tdint.campaign.profiles import check_drift
-
-    check = check_drift(profile, limit)
-    lost = profile.collapsed + profile.failed
-    if check is None:
-        return (
-            f"No motion of {profile.runs} came to its end, limit {100.0 * limit:g} %: beyond",
-            False,
-        )
-    words = "within" if check.within else "beyond"
-    if lost:
-        words += f", for {lost} of {how_many(profile.runs, 'motion')} collapsed or failed"
-    text = (
-        f"Mean drift {100.0 * check.mean:.3g} % (story {check.story}), limit {100.0 * limit:g} %: "
-        f"{words}; largest {100.0 * check.largest:.3g} %."
-    )
-    if profile.pair_demand:
-        text += f" Demand of pairs: {profile.pair_demand}."
-    return text, check.within
 
 
 # ---- Campaigns
@@ -441,10 +379,12 @@ def carry_out(
     from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
 
     report_pairs(plan, request)
+    check_limit_options(request.limit, request.require, plan.models)
     for option, asked in (
         ("--plot", request.plot),
         ("--baseline", request.baseline),
         ("--limit", request.limit),
+        ("--require", request.require or None),
     ):
         if asked is not None and not plan.settings.keeps_stories:
             raise AnalysisError(f"{option}: {_NOT_KEPT}")
@@ -836,6 +776,7 @@ def _write(
         of the time loops.
     """
     from tdint.output.summary import campaign_summary, in_units, json_bytes, merged_inputs
+    from tdint.output.verdicts import LIMIT_MEANINGS
 
     request, store, units = profiles.request, profiles.store, profiles.units
     # Write runs.csv, unless the campaign selects only other tables.
@@ -851,9 +792,10 @@ def _write(
     if settings["profiles"] and is_complete(store):
         files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
     files |= _damage(store, units, request.by)
-    told = campaign_summary(store)
+    told = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
     told["inputs"] = merged_inputs(told["inputs"], read)
-    files[SUMMARY] = json_bytes({**in_units(told, units), **made})
+    keys = {key: unit for key, (unit, _) in LIMIT_MEANINGS.items()}
+    files[SUMMARY] = json_bytes({**in_units(told, units, keys), **made})
     here = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
         store.refuse_foreign(here)

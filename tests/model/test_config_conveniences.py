@@ -205,6 +205,13 @@ def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) ->
     assert line.startswith("mass of a floor 200 kg in story 1, usual: ")
     bare = load("stories: [{mass: 200, stiffness: 4e4}]")
     assert doubts(bare, assemble(bare)) == ()
+    # c = 2 zeta sqrt(k m): 0.02 % warns, 0.51 % does not; without any damping there is no warning.
+    for ratio, count in ((0.0002, 1), (0.0051, 0), (0.0, 0)):
+        dashpot = 2.0 * ratio * math.sqrt(2e5 * 4e7)
+        slight = load(f"stories: [{{mass: 2e5, height: 3, stiffness: 4e7, dashpot: {dashpot!r}}}]")
+        lines = doubts(slight, assemble(slight))
+        assert len(lines) == count
+        assert all("of the first mode 0.0002, usual: 0.005 to 0.2" in line for line in lines)
     for pga in (0.9e-4 * 9.80665, 5.1 * 9.80665):
         (line,) = doubts(usual, assemble(usual), pga)
         assert line.startswith("peak ground acceleration") and "0.0001 g to 5 g" in line

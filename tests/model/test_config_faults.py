@@ -17,7 +17,7 @@ from tdint.model.keys import document as config
 WORDS = {
     "<keys>": (
         "name, units, stories, building, damping, p_delta, excitation, initial, analysis, "
-        "collapse_drift, plausibility, damage, output_units, report"
+        "collapse_drift, plausibility, damage, limits, output_units, report"
     ),
     "<story keys>": "mass, weight, height, stiffness, law, dashpot, isolator, repeat",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",

@@ -16,9 +16,7 @@ from tdint.units import OutputUnits
 from tdint.written_numbers import how_many, parse_head
 from tdint_cli import options
 from tdint_cli.campaigns import (
-    LIMIT,
     PAIR_DEMAND,
-    REQUIRE,
     Profiles,
     SuiteRequest,
     carry_out,
@@ -31,6 +29,7 @@ from tdint_cli.campaigns import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest
 from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
+from tdint_cli.suite_limits import LIMIT, REQUIRE
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:
@@ -132,7 +131,7 @@ class CampaignRequest(SuiteRequest):
     )
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
-    limit: float | None = LIMIT
+    limit: float | str | None = LIMIT
     require: bool = REQUIRE
     pair_demand: str | None = PAIR_DEMAND
     baseline: str | None = options.analysis.option(

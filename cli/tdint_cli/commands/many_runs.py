@@ -23,6 +23,7 @@ from tdint_cli.campaigns import (
 from tdint_cli.commands.run_request import Request
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
+from tdint_cli.suite_limits import check_limit_options
 from tdint_cli.terminal import Failures, note, say
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         carry_out(plan, engine, request, show=True)
         return
     report_pairs(plan, request)
+    check_limit_options(request.limit, request.require, plan.models)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)
     note(*plan.notes)

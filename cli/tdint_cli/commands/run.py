@@ -15,7 +15,6 @@ from tdint.output import figures, tables
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
-from tdint_cli.campaigns import kept_words
 from tdint_cli.commands.run_request import (
     ALL_FILES,
     MODES,
@@ -29,6 +28,7 @@ from tdint_cli.commands.run_request import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
+from tdint_cli.suite_limits import check_limit_options, kept_words
 from tdint_cli.terminal import complain, is_quiet, note, say, warn
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
     from tdint.output.tables.table import Table
+    from tdint.output.verdicts import Verdict
 
 _FIGURE_STEPS = 20_000  # maximum number of time steps in a figure
 _MIN_BYTES = (6.0, 2.0)
@@ -148,6 +149,7 @@ def _run(request: Request) -> None:
         model, output_units=asked or model.output_units, page_units=asked or model.page_units
     )
     request = replace(request, output_units=model.output_units)
+    check_limit_options(request.limit, request.require, [model])
     request.of_floors.chosen_floors(len(model.stories))
     if model.damage:
         from tdint.campaign.fragility.type_states import own_type
@@ -207,57 +209,43 @@ def _run(request: Request) -> None:
         )
         _write(request, {}, content)
         raise
-    judged = _judged(response, request.limit)
+    judged = _judged(response, request.limit, request.units_shown)
     stories = tables.responses.response_table(response).in_units(request.units_shown)
     emit_table(stories)
     _write(request, *_files(request, response, stories, case, inputs, began))
     say(_paragraph(response, request.units_shown))
-    if judged:
-        say(judged[1])
+    say(*(verdict.text for verdict in judged))
     if response.collapse:
         whose = f"{response.model.name}: " * is_quiet()
         complain(whose + _collapsed(response, response.collapse))  # It affects the peaks.
     warn(*(text for text in response.warnings if text not in case.plausibility_warnings))
     _remark(record, response.notes)
-    if judged and request.require and not judged[0]:
-        raise AnalysisError(f"the drift limit is exceeded: {judged[1]}")
+    if request.require and (beyond := [verdict.text for verdict in judged if not verdict.met]):
+        of_option = "the drift limit is exceeded: " * isinstance(request.limit, float)
+        raise AnalysisError(of_option + " ".join(beyond))
 
 
-def _judged(response: Response, limit: float | None) -> tuple[bool, str] | None:
-    """Compare the maximum drift ratio of a run with a limit.
+def _judged(response: Response, limit: float | str | None, units: OutputUnits) -> list[Verdict]:
+    """Compare the demands of a run with the limits.
 
     Parameters
     ----------
     response : Response
         The response of the run.
-    limit : float or None
-        The limit of the drift ratio; None for no limit.
-
-    Returns
-    -------
-    (bool, str) or None
-        True if the limit is met, and a sentence on the result; None without a limit.
+    limit : float, str or None
+        The drift limit or the performance level of the command line; None for all limits of the
+        model.
+    units : OutputUnits
+        The units of the sentences.
 
     Raises
     ------
     UsageError
         The building has no story with a height.
     """
-    from tdint.analysis.run.demands import demands
+    from tdint.output.verdicts import run_verdicts
 
-    if limit is None:
-        return None
-    largest = demands(response.stories).drift_ratio
-    if largest.place is None:
-        raise UsageError(
-            "--limit: a limit of drift ratios requires story heights; add `height` to the stories "
-            "of the model"
-        )
-    kept = bool(largest.value <= limit) and not response.collapse
-    verdict = "met" if kept else "exceeded"
-    verdict += f", status {response.status}" if response.collapse else ""
-    drift = f"{100.0 * largest.value:.3g} % (story {largest.place})"
-    return kept, f"Maximum drift ratio {drift}, limit {100.0 * limit:g} %: {verdict}."
+    return run_verdicts(response.limit_checks(limit), response.status, units)
 
 
 def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
@@ -361,20 +349,29 @@ def _files(
         return files, {}
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, response.record)
-    content = run_summary(response, inputs, wall_time, first=first, settings=request.settings)
+    checks = response.limit_checks(request.limit)
+    content = run_summary(
+        response, inputs, wall_time, first=first, settings=request.settings, limits=checks
+    )
     if request.report:
         from tdint.output.page import Told, page_units
         from tdint.output.report import run_page
+        from tdint.output.verdicts import has_isolator_limit, isolator_sentence, limit_table
 
         model = response.model
         page = page_units(model.page_units)
         # The verdict on the limit; without a limit the maximum demands.
-        verdict: tuple[bool | None, str] = (
-            None,
-            f"Maximum {_largest(model, response.stories, page, page=True)}.",
-        )
-        if judged := _judged(response, request.limit):
-            verdict = (judged[0], kept_words(judged[0]) + judged[1])
+        verdict: list[tuple[bool | None, str]] = [
+            (None, f"Maximum {_largest(model, response.stories, page, page=True)}.")
+        ]
+        if judged := _judged(response, request.limit, page):
+            verdict = [
+                (met, kept_words(met) + text if text.startswith("Maximum") else text)
+                for met, text in judged
+            ]
+            # The displacement of isolators is a result that a drift limit does not cover.
+            isolators = isolator_sentence(response.isolator_check, page, mean=False)
+            verdict += [(None, isolators)] * bool(isolators and not has_isolator_limit(checks))
         # A collapse is the headline of the report, before the limit and the maximum demands.
         collapse: list[tuple[bool | None, str]] = []
         if response.collapse:
@@ -383,12 +380,14 @@ def _files(
         warnings = []
         if response.record is not None:
             warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
+        table = limit_table({"": checks}, page, mean=False) if len(checks) > 1 else None
         told = Told(
             said=_paragraph(response, page, page=True).splitlines(),
-            verdict=[*collapse, verdict],
+            verdict=[*collapse, *verdict],
             warnings=[*warnings, *response.warnings],
             head=model.page_head,
             inputs=merged_inputs(content["inputs"], files_read()),
+            limits=table,
         )
         floors = request.of_floors.of_run(response)
         files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=page)
@@ -529,8 +528,17 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
             else f"{largest.drift_ratio.value:.4g}"
         )
         ratio = f"drift ratio {value} in story {largest.drift_ratio.place}"
-        # A story without a height has no drift ratio: report its drift in addition.
-        worst = ratio if all(story.drift_height for story in model.stories) else f"{ratio}, {worst}"
+        # A story without a height has no drift ratio: report its drift in addition. For a building
+        # with isolators this is their displacement.
+        isolators = [i for i, story in enumerate(model.stories) if story.isolator]
+        if isolators:
+            moved = max(isolators, key=lambda i: stories.peak_drift[i])
+            shown = units.text(float(stories.peak_drift[moved]), "m")
+            worst = f"{ratio}, isolator displacement {shown} in story {moved + 1}"
+        elif all(story.drift_height for story in model.stories):
+            worst = ratio
+        else:
+            worst = f"{ratio}, {worst}"
     roof = units.text(largest.roof_displacement.value, "m")
     springs = units.text(largest.base_shear.value, "N")
     total = f"{units.text(largest.total_base_shear.value, 'N')} with viscous forces"

@@ -11,11 +11,12 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs
 from tdint.units import SI, OutputUnits
 from tdint_cli import options
-from tdint_cli.campaigns import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
+from tdint_cli.campaigns import PAIR_DEMAND, SuiteRequest
 from tdint_cli.options.analysis import BuildingRequest, check_motion
 from tdint_cli.options.grammar import BESIDE, Count, FileName, Mode, Number, Ratio
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
+from tdint_cli.suite_limits import LIMIT, REQUIRE
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
@@ -115,7 +116,7 @@ class Request(BuildingRequest, SuiteRequest):
         "most this fraction of the peak. The search starts at four sampling intervals of the "
         "record, or at --dt, and ends at 1/256 of it.",
     )
-    limit: float | None = LIMIT
+    limit: float | str | None = LIMIT
     require: bool = REQUIRE
     pair_demand: str | None = PAIR_DEMAND
     allow_unstable: bool = options.analysis.option(

@@ -15,6 +15,7 @@ from tdint.analysis.run.batch import Subject
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model, simple_model
 from tdint.model.inventory import InventoryRow, InventoryRows, Made, derive_row
+from tdint.model.limits import Limit
 from tdint.units import SI, OutputUnits
 
 
@@ -118,6 +119,7 @@ def digest_of(model: Model, method: str) -> str:
         "varied_parameters",
         "label",
         "damage",
+        "limits",
     ):
         del content[name]
     del content["excitation"]["record"]
@@ -247,3 +249,52 @@ def digests_of(buildings: Buildings) -> list[str]:
         hashlib.sha256(repr(buildings.rules).encode()).hexdigest(),
         buildings.rows.digest(carried=False),
     ]
+
+
+# ---- Limits of the buildings, as the store of a campaign contains them
+
+
+@dataclass(frozen=True)
+class BuildingLimits:
+    """Limits of a building, and its isolators.
+
+    Attributes
+    ----------
+    limits : tuple of Limit
+        Limits of its model.
+    isolators : tuple of int
+        Stories with isolators, from 1.
+    """
+
+    limits: tuple[Limit, ...] = ()
+    isolators: tuple[int, ...] = ()
+
+
+NO_LIMITS = BuildingLimits()
+
+
+def limits_text(buildings: Buildings) -> str:
+    """Return the limits and isolators of all buildings as JSON; empty without limits and isolators.
+
+    Variations of one model share their limits.
+    """
+    numbers: dict[str, int] = {}
+    of_building = []
+    for building in buildings:
+        model = building.subject().model
+        isolators = [i for i, story in enumerate(model.stories, start=1) if story.isolator]
+        text = json.dumps([[limit.as_json() for limit in model.limits], isolators])
+        of_building.append(numbers.setdefault(text, len(numbers)))
+    if not numbers or list(numbers) == [json.dumps([[], []])]:
+        return ""
+    return json.dumps({"sets": [json.loads(text) for text in numbers], "of": of_building})
+
+
+def limits_of_text(text: str) -> list[BuildingLimits]:
+    """Return the limits of each building from the text of `limits_text`."""
+    stored = json.loads(text or '{"sets": [], "of": []}')
+    sets = [
+        BuildingLimits(tuple(map(Limit.of_json, limits)), tuple(isolators))
+        for limits, isolators in stored["sets"]
+    ]
+    return [sets[number] for number in stored["of"]]

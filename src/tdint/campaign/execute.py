@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tdint.analysis.run.workspace import kernels
 from tdint.campaign import store_schema as schema
@@ -29,6 +29,9 @@ from tdint.kernels.time_loop.loop import integrate_many
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, told_progress
 from tdint.written_numbers import how_many, warned_first
+
+if TYPE_CHECKING:
+    from tdint.model.limits import LimitCheck
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
 """Function that runs chunks: threads of this process, or workers of a cluster."""
@@ -234,6 +237,36 @@ class CampaignRuns(Tabular):
         # A database in memory has no write-ahead log: bytes 18 and 19 of SQLite's format state 1.
         connection.deserialize(self._content[:18] + b"\1\1" + self._content[20:])
         return Store(connection, self.name)
+
+    def limit_checks(
+        self, limit: float | str | None = None
+    ) -> dict[tuple[str, str], tuple[LimitCheck, ...]]:
+        """Compare the mean demands over the ground motions with limits.
+
+        Parameters
+        ----------
+        limit : float or str, optional
+            Drift limit that is used instead of the limits of the models, or the name of a
+            performance level of the models. By default, all limits of the models.
+
+        Returns
+        -------
+        dict of tuple of str to tuple of LimitCheck
+            Comparisons by the name of the building and the text of the intensity level; without
+            completed runs, or without stored peaks of stories, there are no comparisons.
+
+        Raises
+        ------
+        UsageError
+            A building has no story with a height, or no such performance level.
+        """
+        from tdint.campaign.profiles import profiles
+
+        with self.store as store:
+            return {
+                (profile.building, profile.level_text): profile.limit_checks(limit)
+                for profile in profiles(store)
+            }
 
     def _headline(self) -> str:
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())

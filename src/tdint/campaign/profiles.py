@@ -12,9 +12,8 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +31,7 @@ from tdint.campaign.store import Store
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import motion_names
 from tdint.model.damage_states import DONE, FALLEN
+from tdint.model.limits import Limit, LimitCheck, check_limits, chosen_limits, isolator_limits
 from tdint.system import on_threads
 from tdint.units import Quantity
 from tdint.written_numbers import first_few
@@ -156,6 +156,10 @@ class Profile(SuiteLevel):
         Maximum absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
     peak_errors : mapping of str to ndarray, shape (motions, n)
         Their estimated errors, NaN if missing; empty if not requested.
+    limits : tuple of Limit
+        Limits of the model of the building.
+    isolators : tuple of int
+        Stories with isolators, from 1.
     """
 
     building: str
@@ -163,6 +167,46 @@ class Profile(SuiteLevel):
     height: Array
     peaks: Mapping[str, Array]
     peak_errors: Mapping[str, Array]
+    limits: tuple[Limit, ...] = ()
+    isolators: tuple[int, ...] = ()
+
+    def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
+        """Compare the mean demands over the motions with limits.
+
+        The mean is computed in each story, and the comparison uses the story with the maximum
+        ratio of mean demand to limit, as in design codes. A building that collapsed or failed under
+        a motion does not meet any limit.
+
+        Parameters
+        ----------
+        limit : float or str, optional
+            Drift limit that is used instead of the limits of the model, or the name of a
+            performance level of the model. By default, all limits of the model.
+
+        Returns
+        -------
+        tuple of LimitCheck
+            One comparison for each limit; empty if no run is completed.
+
+        Raises
+        ------
+        UsageError
+            No story has a height, or the model does not have the performance level.
+        """
+        if not self.motions:
+            return ()
+        ratios = self.peaks[DRIFT_RATIO]
+        limits = chosen_limits(self.limits, limit, ratios, self.building)
+        checks = check_limits(limits, self.peaks, self.height, self.motions)
+        if self.collapsed or self.failed:
+            return tuple(replace(check, within=False) for check in checks)
+        return checks
+
+    @property
+    def isolator_check(self) -> LimitCheck | None:
+        """Displacement of the isolators with an infinite limit; None without isolators."""
+        limits = isolator_limits(self.isolators, len(self.height))
+        return next(iter(check_limits(limits, self.peaks, self.height, self.motions)), None)
 
     def statistics(self, quantity: Quantity) -> Statistics:
         """Return the statistics of a quantity in each story."""
@@ -272,55 +316,6 @@ def _over(compared_values: Array, base_values: Array) -> Array:
     return np.asarray(np.divide(over, under, out=np.full(over.size, math.nan), where=positive))
 
 
-class DriftCheck(NamedTuple):
-    """Comparison of the mean drift ratios of a building with a limit.
-
-    `mean` and `story` (from 1) are those of the story with the maximum mean; `largest` is the
-    maximum of all motions and stories. `within` is True if this mean does not exceed the limit and
-    all runs are completed without collapse.
-    """
-
-    mean: float
-    story: int
-    largest: float
-    within: bool
-
-
-def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
-    """Compare mean drift ratios with a limit; return None if no run is completed.
-
-    Parameters
-    ----------
-    profile : Profile
-        Peaks of the building.
-    limit : float
-        Maximum mean drift ratio.
-
-    Raises
-    ------
-    UsageError
-        The building has no story with a height.
-    """
-    if not profile.motions:
-        return None
-    ratios = profile.peaks[DRIFT_RATIO]
-    if np.isnan(ratios).all():
-        raise UsageError(
-            f"{profile.building}: a limit of drift ratios requires story heights; add them to the "
-            "model"
-        )
-    # Use the maximum of the story means, as in design codes, not the mean of the maxima.
-    mean = np.mean(ratios, axis=0)
-    worst = int(np.nanargmax(mean))
-    stood = not (profile.collapsed or profile.failed)
-    return DriftCheck(
-        float(mean[worst]),
-        worst + 1,
-        float(np.nanmax(ratios)),
-        stood and bool(mean[worst] <= limit),
-    )
-
-
 def profiles(store: Store) -> Iterator[Profile]:
     """Yield the profiles of each building and level in order. Only one building is in memory at a
     time. Nothing is yielded if the store contains no stories."""
@@ -358,6 +353,8 @@ def profiles(store: Store) -> Iterator[Profile]:
                 height=height,
                 peaks=peaks,
                 peak_errors=errors,
+                limits=store.limits(number).limits,
+                isolators=store.limits(number).isolators,
             )
 
 

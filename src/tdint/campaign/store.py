@@ -15,9 +15,13 @@ from tdint.arrays import cached_property
 from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import Done, RunRow
 from tdint.campaign.buildings import (
+    NO_LIMITS,
+    BuildingLimits,
     Buildings,
     RowBuildings,
     digests_of,
+    limits_of_text,
+    limits_text,
     model_files,
     output_units,
     plugin_files,
@@ -473,7 +477,7 @@ class Store:
 
     def tell(self, identity: Identity) -> None:
         """Store metadata that the results of runs do not depend on: unused inputs, output units,
-        damage states, style of figures, files of models, and columns of an inventory."""
+        damage states, limits, style of figures, files of models, and columns of an inventory."""
         buildings, every = identity.buildings, len(identity.buildings)
         rows = buildings.rows if isinstance(buildings, RowBuildings) else None
         columns, carried = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
@@ -486,6 +490,7 @@ class Store:
             "rates": json.dumps(dict(identity.rates)),
             "style": json.dumps(identity.style),
             "pair_demand": identity.pair_demand or LARGER,
+            "limits": "" if carried else limits_text(buildings),
             "periods": json.dumps(
                 [] if carried else [building.subject().period for building in buildings]
             ),
@@ -599,6 +604,20 @@ class Store:
         query = "SELECT period_s FROM building_types WHERE building = ?"
         row = self.connection.execute(query, (building,)).fetchone()
         return row and float(row[0])
+
+    def limits(self, building: int) -> BuildingLimits:
+        """Return the limits and the isolators of a building; empty for an inventory."""
+        stored = self._limits
+        return stored[building] if building < len(stored) else NO_LIMITS
+
+    @property
+    def has_limits(self) -> bool:
+        """True if the model of a building has limits."""
+        return any(of_building.limits for of_building in self._limits)
+
+    @cached_property
+    def _limits(self) -> list[BuildingLimits]:
+        return limits_of_text(self._meta_or_none("limits") or "")
 
     def damage(self) -> str:
         """Return the text of `tdint.campaign.fragility.type_states.Damage.description`; empty

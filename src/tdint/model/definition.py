@@ -19,6 +19,7 @@ from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.damage_states import DamageStates
+from tdint.model.limits import Limit
 from tdint.model.plugins import (
     Origin,
     check_name,
@@ -414,6 +415,8 @@ class Model:
     plausibility_off : str
         Reason for disabled plausibility checks (`plausibility: off, ...`); empty if the checks are
         enabled.
+    limits : tuple of Limit
+        Limits of demands, in the order of the file.
     """
 
     name: str
@@ -433,6 +436,7 @@ class Model:
     label: str = ""
     damage: DamageStates | None = None
     plausibility_off: str = ""
+    limits: tuple[Limit, ...] = ()
 
     def replace(self, **changes: float | str) -> Model:
         """Return the building with changed parameters: `model.replace(damping=0.02)`.

@@ -71,11 +71,16 @@ PERIOD = Usual(
 )
 DAMPING = Usual(
     "damping ratio of the first mode",
-    0.0,
+    0.005,
     0.20,
     "{:.3g}",
-    "buildings have 0.01 to 0.07, with dampers up to 0.2: a percentage is written 5% or 0.05",
+    "buildings have 0.01 to 0.07, with dampers up to 0.2: a percentage is written 5% or 0.05; does "
+    "the damping include the mode of the isolators?",
 )
+"""The lower bound is the smallest ratio that is measured in buildings, steel towers in weak wind.
+It detects damping that does not reach the first mode, such as a percentage of a percentage, or
+dashpots of the superstructure only under a building on isolators."""
+
 HEIGHT = Usual(
     "story height",
     1.5,
@@ -149,7 +154,14 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     if model.plausibility_off:
         return [*doubt_of_peak(pga)]
     omega, damping = building.first_mode()
-    judged = ((PERIOD, 2.0 * math.pi / omega), (DAMPING, damping), (COLLAPSE, model.collapse_drift))
+    # A model without any damping is a choice: textbook examples and free vibration are undamped. A
+    # small ratio is damping that does not reach the first mode.
+    judged_damping = damping if damping > 0.0 else math.nan
+    judged = (
+        (PERIOD, 2.0 * math.pi / omega),
+        (DAMPING, judged_damping),
+        (COLLAPSE, model.collapse_drift),
+    )
     warnings = [
         bound.warning(bound.text(value)) for bound, value in judged if not bound.holds(value)
     ]

@@ -104,6 +104,8 @@ class Told:
         Names and texts of the first lines: project, author, date.
     inputs : sequence of mapping
         Input files with their SHA-256.
+    limits : Table or None
+        Comparisons of the demands with several limits; None if the verdict contains everything.
     """
 
     said: Sequence[str] = ()
@@ -111,6 +113,7 @@ class Told:
     head: Sequence[tuple[str, str]] = ()
     inputs: Sequence[Mapping[str, Any]] = ()
     verdict: Sequence[tuple[bool | None, str]] = ()
+    limits: Table | None = None
 
 
 def page_units(units: OutputUnits) -> OutputUnits:

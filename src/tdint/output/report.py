@@ -169,7 +169,11 @@ _ERRORS = (
 
 
 def run_page(
-    response: Response, told: Told, *, floors: Sequence[FloorSpectrum] = (), units: OutputUnits = SI
+    response: Response,
+    told: Told,
+    *,
+    floors: Sequence[FloorSpectrum] = (),
+    units: OutputUnits = SI,
 ) -> bytes:
     """Return the report of a run.
 
@@ -206,6 +210,7 @@ def run_page(
     )
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
+        Chapter("Limits", (told.limits,) if told.limits else ()),
         Chapter(
             "Peaks of the stories",
             (table.chosen(["story", *names]), *_errors_of_run(response, table, names)),
@@ -326,10 +331,10 @@ def suite_page(
     content, units = campaign_summary(store), page_units(units)
     runs = content["runs"]
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
-    limits = "" if limit is None else f", limit {100.0 * limit:g} %"
+    line = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile = Picture(
         lambda: figures.runs.profile_picture(profiles, units, limit=limit, title=plan.name),
-        f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{limits}",
+        f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{line}",
     )
     spectra = Picture(
         lambda: figures.runs.floor_suite_picture(floors, units), "Floor spectra: mean, envelope"
@@ -359,6 +364,7 @@ def suite_page(
     warned = [text.partition(": ")[2] for text in of_records]
     chapters = [
         Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
+        Chapter("Limits", (told.limits,) if told.limits else ()),
         Chapter("Ratios to the baseline", (_compared(ratios),) if ratios else ()),
         *(_over_motions(item, units) for item in profiles),
         _one_by_one(store),

@@ -13,6 +13,7 @@ from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
+from tdint.output.verdicts import LIMIT_MEANINGS, limits_summary
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
         StoryPeaks,
     )
     from tdint.analysis.spectra.elastic import FirstMode
+    from tdint.model.limits import LimitCheck
 
 
 MEANINGS = {
@@ -108,6 +110,7 @@ MEANINGS |= {
     f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}")
     for one in DEMANDS
 }
+MEANINGS |= LIMIT_MEANINGS
 """Unit and meaning of the number of each key."""
 
 UNITS = {key: unit for key, (unit, _) in MEANINGS.items()}
@@ -120,6 +123,7 @@ def run_summary(
     *,
     first: FirstMode | None = None,
     settings: Mapping[str, Any] | None = None,
+    limits: Sequence[LimitCheck] = (),
 ) -> dict[str, Any]:
     """Return the content of summary.json for a completed run.
 
@@ -135,6 +139,8 @@ def run_summary(
         First mode of the building.
     settings : mapping, optional
         Options of the command line that are not part of the model.
+    limits : sequence of LimitCheck
+        Comparisons with the limits of the model or of the command line.
     """
     energy = response.energy
     # The story with the largest residual oscillation.
@@ -171,6 +177,7 @@ def run_summary(
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
         **_damage(response),
+        **({"limits": limits_summary(limits, mean=False)} if limits else {}),
     }
     return _ended(content, response.record, settings, (*response.warnings, *response.notes), inputs)
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
+from tdint.model.limits import LimitCheck, check_limits, chosen_limits, isolator_limits
 from tdint.tabular import Tabular
 from tdint.units import Quantity, quantities
 from tdint.written_numbers import how_many, warned_first
@@ -536,6 +537,45 @@ class Response(Tabular):
     warnings: tuple[str, ...] = ()
     events: tuple[Shock, ...] = ()
     gradient: Gradient | None = None
+
+    def limit_checks(self, limit: float | str | None = None) -> tuple[LimitCheck, ...]:
+        """Compare the demands with limits.
+
+        A building that collapsed does not meet any limit, regardless of the demands.
+
+        Parameters
+        ----------
+        limit : float or str, optional
+            Drift limit that is used instead of the limits of the model, or the name of a
+            performance level of the model. By default, all limits of the model.
+
+        Returns
+        -------
+        tuple of LimitCheck
+            One comparison for each limit.
+
+        Raises
+        ------
+        UsageError
+            No story has a height, or the model does not have the performance level.
+        """
+        stories = self.stories
+        ratios = stories.peak_drift_ratio
+        peaks = {quantity.name: getattr(stories, quantity.name)[np.newaxis] for quantity in STORY}
+        name = self.record.name if self.record else ""
+        limits = chosen_limits(self.model.limits, limit, ratios, self.model.name)
+        checks = check_limits(limits, peaks, stories.height, [name])
+        if self.collapse:
+            return tuple(replace(check, within=False) for check in checks)
+        return checks
+
+    @property
+    def isolator_check(self) -> LimitCheck | None:
+        """Displacement of the isolators with an infinite limit; None without isolators."""
+        isolators = [i for i, story in enumerate(self.model.stories, start=1) if story.isolator]
+        peaks = {"peak_drift": self.stories.peak_drift[np.newaxis]}
+        limits = isolator_limits(isolators, len(self.model.stories))
+        return next(iter(check_limits(limits, peaks, self.stories.height, [""])), None)
 
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))

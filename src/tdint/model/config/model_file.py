@@ -31,6 +31,7 @@ from tdint.ground_motion.choice import (
     parse_pad,
     parse_trim,
 )
+from tdint.model.config.limits import LIMITS, read_limits
 from tdint.model.config.sections import (
     DAMAGE,
     DAMPING,
@@ -297,6 +298,7 @@ _MODEL = Keys(
             "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
         ),
         Key("damage", DAMAGE, "damage states of the building"),
+        Key("limits", LIMITS, "limits of demands, which runs are compared with"),
         Key(
             "output_units",
             Either((Words(), EntriesOf(Words(), least=1))),
@@ -428,6 +430,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         page_units=page_units,
         page_head=section.read("report") or (),
         damage=read_damage(section.get("damage")),
+        limits=read_limits(section.get("limits"), unit, stories),
         plausibility_off=section.read("plausibility") or "",
     )
     # A stream can be read once.

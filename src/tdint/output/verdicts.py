@@ -1,0 +1,311 @@
+"""Results of the comparison with limits: sentences, the table of a report and entries of
+summary.json."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from tdint.model.limits import DRIFT_RATIO, ISOLATOR, QUANTITIES, LimitCheck, by_level
+from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.units import OutputUnits, suffix
+from tdint.written_numbers import DIGITS, how_many, number_text
+
+
+class Verdict(NamedTuple):
+    """Result for one performance level: True if all its limits are met, and a sentence."""
+
+    met: bool
+    text: str
+
+
+def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) -> list[Verdict]:
+    """Return the results of a run for each performance level.
+
+    Parameters
+    ----------
+    checks : sequence of LimitCheck
+        Comparisons of the run.
+    status : str
+        Status of the run; a collapsed building does not meet any limit.
+    units : OutputUnits
+        Units of the sentences.
+    """
+    verdicts = []
+    fallen = "" if status == "done" else f", status {status}"
+    for level, of_level in by_level(checks).items():
+        met = all(check.within for check in of_level)
+        first = of_level[0]
+        if _is_drift_alone(of_level):
+            text = (
+                f"Maximum drift ratio {_demand(first, units, 3)} (story {first.story}), "
+                f"limit {_limit(first, units)}: {'met' if met else 'exceeded'}{fallen}."
+            )
+        else:
+            text = _sentence(level, of_level, units, met=met, lost=fallen, mean=False)
+        verdicts.append(Verdict(met, text))
+    return verdicts
+
+
+class LostMotions(NamedTuple):
+    """Number of motions of a suite with collapse or without a result, and of all motions."""
+
+    lost: int
+    motions: int
+
+    @property
+    def text(self) -> str:
+        """Addition to the result; empty if all runs are completed without collapse."""
+        if not self.lost:
+            return ""
+        return f", for {self.lost} of {how_many(self.motions, 'motion')} collapsed or failed"
+
+
+def suite_verdicts(
+    checks: Sequence[LimitCheck], lost: LostMotions, pair_demand: str, units: OutputUnits
+) -> list[Verdict]:
+    """Return the results of a suite for each performance level, at one intensity level.
+
+    Parameters
+    ----------
+    checks : sequence of LimitCheck
+        Comparisons of the mean demands.
+    lost : LostMotions
+        Number of motions that the means exclude.
+    pair_demand : str
+        Rule that combines the components of pairs; empty without pairs.
+    units : OutputUnits
+        Units of the sentences.
+    """
+    verdicts = []
+    pairs = f" Demand of pairs: {pair_demand}." if pair_demand else ""
+    for level, of_level in by_level(checks).items():
+        met = all(check.within for check in of_level)
+        first = of_level[0]
+        if _is_drift_alone(of_level):
+            text = (
+                f"Mean drift {_demand(first, units, 3)} (story {first.story}), limit "
+                f"{_limit(first, units)}: {'within' if met else 'beyond'}{lost.text}; "
+                f"{_largest(first, units)}."
+            )
+        else:
+            text = _sentence(level, of_level, units, met=met, lost=lost.text, mean=True)
+        verdicts.append(Verdict(met, text + pairs))
+    return verdicts
+
+
+def _is_drift_alone(checks: Sequence[LimitCheck]) -> bool:
+    """Return True for a single drift limit without a performance level, such as of `--limit`."""
+    return len(checks) == 1 and checks[0].quantity == DRIFT_RATIO and not checks[0].level
+
+
+def _sentence(
+    level: str,
+    checks: Sequence[LimitCheck],
+    units: OutputUnits,
+    *,
+    met: bool,
+    lost: str,
+    mean: bool,
+) -> str:
+    """Return the result for several quantities, the governing quantity first.
+
+    Parameters
+    ----------
+    level : str
+        Performance level; empty for limits without a level.
+    checks : sequence of LimitCheck
+        Comparisons, the governing comparison first.
+    units : OutputUnits
+        Units of the values.
+    met : bool
+        True if all limits are met.
+    lost : str
+        Addition about collapsed or failed runs; may be empty.
+    mean : bool
+        True for the mean demands of a suite.
+    """
+    parts = []
+    for i, check in enumerate(checks):
+        quantity = QUANTITIES[check.quantity]
+        largest = f", {_largest(check, units)}" if mean and i == 0 else ""
+        governs = " governs:" if i == 0 and len(checks) > 1 else ","
+        parts.append(
+            f"{'mean ' * mean}{quantity.text} {_demand(check, units)} "
+            f"({quantity.place} {check.story}){governs} "
+            f"{number_text(check.ratio, unlike=1.0)} times the limit of {_limit(check, units)}"
+            f"{largest}"
+        )
+    of_level = f" of {level}" if level else ""
+    return f"Limits{of_level} {'met' if met else 'exceeded'}{lost}: {'; '.join(parts)}."
+
+
+def _largest(check: LimitCheck, units: OutputUnits) -> str:
+    """Return the maximum demand of all motions with its story and motion."""
+    place = QUANTITIES[check.quantity].place
+    value = _text(check, check.largest, units, 3)
+    return f"largest {value} ({place} {check.largest_story}, {check.motion})"
+
+
+def _demand(check: LimitCheck, units: OutputUnits, digits: int = DIGITS) -> str:
+    """Return the demand with its unit; ratios in percent.
+
+    A demand that exceeds its limit is written with enough digits to differ from the limit.
+    """
+    unlike = check.limit if check.demand > check.limit else None
+    return _text(check, check.demand, units, digits, unlike)
+
+
+def _text(
+    check: LimitCheck,
+    value: float,
+    units: OutputUnits,
+    digits: int = DIGITS,
+    unlike: float | None = None,
+) -> str:
+    """Return a number with the unit of the limited quantity; ratios in percent.
+
+    Parameters
+    ----------
+    check : LimitCheck
+        Comparison with the quantity of the number.
+    value : float
+        Number, SI units.
+    units : OutputUnits
+        Units of the text.
+    digits : int
+        Number of significant digits.
+    unlike : float, optional
+        Number from which the text must differ, SI units.
+    """
+    unit = QUANTITIES[check.quantity].unit
+    factor, name = (0.01, "%") if unit == "1" else (units.unit(unit)[1], units.unit(unit)[0])
+    other = None if unlike is None else unlike / factor
+    return f"{number_text(value / factor, digits, unlike=other)} {name}"
+
+
+def _limit(check: LimitCheck, units: OutputUnits) -> str:
+    """Return a limit with its unit; ratios in percent."""
+    unit = QUANTITIES[check.quantity].unit
+    if unit == "1":
+        return f"{100.0 * check.limit:g} %"
+    return f"{units.of(check.limit, unit):g} {units.unit(unit)[0]}"
+
+
+def isolator_sentence(check: LimitCheck | None, units: OutputUnits, *, mean: bool) -> str:
+    """Return a sentence on the isolator displacement; empty without isolators.
+
+    Parameters
+    ----------
+    check : LimitCheck or None
+        Displacement of the isolators, as `isolator_check` of a run or a suite.
+    units : OutputUnits
+        Units of the sentence.
+    mean : bool
+        True for a suite, with its mean and its maximum.
+    """
+    if check is None:
+        return ""
+    value = _demand(check, units)
+    if mean:
+        return (
+            f"Mean isolator displacement {value} (story {check.story}), {_largest(check, units)}."
+        )
+    return f"Isolator displacement {value} (story {check.story})."
+
+
+def has_isolator_limit(checks: Iterable[LimitCheck]) -> bool:
+    """Return True if a limit applies to the isolator displacement."""
+    return any(check.quantity == ISOLATOR for check in checks)
+
+
+def limit_table(
+    checks_by_name: Mapping[str, Sequence[LimitCheck]], units: OutputUnits, *, mean: bool
+) -> Table:
+    """Return the comparisons as a table of a report, the governing comparisons first.
+
+    Parameters
+    ----------
+    checks_by_name : mapping
+        Comparisons by the name of the building and the intensity level; the name is empty if there
+        is one building at one level.
+    units : OutputUnits
+        Units of demands and limits.
+    mean : bool
+        True for a suite, with the columns of the maximum and its motion.
+    """
+    rows: list[tuple[Cell, ...]] = []
+    named = any(checks_by_name)
+    for name, checks in checks_by_name.items():
+        for level, of_level in by_level(checks).items():
+            for check in of_level:
+                quantity = QUANTITIES[check.quantity]
+                row = [name] if named else []
+                row += [
+                    level or "-",
+                    quantity.text,
+                    f"{quantity.place} {check.story}",
+                    _demand(check, units),
+                    _limit(check, units),
+                    f"{number_text(check.ratio, unlike=1.0)}",
+                    "met" if check.within else "exceeded",
+                ]
+                if mean:
+                    row += [_text(check, check.largest, units), check.motion]
+                rows.append(tuple(row))
+    columns = ["building"] if named else []
+    columns += ["level", "quantity", "place", "mean demand" if mean else "demand", "limit"]
+    columns += ["demand/limit", "result"]
+    if mean:
+        columns += ["largest", "motion"]
+    meanings = {name: {"meaning": "", "unit": TEXT} for name in columns}
+    return Table(tuple(columns), rows, meanings)
+
+
+LIMIT_MEANINGS = {
+    f"{name}{part}{suffix(quantity.unit)}": (quantity.unit, f"{text} {quantity.text}")
+    for name, quantity in QUANTITIES.items()
+    for part, text in (
+        ("", "demand with the largest ratio to its limit:"),
+        ("_limit", "limit of the"),
+        ("_largest", "maximum of all motions:"),
+    )
+} | {
+    "limit_story": ("1", "story or floor with the largest ratio of demand to limit"),
+    "limit_ratio": ("1", "demand divided by limit"),
+    "largest_story": ("1", "story or floor of the maximum of all motions"),
+}
+"""Unit and meaning of the numbers in `limits_summary`."""
+
+
+def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str, Any]]:
+    """Return the comparisons for summary.json in SI units.
+
+    Parameters
+    ----------
+    checks : iterable of LimitCheck
+        Comparisons.
+    mean : bool
+        True for the mean demands of a suite, with the maximum and its motion.
+    """
+    entries = []
+    for check in checks:
+        unit = suffix(QUANTITIES[check.quantity].unit)
+        entry = {
+            **({"level": check.level} if check.level else {}),
+            "quantity": check.quantity,
+            "met": check.within,
+            f"{check.quantity}{unit}": check.demand,
+            f"{check.quantity}_limit{unit}": check.limit,
+            "limit_story": check.story,
+            "limit_ratio": None if math.isnan(check.ratio) else check.ratio,
+        }
+        if mean:
+            entry |= {
+                f"{check.quantity}_largest{unit}": check.largest,
+                "largest_story": check.largest_story,
+                "motion": check.motion,
+            }
+        entries.append(entry)
+    return entries

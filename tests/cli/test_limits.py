@@ -1,0 +1,135 @@
+"""Limits of models on the command line: one comparison for runs, suites, campaigns and reports."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from cli.conftest import Command
+from csv_rows import rows
+
+MODEL = """name: isolated
+units: {length: m, force: kN, mass: t}
+stories:
+  - {mass: 300, stiffness: 1e4, law: {type: bilinear, yield_force: 300, hardening: 0.1},
+     dashpot: 400, isolator: true}
+  - {repeat: 2, mass: 300, height: 3.5, stiffness: 1e6, dashpot: 2435}
+"""
+MOTIONS = ("motion.mseed", "other.mseed")
+UNITS = ("--units", "m/s^2", "--component", "HNE")
+
+
+@pytest.fixture
+def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make_record) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name, peak in zip(MOTIONS, (3.0, 4.5), strict=True):
+        make_record(tmp_path / name, "HNE", peak=peak)
+    return tmp_path
+
+
+def write(limits: str) -> None:
+    Path("model.yaml").write_text(MODEL + f"limits: {limits}\n")
+
+
+def test_one_motion_alone_and_in_a_suite_give_the_same_result(study: Path, tdint: Command) -> None:
+    """`run` of one record compares its peaks, `run` of two records the means; both equal the values
+    of the tables, and --require ends with code 5 exactly if a value exceeds its limit."""
+    write("{isolator_displacement: 0.5}")
+    peaks = {
+        name: rows(tdint("run", "model.yaml", name, *UNITS, code=0).stdout) for name in MOTIONS
+    }
+    moved = [float(peaks[name][0]["peak_drift_m"]) for name in MOTIONS]
+    mean = sum(moved) / 2
+    top = MOTIONS[moved.index(max(moved))]
+    for suite, demand in ((MOTIONS[:1], moved[0]), (MOTIONS, mean)):
+        for factor, code in ((1.001, 0), (0.999, 5)):
+            write(f"{{isolator_displacement: {factor * demand!r}}}")
+            run = ("run", "model.yaml", *suite, *UNITS, "--overwrite", "-o", "out")
+            result = tdint(*run, "--require", code=code)
+            line = next(x for x in result.stderr.splitlines() if x.startswith("Limits "))
+            assert line.startswith("Limits met: " if code == 0 else "Limits exceeded: ")
+            assert "isolator displacement" in line and "(story 1)" in line
+            (entry,) = json.loads(Path("out/summary.json").read_text())["limits"]
+            assert entry["isolator_displacement_m"] == pytest.approx(demand, rel=1e-11)
+            assert entry["met"] is (code == 0)
+            assert entry["limit_ratio"] == pytest.approx(1.0 / factor, rel=1e-9)
+            if len(suite) > 1:
+                assert f"(story 1, {top})" in line and entry["motion"] == top
+
+
+def test_the_governing_quantity_comes_first_in_terminal_report_and_table(
+    study: Path, tdint: Command
+) -> None:
+    write("{drift_ratio: 90%, isolator_displacement: 1 mm, floor_acceleration: 100 g}")
+    run = ("run", "model.yaml", MOTIONS[0], *UNITS, "--report", "page.html")
+    line = next(x for x in tdint(*run, code=0).stderr.splitlines() if x.startswith("Limits "))
+    assert line.startswith("Limits exceeded: isolator displacement ") and " governs: " in line
+    body = Path("page.html").read_text().partition("<body>")[2]
+    (verdict,) = re.findall(r'<p class="v broken">(.*?)</p>', body)
+    assert verdict.startswith("Limits exceeded: isolator displacement ")
+    assert "<h2>Limits</h2>" in body or re.search(r"<h2[^>]*>Limits</h2>", body)
+    table = body[body.index(">Limits</h2>") :].partition("</table>")[0]
+    assert re.findall(r">(met|exceeded)<", table) == ["exceeded", "met", "met"]
+
+
+def test_a_level_is_selected_by_its_name(study: Path, tdint: Command) -> None:
+    write("{levels: {service: {isolator_displacement: 1 mm}, safety: {isolator_displacement: 9}}}")
+    run = ("run", "model.yaml", MOTIONS[0], *UNITS, "--require")
+    result = tdint(*run, code=5)
+    assert "Limits of service exceeded: " in result.stderr
+    assert "Limits of safety met: " in result.stderr
+    assert "Limits of service" not in tdint(*run, "--limit", "safety", code=0).stderr
+    assert "did you mean 'safety'" in tdint(*run, "--limit", "safty", code=2).stderr
+    assert "limit 5 %: met" in tdint(*run, "--limit", "5%", code=0).stderr
+
+
+def test_a_campaign_and_its_export_check_the_limits(study: Path, tdint: Command) -> None:
+    write("{isolator_displacement: 1 mm}")
+    Path("study.yaml").write_text(
+        "buildings: {models: [model.yaml]}\nrecords: {files: [motion.mseed, other.mseed], units: "
+        "m/s^2, component: HNE}\nintensity: {scales: [1]}\n"
+    )
+    asked = ("--require", "--report", "page.html")
+    result = tdint("campaign", "study.yaml", "-o", "out", *asked, code=5)
+    assert "Limits exceeded: mean isolator displacement" in result.stderr
+    assert "the limits of the models are not met: isolated" in result.stderr
+    assert 'class="v broken">Limits exceeded: mean isolator' in Path("page.html").read_text()
+    again = tdint("campaign", "export", "out", "--require", code=5)
+    assert "Limits exceeded: mean isolator displacement" in again.stderr
+    # Limits do not belong to the runs: the runs of another limit are the same.
+    write("{isolator_displacement: 99}")
+    done = tdint("campaign", "study.yaml", "-o", "out", "--require", code=0)
+    assert "nothing to do" in done.stderr and "Limits met: " in done.stderr
+
+
+def test_a_collapse_does_not_meet_any_limit(study: Path, tdint: Command) -> None:
+    """All quantities are within their limits, but a story exceeds the collapse drift."""
+    text = MODEL.replace("name: isolated", "name: isolated\ncollapse_drift: 0.0001%")
+    Path("model.yaml").write_text(text + "limits: {isolator_displacement: 99}\n")
+    run = ("run", "model.yaml", MOTIONS[0], *UNITS)
+    one = tdint(*run, "--require", "--report", "page.html", code=5)
+    assert "Limits exceeded, status collapsed: " in one.stderr
+    body = Path("page.html").read_text().partition("<body>")[2]
+    verdicts = re.findall(r'<p class="v ?(\w*)">(.*?)</p>', body)
+    assert verdicts[0][0] == "broken" and "collapsed" in verdicts[0][1]
+    assert "Limits" not in verdicts[0][1] and "Limits exceeded" in verdicts[1][1]
+    several = tdint("run", "model.yaml", *MOTIONS, *UNITS, "--require", code=5)
+    assert "No motion of 2 came to its end" in several.stderr
+
+
+def test_the_isolator_displacement_is_reported_without_a_limit(study: Path, tdint: Command) -> None:
+    Path("model.yaml").write_text(MODEL)
+    one = tdint("run", "model.yaml", MOTIONS[0], *UNITS, code=0)
+    moved = float(rows(one.stdout)[0]["peak_drift_m"])
+    assert f"isolator displacement {moved:.4g} m in story 1" in one.stderr
+    tdint("run", "model.yaml", *MOTIONS, *UNITS, "--report", "page.html", code=0)
+    body = Path("page.html").read_text().partition("<body>")[2]
+    assert '<p class="v">Mean isolator displacement ' in body
+
+
+def test_require_needs_a_limit(study: Path, tdint: Command) -> None:
+    Path("model.yaml").write_text(MODEL)
+    for records in (MOTIONS, MOTIONS[:1]):
+        refused = tdint("run", "model.yaml", *records, *UNITS, "--require", code=2)
+        assert "--require has no effect without --limit or `limits`" in refused.stderr

@@ -1,0 +1,155 @@
+"""Limits of model files: their meaning, and their comparison with demands known by hand."""
+
+import io
+import math
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.model.limits import Limit, by_level, check_limits, chosen_limits
+from tdint.units import STANDARD_GRAVITY
+
+MODEL = """units: {length: mm, force: kN, mass: t}
+stories:
+  - {mass: 300, stiffness: 100, isolator: true,
+     law: {type: bilinear, yield_force: 981, hardening: 0.1}}
+  - {mass: 300, height: 4000, stiffness: 1000,
+     law: {type: bilinear, yield_force: 9e3, hardening: 0.1}}
+  - {repeat: 2, mass: 300, height: 3500, stiffness: 1000}
+limits: %s
+"""
+NAN = math.nan
+
+
+def limits_of(text: str) -> tuple[Limit, ...]:
+    return tdint.load_model(io.StringIO(MODEL % text)).limits
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("{drift_ratio: 2%}", (NAN, 0.02, 0.02, 0.02)),
+        ("{drift_ratio: {2: 0.01, others: 2%}}", (NAN, 0.01, 0.02, 0.02)),
+        ("{drift_ratio: {others: 3%, linear: 2%, 3-4: 1%, 4: 0.5%}}", (NAN, 0.03, 0.01, 0.005)),
+        ("{residual_drift_ratio: {bilinear: 0.5%}}", (NAN, 0.005, NAN, NAN)),
+        ("{isolator_displacement: 400}", (0.4, NAN, NAN, NAN)),
+        ("{isolator_displacement: {bilinear: 0.3 m}}", (0.3, NAN, NAN, NAN)),
+        ("{floor_acceleration: 3e3}", (3.0,) * 4),
+        ("{floor_acceleration: {4: 0.5 g}}", (NAN, NAN, NAN, 0.5 * STANDARD_GRAVITY)),
+    ],
+)
+def test_limits_apply_to_the_stories_that_the_file_names(text, values):
+    """Numbers have priority over types of laws, and these over `others`; isolators have no drift
+    ratio, and only isolators have an isolator displacement. The units are those of the file."""
+    (limit,) = limits_of(text)
+    np.testing.assert_allclose(limit.values, values, rtol=1e-15)
+
+
+def test_levels_keep_their_names_and_order():
+    limits = limits_of(
+        "{drift_ratio: 3%, levels: {service: {drift_ratio: 1%}, safety: {drift_ratio: 2%}}}"
+    )
+    assert [(limit.level, limit.values[1]) for limit in limits] == [
+        ("", 0.03),
+        ("service", 0.01),
+        ("safety", 0.02),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "message"),
+    [
+        ("{drift_ration: 2%}", 10, "limits.drift_ration: unknown key; did you mean 'drift_ratio'?"),
+        ("{drift_ratio: two}", 23, "limits.drift_ratio: must be a positive number, got 'two'"),
+        ("{drift_ratio: {7: 1%}}", 27, "there is no story 7; story numbers are from 1 to 4"),
+        ("{drift_ratio: {1: 1%}}", 27, "a drift ratio requires a story with `height`"),
+        ("{drift_ratio: {liner: 1%}}", 31, "has the type 'liner'; did you mean 'linear'?"),
+        ("{isolator_displacement: 5 g}", 33, "must be a number with its unit, such as 500 mm"),
+        ("{isolator_displacement: 0}", 33, "must be a positive number, got '0'"),
+        ("{floor_acceleration: {linear: 1}}", 39, "floors have no type"),
+        ("{levels: {ls: {drift: 1%}}}", 24, "unknown key; did you mean"),
+        ("{levels: {}}", 18, "is empty; give the limits of each performance level"),
+        ("{levels: {1: {drift_ratio: 1%}}}", 22, "must start with a letter"),
+        ("{}", 9, "is empty; give one of drift_ratio"),
+        ("3", 9, "must be a mapping with the keys drift_ratio"),
+    ],
+)
+def test_errors_have_line_column_and_remedy(text, column, message):
+    with pytest.raises(tdint.TdintError) as raised:
+        limits_of(text)
+    (line,) = str(raised.value).splitlines()
+    assert f"8:{column}: " in line and message in line
+
+
+def test_a_model_without_isolators_or_heights_refuses_their_limits():
+    for key, reason in (
+        ("isolator_displacement: 1", "requires a story with `isolator: true`"),
+        ("drift_ratio: 1%", "requires a story with `height`"),
+    ):
+        with pytest.raises(tdint.TdintError, match=reason):
+            tdint.load_model(
+                io.StringIO(f"stories: [{{mass: 1, stiffness: 1}}]\nlimits: {{{key}}}\n")
+            )
+
+
+def test_the_mean_of_each_story_is_compared_and_the_maximum_ratio_governs():
+    """Two motions, three stories: the means are 0.015, 0.02 and 0.005; the ratios 1.5, 1 and 2. The
+    mean of the maxima (0.025) and the story with the maximum mean are different."""
+    ratios = np.array([[0.025, 0.015, 0.004], [0.005, 0.025, 0.006]])
+    peaks = {"peak_drift_ratio": ratios}
+    limits = [Limit("", "drift_ratio", (0.01, 0.02, 0.0025))]
+    (check,) = check_limits(limits, peaks, np.ones(3), ["first", "second"])
+    assert (check.story, check.demand, check.limit, check.within) == (3, 0.005, 0.0025, False)
+    assert check.ratio == 2.0
+    assert (check.largest, check.largest_story, check.motion) == (0.025, 1, "first")
+
+
+def test_a_demand_equal_to_its_limit_is_met_and_stories_without_limit_are_ignored():
+    peaks = {"peak_drift_ratio": np.array([[0.5, 0.02]])}
+    (check,) = check_limits([Limit("", "drift_ratio", (NAN, 0.02))], peaks, np.ones(2), ["a"])
+    assert check.within and check.story == 2 and check.largest == 0.02
+
+
+def test_residual_drifts_are_absolute_and_over_the_height():
+    peaks = {"residual_drift": np.array([[-0.07, 0.02]])}
+    limit = Limit("", "residual_drift_ratio", (0.01, 0.01))
+    (check,) = check_limits([limit], peaks, np.array([3.5, 4.0]), ["a"])
+    assert check.story == 1 and check.demand == pytest.approx(0.02, rel=1e-15)
+    assert not check.within
+
+
+def test_an_unknown_demand_does_not_meet_a_limit():
+    """No comparison with nan is true, and a nan does not hide behind another story."""
+    peaks = {"peak_drift_ratio": np.array([[NAN, 0.001]])}
+    (check,) = check_limits([Limit("", "drift_ratio", (0.01, 0.01))], peaks, np.ones(2), ["a"])
+    assert not check.within and check.story == 1
+    assert next(iter(by_level([check]).values())) == [check]
+
+
+def test_a_requested_limit_replaces_the_limits_of_the_model():
+    own = (Limit("", "drift_ratio", (NAN, 0.5)), Limit("service", "drift_ratio", (NAN, 0.1)))
+    ratios = np.array([NAN, 0.01])
+    (given,) = chosen_limits(own, 0.02, ratios, "x")
+    np.testing.assert_array_equal(given.values, (NAN, 0.02))
+    assert chosen_limits(own, None, ratios, "x") == own
+    assert chosen_limits(own, "service", ratios, "x") == own[1:]
+    with pytest.raises(tdint.TdintError, match="did you mean 'service'"):
+        chosen_limits(own, "servce", ratios, "x")
+    with pytest.raises(tdint.TdintError, match="requires story heights"):
+        chosen_limits(own, 0.02, np.array([NAN, NAN]), "x")
+
+
+def test_the_check_of_a_response_is_that_of_its_peaks():
+    model = tdint.load_model(
+        io.StringIO(MODEL % "{isolator_displacement: 100, levels: {service: {drift_ratio: 0.1%}}}")
+    )
+    record = tdint.make_record(np.sin(np.arange(800) * 0.05) * 2.0, dt=0.01, units="m/s^2")
+    response = tdint.run(model, record)
+    moved, drifts = response.limit_checks()
+    assert moved.demand == response.stories.peak_drift[0] and moved.story == 1
+    assert drifts.demand == np.nanmax(response.stories.peak_drift_ratio)
+    assert drifts.level == "service" and drifts.within == (drifts.demand <= 0.001)
+    assert response.isolator_check.demand == moved.demand
+    (drift,) = response.limit_checks(0.02)
+    assert drift.limit == 0.02 and drift.demand == drifts.demand
