@@ -27,6 +27,8 @@ sys.path.insert(0, str(Path(__file__).parent))  # for python_reference, if a tes
 import click
 import numpy as np
 import yaml
+from narrow_code import narrow_blocks
+from page_sections import FENCE, assemble, split_sections
 from python_reference import FOLDER as REFERENCE
 from python_reference import GROUPS, PLUGIN_PAGE, link_mentions, reference_pages
 
@@ -38,15 +40,16 @@ from tdint_cli.options.grammar import GENERAL, ORDER, Command
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = ROOT / ".github" / "site.yml"
-STYLE = ROOT / ".github" / "site.css"
+ASSETS = (ROOT / ".github" / "site.css", ROOT / ".github" / "copy.js")
 METHODS = "src/tdint/methods"
 
 PICTURES = {".png", ".svg", ".pdf"}
 _LANGUAGES = {".yaml": "yaml", ".py": "python"}
 _LINK = re.compile(r"\]\((?!\w+:)([^)\s#]+)(#[^)\s]*)?\)")
-_FENCE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
 _CHECKOUT = re.compile(r"<!-- checkout -->.*?<!-- end: checkout -->\n", re.DOTALL)
 _FIRST_RUN = """
+## Install
+
 Install tdint in a virtual environment:
 
 ```sh
@@ -79,32 +82,27 @@ def readmes() -> list[Path]:
 def links(page: str, text: str) -> Iterator[str]:
     """What a page leads to within the repository, as paths from its root; what stands in code is
     none."""
-    for part in _FENCE.split(text)[::2]:
+    for part in FENCE.split(text)[::2]:
         for target, _ in _LINK.findall(part):
             yield posixpath.normpath(posixpath.join(posixpath.dirname(page), target))
 
 
-def led_to_pages(page: str, text: str) -> str:
-    """A page whose links to files that are shown lead to the pages that show them, and those to
-    folders to their READMEs."""
+def sections_of(text: str) -> list[str]:
+    """Return the sections of a README, each from its heading to the next one."""
+    return [section.text for section in split_sections(text)][1:]
 
-    def turned(match: re.Match[str]) -> str:
-        target, section = match[1], match[2] or ""
-        aim = ROOT / posixpath.dirname(page) / target
-        if aim.is_dir():
-            target = posixpath.join(target, "README.md")
-        elif is_shown(aim):
-            target += ".md"
-        return f"]({target}{section})"
 
-    parts = _FENCE.split(text)
-    parts[::2] = [_LINK.sub(turned, part) for part in parts[::2]]
-    return "".join(parts)
+def page_of_file(name: str) -> str:
+    """Return the page of a path in the repository: its text, its picture, or a README's page."""
+    file = ROOT / name
+    if file.is_dir():
+        return posixpath.join(name, "README.md")
+    return f"{name}.md" if is_shown(file) else name
 
 
 def is_shown(file: Path) -> bool:
     """Whether a file gets a page of its own, which shows its text."""
-    return file.suffix != ".md" and file.suffix not in PICTURES
+    return file.suffix not in {".md", *PICTURES}
 
 
 def shown(name: str) -> str:
@@ -124,10 +122,15 @@ def with_links_to_methods(text: str) -> str:
     return begin + "\n".join(rows) + "\n" + rest
 
 
+def with_links_to_commands(text: str) -> str:
+    """Return the index of commands with a link from each command to its page."""
+    return re.sub(r"^- `tdint ([\w-]+)`:", r"- [`tdint \1`](\1.md):", text, flags=re.MULTILINE)
+
+
 def with_links_to_reference(page: str, text: str) -> str:
     """Return a page in which mentions of Python names outside code link to their reference."""
     prefix = "../" * page.count("/")
-    parts = _FENCE.split(text)
+    parts = FENCE.split(text)
     parts[::2] = [link_mentions(part, prefix) for part in parts[::2]]
     return "".join(parts)
 
@@ -286,15 +289,18 @@ def pages() -> dict[str, str]:
     """Return the Markdown of every page by its path in the sources of the site."""
     texts = {file.relative_to(ROOT).as_posix(): file.read_text("utf-8") for file in readmes()}
     led = {target for page, text in texts.items() for target in links(page, text)}
-    found = {page: led_to_pages(page, text) for page, text in texts.items()}
-    found[f"{METHODS}/README.md"] = with_links_to_methods(found[f"{METHODS}/README.md"])
+    files = [name for name in sorted(led) if (ROOT / name).is_file() and is_shown(ROOT / name)]
+    texts["README.md"] = home(texts["README.md"])
+    texts[f"{METHODS}/README.md"] = with_links_to_methods(texts[f"{METHODS}/README.md"])
+    texts["cli/README.md"] = with_links_to_commands(texts["cli/README.md"])
+    layout = yaml.safe_load(SETTINGS.read_text("utf-8"))["pages"]
+    found = assemble(texts, layout, page_of_file)
     found = {page: with_links_to_reference(page, text) for page, text in found.items()}
-    found["README.md"] = home(found["README.md"])
     found |= reference_pages()
     found |= {f"cli/{name}.md": command_page(name) for name in COMMANDS}
     found |= {f"{METHODS}/{name}.md": method_page(name) for name in catalogue()}
-    files = (name for name in sorted(led) if (ROOT / name).is_file() and is_shown(ROOT / name))
-    return found | {f"{name}.md": shown(name) for name in files}
+    found |= {f"{name}.md": shown(name) for name in files}
+    return {page: narrow_blocks(text) for page, text in found.items()}
 
 
 def pictures() -> list[str]:
@@ -309,6 +315,7 @@ def settings(names: Iterable[str]) -> dict[str, Any]:
     """The settings of the generator, with the pages of commands, methods and models where these are
     listed."""
     found: dict[str, Any] = yaml.safe_load(SETTINGS.read_text("utf-8"))
+    del found["pages"]
     models = (name for name in names if re.fullmatch(r"configs/[\w-]+\.yaml\.md", name))
     lists: dict[str, list[Any]] = {
         "...cli": [{f"tdint {name}": f"cli/{name}.md"} for name in COMMANDS],
@@ -351,7 +358,8 @@ def write(folder: Path) -> None:
     for name in pictures():
         (folder / "source" / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(ROOT / name, folder / "source" / name)
-    shutil.copyfile(STYLE, folder / "source" / STYLE.name)
+    for asset in ASSETS:
+        shutil.copyfile(asset, folder / "source" / asset.name)
     for name in catalogue():
         draw(name, folder / "source" / METHODS / picture_of(name))
     (folder / SETTINGS.name).write_text(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import inspect
 import re
+import textwrap
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -164,11 +165,22 @@ def _signature(name: str, function: Callable[..., Any]) -> str:
     if len(line) > 80:
         parts = [str(parameter) for parameter in signature.parameters.values()]
         plain = [re.sub(r": '([^']*)'", r": \1", part) for part in parts]
+        plain = [re.sub(r"<function .*?>", "...", part) for part in plain]
+        plain = [line for part in plain for line in _parameter_lines(part)]
         result = line.rpartition(" -> ")[2] if " -> " in line else ""
-        line = (
-            f"{name}(\n    " + ",\n    ".join(plain) + ",\n)" + (f" -> {result}" if result else "")
-        )
+        line = f"{name}(\n    " + "\n    ".join(plain) + "\n)" + (f" -> {result}" if result else "")
     return f"```python\n{line}\n```"
+
+
+def _parameter_lines(parameter: str) -> list[str]:
+    """Return a parameter with its comma; long types and defaults are broken at spaces."""
+    return textwrap.wrap(
+        f"{parameter},",
+        80,
+        subsequent_indent="    ",
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def _docstring(text: str) -> str:

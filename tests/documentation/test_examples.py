@@ -143,7 +143,7 @@ def test_the_day_of_a_researcher(checkout):
     script = readmes.block("day")
     statements = [node for node in ast.walk(ast.parse(script)) if isinstance(node, ast.stmt)]
     assert len(statements) <= 45  # short enough to be read at once
-    script = script.replace("turned(125)", "turned(25)")  # a fifth of the spectra tells the same
+    script = script.replace("rotated(125)", "rotated(25)")  # a fifth of the spectra is enough here
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", script]))
     spectra, *lines, sweep = output.splitlines()
     assert spectra.startswith("100 spectra") and len(lines) == 15
@@ -190,6 +190,27 @@ def test_a_fit_by_derivatives(checkout):
     assert numbers.shape == (10, 2) and np.all(np.abs(numbers[:, 0] - 1.0) < 4.0 * numbers[:, 1])
     assert np.all(numbers[:, 1] < 0.05)
     assert sum(map(int, re.findall(r"\d+", calls))) < 40
+
+
+def test_your_own_record_on_your_own_building(checkout):
+    """An AT2 file and the model of the page give peaks with errors, a figure and a report."""
+    folder, run = checkout
+    times = 0.01 * np.arange(1500)
+    samples = 0.3 * np.exp(-(((times - 4.0) / 2.0) ** 2)) * np.sin(2.4 * np.pi * times)
+    heading = (
+        "PEER NGA STRONG MOTION DATABASE RECORD\nInvented event, 1/1/2000, Mine, 90\n"
+        "ACCELERATION TIME SERIES IN UNITS OF G\nNPTS=  1500, DT=   .0100 SEC,\n"
+    )
+    lines = ["".join(f"{value:15.7E}" for value in row) for row in samples.reshape(-1, 5)]
+    (folder / "RSN1_MINE_090.AT2").write_text(heading + "\n".join(lines) + "\n")
+    (folder / "frame.yaml").write_text(readmes.block("own-model"))
+    run(readmes.block("own-run"))
+    (first, *others) = rows(folder / "result" / "stories.csv")
+    assert len(others) == 2 and float(first["height_m"]) == 4.0
+    assert 0.0 < float(first["peak_drift_m_error"]) < 1e-3 * float(first["peak_drift_m"])
+    assert {path.name for path in (folder / "result").iterdir()} == {
+        *("stories.csv", "summary.json", "response.png", "report.html")
+    }
 
 
 def test_the_model_with_all_keys(checkout):

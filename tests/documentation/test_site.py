@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 import pytest
+import yaml
 from click.testing import CliRunner
 
 import readmes
@@ -33,26 +34,113 @@ def pages(maker):
     return maker.pages()
 
 
-def test_every_readme_command_method_and_model_has_its_page(pages):
-    written = {
-        path.relative_to(readmes.ROOT).as_posix()
-        for path in [*readmes.files(), readmes.ROOT / "CHANGELOG.md"]
-    }
+def test_every_command_method_and_model_has_a_page(pages):
     commands = {f"cli/{name}.md" for name in COMMANDS}
     methods = {f"src/tdint/methods/{name}.md" for name in catalogue()}
     models = {f"configs/{path.name}.md" for path in (readmes.ROOT / "configs").glob("*.yaml")}
-    assert written | commands | methods | models <= set(pages)
+    assert {"CHANGELOG.md"} | commands | methods | models <= set(pages)
 
 
-def test_pages_of_readmes_differ_in_links_only(pages):
+def without_code(text):
+    return re.sub(r"^````?.*?^````?$", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def bare(text):
+    """Return the words of a text without link targets, links and code blocks."""
+    text = re.sub(r"\]\([^)\s]*\)", "]", without_code(text))
+    return re.sub(r"\s+", " ", re.sub(r"[\[\]]", "", text)).strip()
+
+
+def test_each_section_of_a_readme_is_on_one_page_of_the_site(maker, pages):
+    """Sections of README.md may be copied; its installation from a checkout is replaced."""
+    whole = {name: bare(text) for name, text in pages.items()}
     for path in readmes.files():
         name = path.relative_to(readmes.ROOT).as_posix()
-        if name not in ("README.md", "src/tdint/methods/README.md"):
-            bare = [
-                re.sub(r"\[(`tdint\.[^`]+`)\]\(\)", r"\1", re.sub(r"\]\([^)\s]*\)", "]()", text))
-                for text in (path.read_text("utf-8"), pages[name])
-            ]
-            assert bare[0] == bare[1]
+        for section in maker.sections_of(path.read_text("utf-8")):
+            text = bare(section).lstrip("# ")
+            if text.startswith(("The methods", "Quick start")):  # the site changes these
+                continue
+            found = [page for page, content in whole.items() if text in content]
+            assert len(found) == 1 or (name == "README.md" and found), (name, text[:40], found)
+
+
+def test_tasks_are_listed_in_the_order_in_which_people_ask(maker, pages):
+    guide = maker.settings(pages)["nav"][0]["Guide"]
+    titles = [title for entry in guide for title in entry]
+    tasks = ["Install", "First run", "Run your own record on your own building"]
+    tasks += ["Which method and which step", "Choose and match motions", "Spectra", "Report"]
+    tasks += ["Many runs", "Fragility", "Regions", "From Python", "Extend", "Validation"]
+    assert [title for title in titles if title in tasks] == tasks
+    assert titles[-2:] == ["Benchmark", "Glossary"]
+
+
+def test_tutorials_start_with_a_picture(pages):
+    tutorials = {page: text for page, text in pages.items() if page.startswith("tutorials/")}
+    assert len(tutorials) == 4
+    for text in tutorials.values():
+        assert re.search(r"!\[.+\]\(.+\.png\)", text.partition("\n## ")[0])
+
+
+def test_pages_below_a_section_keep_its_subsections_and_change_its_links(maker):
+    texts = {
+        "README.md": "# Top\n\n## One\n\n[there](sub/README.md#inner)\n",
+        "sub/README.md": "# Sub\n\n## Outer\n\ntext [up](../README.md#one)\n\n### Inner\n\n"
+        "```\n# no heading [x](y)\n```\n\n#### Deep\n\n[file](a.yaml)\n\n## Rest\n",
+    }
+    layout = {"new/page.md": {"title": "New", "purpose": "P.", "sections": ["sub/README.md#inner"]}}
+    found = maker.assemble(texts, layout, lambda name: f"{name}.md")
+    assert "## Inner\n\n```\n# no heading [x](y)\n```\n\n### Deep" in found["new/page.md"]
+    assert "[file](../sub/a.yaml.md)" in found["new/page.md"]
+    assert "[there](new/page.md#inner)" in found["README.md"]
+    assert "Inner" not in found["sub/README.md"] and "## Rest" in found["sub/README.md"]
+    layout["new/page.md"]["sections"] = ["sub/README.md#absent"]
+    with pytest.raises(ValueError, match="absent"):
+        maker.assemble(texts, layout, str)
+
+
+# ---- Width of code blocks
+
+
+FILES = r"LICENSE|\.py\.md$|\.csv\.md$|standard_problems"
+"""Pages of files that are shown as they are; `site.css` wraps their lines."""
+
+
+def test_code_blocks_have_short_lines(pages):
+    """Printed output and patches are excepted: they are shown as they are."""
+    for page, text in pages.items():
+        if re.search(FILES, page):
+            continue
+        for language, code in re.findall(r"^````?(\w*)\n(.*?)^````?$", text, re.DOTALL | re.M):
+            lines = [] if language == "diff" else code.splitlines()
+            if language in ("console", "pycon", "text", "") and re.search(
+                r"^(\$|>>>) ", code, re.M
+            ):
+                lines = [line for line in lines if re.match(r"\$ |>>> |\.\.\. ", line)]
+            assert not [line for line in lines if len(line) > 85], page
+
+
+@pytest.mark.parametrize(
+    "path", sorted((readmes.ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem
+)
+def test_short_lines_of_yaml_mean_the_same(maker, path):
+    text = path.read_text("utf-8")
+    narrow = maker.narrow_blocks(f"```yaml\n{text}```\n")[8:-4]
+    assert yaml.safe_load(narrow) == yaml.safe_load(text)
+    assert max(map(len, narrow.splitlines())) <= 85
+
+
+def test_short_lines_of_commands_mean_the_same(maker):
+    command = (
+        "printf '%s|' 'a quoted text that is long, and has -- and | in it' " + "x " * 20 + "| cat"
+    )
+    narrow = maker.narrow_blocks(f"```sh\n{command}  # a comment\n```\n")
+    assert narrow.startswith("```sh\n# a comment\nprintf")
+    assert "\\\n" in narrow and max(map(len, narrow.splitlines())) <= 85
+    printed = [
+        subprocess.run(["bash", "-c", script], capture_output=True, text=True).stdout
+        for script in (command, narrow[6:-4])
+    ]
+    assert printed[0] and printed[0] == printed[1]
 
 
 def test_the_first_page_installs_without_a_checkout(maker, pages, monkeypatch):
@@ -129,8 +217,8 @@ def test_a_method_s_page_has_equations_figure_and_publications(pages, name):
 
 def test_the_table_of_methods_leads_to_their_pages(pages):
     rows = re.findall(
-        r"^\| \[`([\w-]+)`\]\(([\w-]+)\.md\) \|(.*)$",
-        pages["src/tdint/methods/README.md"],
+        r"^\| \[`([\w-]+)`\]\(\.\./src/tdint/methods/([\w-]+)\.md\) \|(.*)$",
+        pages["guide/method-and-step.md"],
         re.MULTILINE,
     )
     assert [name for name, target, _ in rows if name == target] == list(catalogue())
