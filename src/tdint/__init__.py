@@ -42,30 +42,47 @@ that importing tdint costs nothing; matplotlib loads with the first picture.
 
 from __future__ import annotations
 
-import re
 import warnings
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from tdint.system import __version__ as __version__
-from tdint.tabular import Tabular, asked_rightly
+from tdint.tabular import Tabular, asked_rightly, declared_homes
 
-if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` reads them
+if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
+    from tdint.analysis.assessment.failures import Trial as Trial
     from tdint.analysis.assessment.failures import failures as failures
+    from tdint.analysis.assessment.order import ObservedOrder as ObservedOrder
     from tdint.analysis.assessment.order import order as order
+    from tdint.analysis.assessment.paper_examples import ExampleRun as ExampleRun
     from tdint.analysis.assessment.paper_examples import paper_examples as paper_examples
+    from tdint.analysis.assessment.stability import Overshoot as Overshoot
+    from tdint.analysis.assessment.stability import StabilityCurve as StabilityCurve
     from tdint.analysis.assessment.stability import overshoot as overshoot
     from tdint.analysis.assessment.stability import stability as stability
+    from tdint.analysis.chart.profiles import FieldChart as FieldChart
     from tdint.analysis.chart.profiles import performance_profiles as performance_profiles
+    from tdint.analysis.chart.work_precision import Chart as Chart
     from tdint.analysis.chart.work_precision import chart as chart
+    from tdint.analysis.compare import Comparison as Comparison
     from tdint.analysis.compare import compare as compare
+    from tdint.analysis.matching import Match as Match
     from tdint.analysis.matching import match as match
     from tdint.analysis.matching import match_suite as match_suite
+    from tdint.analysis.run.case import Case as Case
+    from tdint.analysis.run.outcome import Collapse as Collapse
+    from tdint.analysis.run.outcome import Energy as Energy
+    from tdint.analysis.run.outcome import ErrorEstimate as ErrorEstimate
     from tdint.analysis.run.outcome import FailedRun as FailedRun
+    from tdint.analysis.run.outcome import Gradient as Gradient
+    from tdint.analysis.run.outcome import History as History
     from tdint.analysis.run.outcome import Response as Response
+    from tdint.analysis.run.outcome import Shock as Shock
+    from tdint.analysis.run.outcome import StoryErrors as StoryErrors
+    from tdint.analysis.run.outcome import StoryPeaks as StoryPeaks
+    from tdint.analysis.run.overview import Overview as Overview
     from tdint.analysis.run.overview import modes as modes
     from tdint.analysis.run.overview import overview
     from tdint.analysis.run.prepared import compile_model as compile_model
@@ -75,30 +92,51 @@ if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` rea
     from tdint.analysis.run.run_many import Runs as Runs
     from tdint.analysis.run.run_many import run_many as run_many
     from tdint.analysis.run.sequence import run_sequence as run_sequence
+    from tdint.analysis.spectra.drift import DriftSpectrum as DriftSpectrum
+    from tdint.analysis.spectra.drift import HeightPeriod as HeightPeriod
     from tdint.analysis.spectra.drift import drift_spectrum as drift_spectrum
+    from tdint.analysis.spectra.elastic import Spectrum as Spectrum
     from tdint.analysis.spectra.elastic import spectrum as spectrum
+    from tdint.analysis.spectra.floors import FloorSpectrum as FloorSpectrum
     from tdint.analysis.spectra.floors import floor_spectra as floor_spectra
+    from tdint.analysis.spectra.fourier import FourierSpectrum as FourierSpectrum
     from tdint.analysis.spectra.fourier import fourier_spectrum as fourier_spectrum
+    from tdint.analysis.spectra.inelastic import InelasticSpectrum as InelasticSpectrum
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
+    from tdint.analysis.spectra.modal import ModalResponse as ModalResponse
     from tdint.analysis.spectra.modal import (
         response_spectrum_analysis as response_spectrum_analysis,
     )
+    from tdint.analysis.spectra.rotated import RotatedSpectrum as RotatedSpectrum
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
+    from tdint.analysis.spectra.target import TargetSpectrum as TargetSpectrum
+    from tdint.analysis.static import CyclicTest as CyclicTest
+    from tdint.analysis.static import Pushover as Pushover
     from tdint.analysis.static import cyclic_test as cyclic_test
     from tdint.analysis.static import pushover as pushover
+    from tdint.analysis.target_displacement import TargetDisplacements as TargetDisplacements
     from tdint.analysis.target_displacement import target_displacements as target_displacements
+    from tdint.campaign.execute import CampaignRuns as CampaignRuns
     from tdint.campaign.execute import campaign as campaign
+    from tdint.campaign.fragility.fit_table import FragilityResult as FragilityResult
     from tdint.campaign.fragility.fit_table import fragility as fragility
+    from tdint.campaign.fragility.fits import Fragility as Fragility
     from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
     from tdint.campaign.fragility.fits import fit_cloud as fit_cloud
     from tdint.campaign.fragility.fits import fit_stripes as fit_stripes
+    from tdint.campaign.ida import IdaSettings as IdaSettings
+    from tdint.campaign.ida import IdaStudy as IdaStudy
     from tdint.campaign.ida import ida as ida
+    from tdint.campaign.ida_curve import Mainshock as Mainshock
+    from tdint.campaign.scaling import Scaling as Scaling
     from tdint.campaign.scaling import scale as scale
     from tdint.campaign.selection import select as select
+    from tdint.campaign.sensitivity import ParameterEffect as ParameterEffect
     from tdint.campaign.sensitivity import sensitivity as sensitivity
     from tdint.errors import TdintError as TdintError
     from tdint.ground_motion.choice import TextLayout as TextLayout
+    from tdint.ground_motion.horizontals import Horizontals as Horizontals
     from tdint.ground_motion.processing_steps import process as process
     from tdint.ground_motion.reading.read import make_record as make_record
     from tdint.ground_motion.reading.read import read_horizontals as read_horizontals
@@ -107,14 +145,20 @@ if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` rea
     from tdint.methods.catalogue import list_methods
     from tdint.methods.catalogue import load_plugin as load_plugin
     from tdint.methods.catalogue import register_method as register_method
+    from tdint.methods.method import Integrator as Integrator
     from tdint.model.config.model_file import load_model as load_model
     from tdint.model.definition import Model as Model
     from tdint.model.definition import register_law as register_law
+    from tdint.model.inventory import InventoryBuilding as InventoryBuilding
     from tdint.model.inventory import inventory as inventory
+    from tdint.model.modes import Modes as Modes
     from tdint.model.story_curves import model_template as model_template
     from tdint.output.plotting import plot as plot
+    from tdint.output.tables.spectra import RecordInfo as RecordInfo
     from tdint.output.tables.spectra import record_info as record_info
     from tdint.output.tables.to_dict import to_dict as to_dict
+    from tdint.tabular import ResultList as ResultList
+    from tdint.validation import ValidationResult as ValidationResult
     from tdint.validation import validate as validate
 
     check = overview
@@ -146,11 +190,8 @@ _GOING = dict.fromkeys(
 
 @cache
 def _homes() -> dict[str, str]:
-    """The modules in which the names stand: those that a checker of types is told above, read in
-    this file."""
-    text = Path(__file__).read_text(encoding="utf-8")
-    told = re.findall(r"^    from (tdint\.\S+) import (?:\(\s*)?(\w+) as \2\b", text, re.MULTILINE)
-    return {name: module for module, name in told} | _ELSEWHERE
+    """Return the modules that define the public names, from the imports for type checkers."""
+    return declared_homes(__file__) | _ELSEWHERE
 
 
 if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's

@@ -3,13 +3,33 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+class HasArray(Protocol):
+    """Sequence that numpy converts to an array: an ndarray, a pandas Series, ..."""
+
+    def __array__(self) -> NDArray[Any]:
+        """Return the object as an array."""
+        ...
+
+    def __len__(self) -> int:
+        """Return the number of items."""
+        ...
+
+    def __iter__(self) -> Iterator[Any]:
+        """Yield the items."""
+        ...
+
+
+Numbers: TypeAlias = Sequence[float] | HasArray
+"""Argument that accepts several numbers: a list, a tuple or an array with one axis."""
 
 
 def halved(

@@ -12,6 +12,7 @@ import inspect
 import logging
 import numbers
 import os
+import re
 import reprlib
 import sys
 import warnings
@@ -156,7 +157,7 @@ def _matches(value: Any, kind: ast.expr) -> bool:
             )
         case ast.Subscript(value=ast.Name(id="NDArray")):
             return getattr(value, "ndim", 0) == 1
-        case ast.Name(id="Array"):
+        case ast.Name(id="Array" | "Numbers"):
             row = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
             return row and len(value) > 0 and all(isinstance(item, numbers.Real) for item in value)
         case ast.Name(id=name) if name in _KINDS:
@@ -190,7 +191,7 @@ def _as_text(kind: ast.expr) -> str:
             return f"{_as_text(kind.left)} or {_as_text(kind.right)}"
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
             return f"a sequence (each {_as_text(member)})"
-        case ast.Name(id="Array") | ast.Subscript(value=ast.Name(id="NDArray")):
+        case ast.Name(id="Array" | "Numbers") | ast.Subscript(value=ast.Name(id="NDArray")):
             return "an array of numbers in one row"
         case ast.Name(id=name) if name in _KINDS:
             return _KINDS[name][1]
@@ -435,21 +436,21 @@ class ResultList(Tabular, Generic[Member]):
         )
 
 
-def each_of(function: Callable[P, Result]) -> Callable[P, Result]:
+def each_of(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a function so that its first argument may also be a list or a tuple.
 
     For a list or a tuple, the wrapper calls the function with each member and returns a
-    `ResultList` of the results. The signature that type checkers see is that of the function.
+    `ResultList` of the results. Overloads at the function state both results for type checkers.
     """
     first = next(iter(inspect.signature(function).parameters))
 
     @functools.wraps(function)
-    def wrapper(*arguments: P.args, **keywords: P.kwargs) -> Any:
+    def wrapper(*arguments: Any, **keywords: Any) -> Any:
         values, others = (arguments[0], arguments[1:]) if arguments else (keywords.get(first), ())
         if not isinstance(values, list | tuple | ResultList):
             return function(*arguments, **keywords)
         keywords.pop(first, None)
-        return ResultList(function(value, *others, **keywords) for value in values)  # type: ignore[arg-type]
+        return ResultList(function(value, *others, **keywords) for value in values)
 
     return wrapper
 
@@ -474,6 +475,19 @@ class FunctionPackage(ModuleType):
     @property
     def __signature__(self) -> inspect.Signature:
         return inspect.signature(self._function)
+
+
+def declared_homes(file: str) -> dict[str, str]:
+    """Return the modules of the names that a module imports for type checkers only.
+
+    Parameters
+    ----------
+    file : str
+        Source file of the module, with indented lines `from MODULE import NAME as NAME`.
+    """
+    text = Path(file).read_text(encoding="utf-8")
+    lines = re.findall(r"^    from (tdint\.\S+) import (?:\(\s*)?(\w+) as \2\b", text, re.MULTILINE)
+    return {name: module for module, name in lines}
 
 
 def modules_on_use(package: str) -> Callable[[str], ModuleType]:

@@ -31,6 +31,7 @@ from tdint.campaign.intensity import (
     IntensityMeasure,
     SpectralIntensity,
     factor_to,
+    measure_of,
     sa,
 )
 from tdint.campaign.pairs import LARGER, SEPARATE, check_pair_demand, join_pairs
@@ -201,13 +202,13 @@ class IdaStudy(Tabular):
 def ida(
     model: AnyModel,
     motions: Sequence[AnyMotion],
-    measure: IntensityMeasure | None = None,
+    measure: IntensityMeasure | str | None = None,
     settings: IdaSettings | None = None,
     *,
     method: str | None = None,
     pair: str = GEOMETRIC_MEAN,
     jobs: int = 1,
-    folder: Path | None = None,
+    folder: str | Path | None = None,
     progress: bool | Progress = False,
     mainshock: Mainshock | None = None,
     pair_demand: str = LARGER,
@@ -222,8 +223,9 @@ def ida(
     motions : sequence of Record, of Horizontals, or of paths and traces
         Ground motions without duplicates. Both components of a pair are run separately, at levels
         of the intensity of the pair.
-    measure : IntensityMeasure, optional
-        Intensity measure; by default Sa at the first period of the building with 5 % damping.
+    measure : str or IntensityMeasure, optional
+        Intensity measure as for `scale`: `sa(1.0)`, `sa-avg(1.0)` with periods in s, `pga`, `pgv`,
+        ...; by default Sa at the first period of the building with 5 % damping.
     settings : IdaSettings, optional
         Precision, thresholds, maximum level, time steps.
     method : str, optional
@@ -233,7 +235,7 @@ def ida(
         default the geometric mean.
     jobs : int
         Number of threads; results do not depend on it.
-    folder : Path, optional
+    folder : str or Path, optional
         Directory in which completed runs are stored, from which the next call with the same
         arguments continues.
     progress : bool or callable
@@ -272,7 +274,7 @@ def ida(
     suite = [motion_of(motion) for motion in motions]
     if check_pair_demand(pair_demand) != SEPARATE:
         suite = join_pairs(suite)
-    chosen = measure or sa(subject.period)
+    chosen = measure_of(measure) if isinstance(measure, str) else measure or sa(subject.period)
     # A pair is a motion with two records, which have the same intensity.
     parts = [(motion, record) for motion in suite for record in components(motion)]
     records = [record for _, record in parts]
@@ -298,7 +300,7 @@ def ida(
     # The input of the runs is stored with them, so that another study in the directory is refused.
     identity = _identity(subject, chosen, settings, [work.record for work in works], paired)
     with (
-        _open_locked(folder, identity) as (store, remarks),
+        _open_locked(Path(folder) if folder else None, identity) as (store, remarks),
         told_progress(progress, len(works), "record") as report_progress,
     ):
         runs_of_works, resumed = _run_all(works, store, jobs, report_progress)

@@ -15,7 +15,7 @@ import numpy as np
 from tdint.analysis.given import AnyMotion, motion_of, numbers_of
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
-from tdint.arrays import Array
+from tdint.arrays import Array, Numbers
 from tdint.campaign.intensity import (
     GEOMETRIC_MEAN,
     IntensityMeasure,
@@ -449,7 +449,7 @@ def scale(
     *,
     target: TargetSpectrum | str | None = None,
     rule: str = "mean",
-    periods: Sequence[float] | Array | None = None,
+    periods: Numbers | None = None,
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
@@ -520,7 +520,7 @@ _RULES: dict[str, Callable[..., Scaling]] = {
 
 
 def target_at(
-    target: TargetSpectrum | str, periods: Sequence[float] | Array | None
+    target: TargetSpectrum | str, periods: Numbers | None
 ) -> tuple[TargetSpectrum, Array]:
     """Return a target spectrum, and the periods of the comparison: the specified periods, or the
     default over the range of the target."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from tdint.analysis.given import AnyMotion, motion_of
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.target import TargetSpectrum
-from tdint.arrays import Array
+from tdint.arrays import Array, Numbers
 from tdint.campaign.intensity import GEOMETRIC_MEAN, pseudo_accelerations
 from tdint.campaign.scaling import (
     BOUNDS,
@@ -67,13 +67,13 @@ def select(
     count: int,
     *,
     rule: str = "mean",
-    periods: Sequence[float] | Array | None = None,
+    periods: Numbers | None = None,
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
     factors: tuple[float, float] = BOUNDS,
     events: Sequence[object] | None = None,
     per_event: int | None = None,
-    scatter: float | Sequence[float] | Array | None = None,
+    scatter: float | Numbers | None = None,
 ) -> Scaling:
     """Select motions whose scaled spectra together fit a target.
 

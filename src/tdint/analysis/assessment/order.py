@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
 from tdint.model.law_checks import path_faults
-from tdint.tabular import Tabular, each_of
+from tdint.tabular import ResultList, Tabular, each_of
 
 LOADS = ("free", "harmonic", "record")
 
@@ -148,6 +148,28 @@ class OrderProblem:
     def building(self) -> Building:
         """The oscillator as arrays."""
         return self.prepared.building
+
+
+@overload
+def order(
+    method: Integrator | str,
+    *,
+    load: str = "harmonic",
+    law: str = "linear",
+    frequency_ratio: float = 0.5,
+    stride: int = 1,
+) -> ObservedOrder: ...
+
+
+@overload
+def order(
+    method: list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator],
+    *,
+    load: str = "harmonic",
+    law: str = "linear",
+    frequency_ratio: float = 0.5,
+    stride: int = 1,
+) -> ResultList[ObservedOrder]: ...
 
 
 @each_of

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +17,12 @@ from numpy.typing import NDArray
 from tdint.analysis.given import between, numbers_of
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
-from tdint.arrays import Array, halved
+from tdint.arrays import Array, Numbers, halved
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, oscillators
-from tdint.tabular import Tabular, each_of
+from tdint.tabular import ResultList, Tabular, each_of
 from tdint.written_numbers import how_many
 
 _MOST_STEPS = 1e6  # maximum number of steps of an overshoot, which occurs in the first ten
@@ -80,8 +81,22 @@ class StabilityCurve(Tabular):
         )
 
 
+@overload
+def stability(
+    method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
+) -> StabilityCurve: ...
+
+
+@overload
+def stability(
+    method: list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator],
+    dt_over_t: Numbers,
+    damping: float = 0.0,
+) -> ResultList[StabilityCurve]: ...
+
+
 @each_of
-def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
+def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0) -> StabilityCurve:
     """Measure the accuracy of a method for a freely vibrating oscillator from its amplification
     matrix.
 
@@ -326,6 +341,28 @@ class Overshoot(Tabular):
         }
 
 
+@overload
+def overshoot(
+    method: Integrator | str,
+    start: str = "displacement",
+    dt_over_t: float = 10.0,
+    steps: int = 10,
+    damping: float = 0.0,
+    law: str = "linear",
+) -> Overshoot: ...
+
+
+@overload
+def overshoot(
+    method: list[str] | tuple[Integrator | str, ...] | list[Integrator] | ResultList[Integrator],
+    start: str = "displacement",
+    dt_over_t: float = 10.0,
+    steps: int = 10,
+    damping: float = 0.0,
+    law: str = "linear",
+) -> ResultList[Overshoot]: ...
+
+
 @each_of
 def overshoot(
     method: Integrator | str,
@@ -439,7 +476,7 @@ def _nonlinear_overshoot(
     if method.family.linear_only:
         raise UsageError(f"{method.label} integrates linear buildings only; not with the law {law}")
 
-    from tdint.analysis.assessment.failures import problems  # imports the modules for runs
+        from tdint.analysis.assessment.failures import problems  # imports the modules for runs
 
     problem = problems()[law]
     (story,), (displacement,) = problem.model.stories, problem.model.initial.displacement

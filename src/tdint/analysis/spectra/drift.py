@@ -19,7 +19,7 @@ from tdint.analysis.defaults import HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, recursion_table
 from tdint.analysis.spectra.inelastic import SHORTEST
-from tdint.arrays import Array
+from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
@@ -99,8 +99,8 @@ class DriftSpectrum(Tabular):
 
 def drift_spectrum(
     record: AnyRecord,
-    periods: Array,
-    damping: float = 0.05,
+    periods: Numbers,
+    damping: float | str = 0.05,
     *,
     stories: int | None = None,
     story_height: float = STORY_HEIGHT,

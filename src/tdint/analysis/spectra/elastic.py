@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.defaults import STEPS_PER_PERIOD
 from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
-from tdint.arrays import Array
+from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.processing_steps import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
@@ -30,7 +30,7 @@ from tdint.kernels.oscillators.between_steps import (
     RECURSION_ROWS,
 )
 from tdint.methods.exact import oscillator
-from tdint.tabular import Tabular, each_of
+from tdint.tabular import ResultList, Tabular, each_of
 from tdint.units import Quantity
 from tdint.written_numbers import how_many
 
@@ -287,11 +287,35 @@ class SpectrumSettings:
     interpolation: Interpolation
 
 
+@overload
+def spectrum(
+    record: AnyRecord,
+    periods: Numbers,
+    damping: float | str = 0.05,
+    *,
+    method: str | None = None,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> Spectrum: ...
+
+
+@overload
+def spectrum(
+    record: list[Any] | tuple[AnyRecord, ...] | ResultList[Any],
+    periods: Numbers,
+    damping: float | str = 0.05,
+    *,
+    method: str | None = None,
+    maxima: str | None = None,
+    interpolation: str | None = None,
+) -> ResultList[Spectrum]: ...
+
+
 @each_of
 def spectrum(
     record: AnyRecord,
-    periods: Array,
-    damping: float = 0.05,
+    periods: Numbers,
+    damping: float | str = 0.05,
     *,
     method: str | None = None,
     maxima: str | None = None,
@@ -451,7 +475,7 @@ LONGEST_PERIOD = 1e6
 """Maximum period, s. Squares of longer periods could exceed the range of floating-point numbers."""
 
 
-def checked_periods(periods: Array) -> Array:
+def checked_periods(periods: Numbers) -> Array:
     """Return the periods as an array, shape (k,); raise UsageError if they are invalid."""
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):

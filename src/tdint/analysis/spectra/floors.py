@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.elastic import Spectrum, spectrum
-from tdint.arrays import Array
+from tdint.arrays import Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.record import IN_SI, Record
 from tdint.tabular import Tabular
@@ -91,8 +91,8 @@ def floor_motion(response: Response, floor: int) -> Record:
 def floor_spectra(
     response: Response,
     floors: Sequence[int | str],
-    periods: Array,
-    damping: Sequence[float] = (0.05,),
+    periods: Numbers,
+    damping: Numbers | Sequence[str] = (0.05,),
 ) -> tuple[FloorSpectrum, ...]:
     """Elastic response spectra of floors: exact for motions that are linear between the steps of
     the run.

@@ -13,7 +13,7 @@ import numpy as np
 from tdint.analysis.defaults import MOST_DUCTILE
 from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, checked_periods
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
@@ -114,9 +114,9 @@ def _quotient(above: Array, below: Array) -> Array:
 
 def constant_ductility(
     record: AnyRecord,
-    periods: Array,
-    ductilities: Sequence[float],
-    damping: float = 0.05,
+    periods: Numbers,
+    ductilities: Numbers,
+    damping: float | str = 0.05,
     *,
     hardening: float = 0.0,
 ) -> list[InelasticSpectrum]:
@@ -175,9 +175,9 @@ def constant_ductility(
 
 def constant_strength(
     record: AnyRecord,
-    periods: Array,
-    strengths: Sequence[float],
-    damping: float = 0.05,
+    periods: Numbers,
+    strengths: Numbers,
+    damping: float | str = 0.05,
     *,
     hardening: float = 0.0,
 ) -> list[InelasticSpectrum]:
@@ -216,7 +216,7 @@ def constant_strength(
 
 
 def _oscillators(
-    record: AnyRecord, periods: Array, damping: float, hardening: float
+    record: AnyRecord, periods: Numbers, damping: float | str, hardening: float
 ) -> tuple[dict[str, Any], list[_Oscillator]]:
     """Check the arguments and return them by field name of `InelasticSpectrum`, with the
     oscillators."""

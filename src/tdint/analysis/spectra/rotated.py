@@ -18,7 +18,7 @@ from tdint.analysis.spectra.elastic import (
     choose_settings,
     groups,
 )
-from tdint.arrays import Array
+from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.kernels.oscillators import rotated as rotation
@@ -69,8 +69,8 @@ class RotatedSpectrum(Tabular):
 
 def rotated_spectrum(
     motion: Horizontals | Sequence[AnyRecord],
-    periods: Array,
-    damping: float = 0.05,
+    periods: Numbers,
+    damping: float | str = 0.05,
     percentiles: Sequence[int] = (0, 50, 100),
     *,
     maxima: str | None = None,

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr
 
 from tdint.analysis.given import between
-from tdint.arrays import Array
+from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 from tdint.written_numbers import LARGEST, first_few, how_many
@@ -513,9 +513,7 @@ def levels_of(im: Array) -> NDArray[np.intp]:
     return result
 
 
-def fit_stripes(
-    im: Sequence[float] | Array, exceeding: Sequence[int] | Array, records: Sequence[int] | Array
-) -> Fragility:
+def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
     """Fit a lognormal distribution by maximum likelihood to exceedances at intensity levels.
 
     Parameters
@@ -577,9 +575,7 @@ def fit_stripes(
     return _function(STRIPES, *solution, records=int(np.max(total)), points=Points(x, hits / total))
 
 
-def fit_capacities(
-    capacity: Sequence[float] | Array, censored: Sequence[bool] | None = None
-) -> Fragility:
+def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) -> Fragility:
     """Fit a lognormal distribution to capacities: intensities at which records first exceed.
 
     Without censored capacities theta is the geometric mean, and beta is the standard deviation of
@@ -636,9 +632,9 @@ def fit_capacities(
 
 
 def fit_cloud(
-    im: Sequence[float] | Array,
-    edp: Sequence[float] | Array,
-    thresholds: Sequence[float],
+    im: Numbers,
+    edp: Numbers,
+    thresholds: Numbers,
     censored: Sequence[bool] | NDArray[np.bool_] | None = None,
     *,
     lower_threshold: float = 0.0,
