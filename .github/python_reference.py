@@ -105,9 +105,14 @@ def link_mentions(text: str, prefix: str) -> str:
         name = match[1]
         if name not in homes:
             return match[0]
-        return f"[{match[0]}]({prefix}{FOLDER}/{homes[name]}.md#tdint-{name.lower()})"
+        return f"[{match[0]}]({prefix}{FOLDER}/{homes[name]}.md#{anchor(name)})"
 
     return _MENTION.sub(linked, text)
+
+
+def anchor(name: str) -> str:
+    """Return the anchor of a public name, which differs for `Chart` and `chart`."""
+    return f"tdint-{name.lower()}{'-class' * name[0].isupper()}"
 
 
 def _module_of(thing: Any) -> str:
@@ -118,12 +123,12 @@ def _module_of(thing: Any) -> str:
 
 def _index(names: list[str]) -> str:
     """Return a list of links to the entries of a page."""
-    return ", ".join(f"[`{name}`](#tdint-{name.lower()})" for name in names)
+    return ", ".join(f"[`{name}`](#{anchor(name)})" for name in names)
 
 
 def _entry(package: str, name: str, thing: Any) -> str:
     """Return the section of one public name: signature, docstring, members of a class, source."""
-    parts = [f"## {package}.{name} {{ #tdint-{name.lower()} }}"]
+    parts = [f"## {package}.{name} {{ #{anchor(name)} }}"]
     if callable(thing):
         parts.append(_signature(f"{package}.{name}", thing))
     if isinstance(thing, str | int | float | tuple):

@@ -4,6 +4,7 @@ typed."""
 import ast
 import builtins
 import inspect
+import json
 import os
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import tdint
+import tdint.plugin
 
 FUNCTIONS = sorted(
     name for name in tdint.__all__ if callable(getattr(tdint, name)) and name[0].islower()
@@ -45,7 +47,16 @@ def buildings() -> None:
         tdint.modes(given)
     response: tdint.Response = tdint.run(content, "a.mseed", method="impulse4", check=True)
     response.stories.peak_drift.max()
-    case = tdint.prepare(content, Trace())
+    of_methods: tdint.ResultList[tdint.Response] = tdint.run(model, record, method=["hht", "impulse4"])
+    of_steps: tdint.ResultList[tdint.Response] = tdint.run(model, record, dt=[0.01, 0.02])
+    of_both: tdint.ResultList[tdint.Runs] = tdint.run_many(model, [record], method=("hht",), dt=periods)
+    of_many: tdint.Runs = tdint.run_many(
+        [model, model], [record], history=["drift"], vary={"damping": [0.02, 0.05], "mass_factor": 1.0}
+    )
+    derivatives: tdint.Gradient | None = tdint.run(model, record, gradient=["damping"]).gradient
+    history: tdint.History | None = response.history
+    print(of_methods[0].dt, of_steps[0].steps, of_both[0].status, of_many.scale, derivatives, history)
+    case: tdint.Case = tdint.prepare(content, Trace())
     tdint.run_case(case.scaled(2.0), tolerance="1%")
     tdint.run_sequence(case, [record, record], rest=1.0)
     tdint.pushover(content, "2%").to_dict("kip,in,g")
@@ -61,7 +72,12 @@ def buildings() -> None:
 
 
 def motions() -> None:
-    pair = tdint.read_horizontals("a.mseed", units="g", layout=tdint.TextLayout())
+    curve: tdint.Spectrum = tdint.spectrum(record, [0.1, 1])
+    curves: tdint.ResultList[tdint.Spectrum] = tdint.spectrum([record, "b.mseed"], list(periods), "5%")
+    for one in curves:
+        print(one.psa + curve.psa)
+    tdint.drift_spectrum(record, (0.5, 1.0), height_period=tdint.HeightPeriod())
+    pair: tdint.Horizontals = tdint.read_horizontals("a.mseed", units="g", layout=tdint.TextLayout())
     tdint.process(tdint.read_record(Path("a.mseed")), trim=(0.0, None), pad=10.0)
     tdint.rotated_spectrum(pair, periods, percentiles=[50]), tdint.rotated_spectrum([record, "b.mseed"], periods)
     tdint.constant_ductility("a.mseed", periods, [2.0]), tdint.constant_strength(record, periods, [0.1])
@@ -84,6 +100,11 @@ def studies() -> None:
     tdint.match("b.mseed", "asce7:sds=1,sd1=0.6,tl=8", periods=(0.1, 1.0)).record
     tdint.match_suite([record, "b.mseed"], "asce7:sds=1,sd1=0.6,tl=8", periods=(0.1, 1.0))[0].record
     tdint.ida(content, [record, "b.mseed", (record, record)], jobs=2).plot()
+    study: tdint.IdaStudy = tdint.ida(
+        content, [record], "pgv", tdint.IdaSettings(precision=0.1, thresholds=(0.01,)), folder="folder"
+    )
+    print(study.curves)
+    tdint.fit_stripes(np.array([1.0, 2.0]), np.array([1, 2]), [3, 3])
     tdint.sensitivity(content, [record], {"damping": (0.02, 0.05)})
     tdint.fragility(Path("a.csv"), [0.01, 0.02]).plot()
     tdint.fit_stripes([1.0, 2.0], [1, 2], [3, 3]), tdint.fit_capacities([1.0, 2.0], [False, True])
@@ -94,6 +115,9 @@ def methods() -> None:
     for method in tdint.methods(["impulse4"]):
         tdint.stability(method, np.array([0.1])), tdint.overshoot(method), tdint.order(method)
     tdint.stability(method="hht", dt_over_t=np.array([0.1])), tdint.overshoot(method="hht"), tdint.order(method="hht")
+    many: tdint.ResultList[tdint.StabilityCurve] = tdint.stability(["hht", "impulse4"], [0.1, 0.2])
+    tdint.order(["hht", "impulse4"]).to_dict(), tdint.overshoot(tdint.methods()).plot()
+    print(many[0].spectral_radius)
     for trial in tdint.failures("hht", ["large-step"]):
         print(trial)
     tdint.paper_examples([1], ["wilson"], dt=0.02).to_dict()
@@ -110,6 +134,9 @@ def methods() -> None:
     except tdint.TdintError as error:
         print(error)
 
+
+PLUGIN_NAMES
+TYPE_NAMES
 
 tdint.nothing
 '''  # noqa: E501
@@ -161,33 +188,67 @@ def test_a_function_says_what_it_takes_gives_and_raises(name):
     assert signature.return_annotation not in (signature.empty, "Any")
 
 
-@pytest.mark.slow
-def test_a_program_of_all_functions_is_typed(tmp_path):
-    """And a name that tdint has not is told."""
-    pytest.importorskip("mypy")
-    named = {node.attr for node in ast.walk(ast.parse(PROGRAM)) if isinstance(node, ast.Attribute)}
-    assert set(FUNCTIONS) <= named
+def program() -> str:
+    """Return the program with each plug-in name imported and each public class annotated."""
+    classes = [name for name in tdint.__all__ if inspect.isclass(getattr(tdint, name))]
+    plugin = ", ".join(dir(tdint.plugin))
+    types = "\n".join(
+        f"    of_{name}: Any | tdint.{name}{'[Any]' * (name == 'ResultList')}" for name in classes
+    )
+    return PROGRAM.replace(
+        "PLUGIN_NAMES", f"from tdint.plugin import {plugin}\nfrom tdint.plugin import no_such_name"
+    ).replace("TYPE_NAMES", f"class Annotated:\n{types}")
+
+
+def faults_of_program(tmp_path, *command):
+    """Run a type checker on the program, and return the lines of its report about the program."""
     file = tmp_path / "program.py"
-    file.write_text(PROGRAM, encoding="utf-8")
+    file.write_text(program(), encoding="utf-8")
     source = Path(tdint.__file__).parents[1]
-    # What is installed mypy finds, and it refuses to be told where.
+    (tmp_path / "pyrightconfig.json").write_text(
+        json.dumps({"extraPaths": [str(source)], "typeCheckingMode": "standard"})
+    )
+    # mypy finds an installed package, and rejects its directory in MYPYPATH.
     told = {} if source.name == "site-packages" else {"MYPYPATH": str(source)}
     checked = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "mypy",
-            "--strict",
-            f"--cache-dir={tmp_path}",
-            "--config-file=",
-            str(file),
-        ],
+        [*command, str(file)],
         capture_output=True,
         text=True,
         cwd=tmp_path,
         env={**os.environ, **told},
     )
-    faults = [line for line in checked.stdout.splitlines() if line.startswith("program.py")]
-    assert len(faults) == 1 and 'Module has no attribute "nothing"' in faults[0], (
-        checked.stdout + checked.stderr
-    )
+    lines = [line.strip() for line in checked.stdout.splitlines()]
+    return [
+        line for line in lines if "program.py:" in line and "error" in line
+    ], checked.stdout + checked.stderr
+
+
+@pytest.mark.slow
+def test_mypy_accepts_a_program_of_all_public_names(tmp_path):
+    """The only two errors are names that do not exist."""
+    pytest.importorskip("mypy")
+    tree = ast.parse(program())
+    named = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+    assert set(tdint.__all__) - {"__version__"} <= named
+    command = [
+        sys.executable,
+        "-m",
+        "mypy",
+        "--strict",
+        f"--cache-dir={tmp_path}",
+        "--config-file=",
+    ]
+    faults, output = faults_of_program(tmp_path, *command)
+    assert len(faults) == 2, output
+    assert 'has no attribute "no_such_name"' in faults[0], output
+    assert 'Module has no attribute "nothing"' in faults[1], output
+
+
+@pytest.mark.slow
+def test_pyright_accepts_a_program_of_all_public_names(tmp_path):
+    """basedpyright is pyright with its node as a wheel, so that PyPI is enough to install it."""
+    checker = pytest.importorskip("basedpyright").__file__
+    faults, output = faults_of_program(tmp_path, sys.executable, "-m", "basedpyright")
+    assert checker and len(faults) == 2, output
+    assert '"no_such_name" is unknown import symbol' in faults[0], output
+    assert '"nothing" is not a known attribute' in faults[1], output

@@ -36,7 +36,7 @@ RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
             {"model": MODEL, "record": RECORD, "until_rest": np.array([1.0, 2.0])},
             "until_rest",
         ),
-        ("run", {"model": MODEL, "record": RECORD, "dt": np.ones(2)}, "dt"),
+        ("run", {"model": MODEL, "record": RECORD, "dt": np.ones((2, 2))}, "dt"),
         ("scale", {"motions": RECORD}, "motions"),
     ],
 )

@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.ground_motion.formats.series import required_units as required_units
     from tdint.ground_motion.measures import Measure as Measure
     from tdint.ground_motion.record import Record as Record
+    from tdint.kernels import layout
     from tdint.kernels.compiling import F8 as F8
     from tdint.kernels.compiling import I8 as I8
     from tdint.kernels.compiling import TABLE as TABLE
@@ -103,6 +104,8 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.methods.method import Method as Method
     from tdint.methods.method import Parameter as Parameter
     from tdint.units import Quantity as Quantity
+
+    rows = layout
 
 HOMES = declared_homes(__file__) | {"rows": "tdint.kernels.layout"}  # the name `rows` is a module
 """Modules that define the names."""

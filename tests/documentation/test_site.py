@@ -162,8 +162,9 @@ def test_the_reference_has_each_public_name_with_its_parameters(pages):
     for name in dir(tdint):
         if name.startswith("_"):
             continue
-        assert f"{{ #tdint-{name.lower()} }}" in whole, name
-        section = whole.partition(f"{{ #tdint-{name.lower()} }}")[2].partition("\n## ")[0]
+        heading = f"## tdint.{name} {{ #"
+        assert heading in whole, name
+        section = whole.partition(heading)[2].partition("\n## ")[0]
         for parameter in inspect.signature(getattr(tdint, name)).parameters:
             assert re.search(rf"\b{parameter}\b", section), (name, parameter)
     assert "[`tdint.run`](" in "\n".join(pages.values())

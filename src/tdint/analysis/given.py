@@ -217,6 +217,11 @@ def drift_of(given: Any) -> DriftSize:
     return parse_drift(given if isinstance(given, str) else str(number_of(given, "drift")))
 
 
+def is_list(given: Any) -> bool:
+    """Return True for a list, a tuple or an array with at least one axis."""
+    return isinstance(given, list | tuple) or getattr(given, "ndim", 0) > 0
+
+
 def _type_name(given: Any) -> str:
     """Return the type of an argument for messages."""
     return "None" if given is None else f"a {type(given).__name__}"

@@ -123,6 +123,12 @@ class Law:
     name: str
     parameters: tuple[float, ...]
 
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters by the names that `vary` accepts after `stories[N].law.`, in SI units."""
+        names = (name for name, _, _, _ in _named_parameters(self))
+        return dict(zip(names, self.parameters, strict=True))
+
     def __reduce__(self) -> tuple[Any, ...]:
         home = home_of(self.name, "LAWS")
         return (
@@ -639,17 +645,11 @@ def story_numbers(story: Story) -> tuple[float, ...]:
     return (story.mass, height, story.stiffness, story.dashpot, *dashpot, *story.law.parameters)
 
 
-def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
-    """Return the changes of a story by the name of the parameter.
-
-    Each change is an index in `story_numbers`, a flag for factors, and the bounds. If a law defines
-    the stiffness, a factor on the stiffness multiplies all forces of the law.
-    """
-    has_stiffness = LAWS[story.law.name].initial_stiffness is not None
-    # Key, exponents of force and length in the dimension, and declaration of each number of the law
+def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
+    """Return the name, the exponents of force and length, and the declaration of each number."""
     numbers: list[tuple[str, int, int, LawParameter]] = []
-    for parameter in LAWS[story.law.name].parameters:
-        path = f"law.{parameter.path}"
+    for parameter in LAWS[law.name].parameters:
+        path = parameter.path
         if parameter.points:
             numbers += [
                 (f"{path}[{k}].{coordinate}", *dimension, parameter)
@@ -657,11 +657,26 @@ def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | Non
                 for coordinate, dimension in _POINT_DIMENSIONS.items()
             ]
         elif parameter.many:
-            count = len(story.law.parameters) - len(numbers)
+            count = len(law.parameters) - len(numbers)
             numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
         else:
             numbers.append((path, parameter.force, parameter.length, parameter))
-    law = list(enumerate(numbers, start=OF_LAW))
+    return numbers
+
+
+def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
+    """Return the changes of a story by the name of the parameter.
+
+    Each change is an index in `story_numbers`, a flag for factors, and the bounds. If a law defines
+    the stiffness, a factor on the stiffness multiplies all forces of the law.
+    """
+    has_stiffness = LAWS[story.law.name].initial_stiffness is not None
+    law = [
+        (i, (f"law.{name}", force, length, parameter))
+        for i, (name, force, length, parameter) in enumerate(
+            _named_parameters(story.law), start=OF_LAW
+        )
+    ]
     # Factors apply to all numbers with the dimension of a stiffness or of a strength.
     stiffnesses = [
         i for i, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)

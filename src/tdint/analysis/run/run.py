@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast, overload
+
+import numpy as np
 
 from tdint.analysis.given import (
     AnyModel,
     AnyRecord,
+    is_list,
     model_of,
     model_record,
     number_of,
+    numbers_of,
     ratio_of,
     record_of,
 )
@@ -20,11 +25,13 @@ from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_esti
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.arrays import Numbers
 from tdint.errors import UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.tabular import ResultList
 
 
+@overload
 def run(
     model: AnyModel,
     record: AnyRecord | None = None,
@@ -38,7 +45,57 @@ def run(
     tolerance: float | str | None = None,
     until_rest: bool = False,
     gradient: str | Sequence[str] = (),
-) -> Response:
+) -> Response: ...
+
+
+@overload
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: list[str] | tuple[str, ...],
+    dt: float | Numbers | None = None,
+    duration: float | None = None,
+    history: bool = False,
+    allow_unstable: bool = False,
+    check: bool | None = None,
+    tolerance: float | str | None = None,
+    until_rest: bool = False,
+    gradient: str | Sequence[str] = (),
+) -> ResultList[Response]: ...
+
+
+@overload
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | None = None,
+    dt: Numbers,
+    duration: float | None = None,
+    history: bool = False,
+    allow_unstable: bool = False,
+    check: bool | None = None,
+    tolerance: float | str | None = None,
+    until_rest: bool = False,
+    gradient: str | Sequence[str] = (),
+) -> ResultList[Response]: ...
+
+
+def run(
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | Sequence[str] | None = None,
+    dt: float | Numbers | None = None,
+    duration: float | None = None,
+    history: bool = False,
+    allow_unstable: bool = False,
+    check: bool | None = None,
+    tolerance: float | str | None = None,
+    until_rest: bool = False,
+    gradient: str | Sequence[str] = (),
+) -> Response | ResultList[Response]:
     """Integrate a model in time.
 
     Parameters
@@ -95,19 +152,25 @@ def run(
         The time step is above the stability limit of the method, the run diverged or did not
         converge, or no time step meets the tolerance (`FailedRun`).
     """
-    if isinstance(method, list | tuple) or isinstance(dt, list | tuple):
-        # Lists: each method is run with each time step.
+    if is_list(method) or is_list(dt):
+        # Each method is run with each time step.
         options = locals()
-        choices = [options.pop(name) for name in ("method", "dt")]
-        methods, steps = (
-            choice if isinstance(choice, list | tuple) else (choice,) for choice in choices
+        method, dt = options.pop("method"), options.pop("dt")
+        methods = method if isinstance(method, list | tuple) else (method,)
+        steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
+        return ResultList(
+            cast("Response", run(**options, method=name, dt=h)) for name in methods for h in steps
         )
-        return ResultList(run(**options, method=name, dt=h) for name in methods for h in steps)
-    case = prepare(model, record, method=method, allow_unstable=allow_unstable)
+    if not isinstance(history, bool | np.bool_):
+        raise UsageError(
+            f"history must be True or False, got {history!r:.60}: run keeps all quantities, and "
+            "run_many selected quantities"
+        )
+    case = prepare(model, record, method=cast("str | None", method), allow_unstable=allow_unstable)
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     response = run_case(
         case,
-        dt=dt,
+        dt=number_of(dt, "dt"),
         duration=duration,
         history=history,
         check=check,

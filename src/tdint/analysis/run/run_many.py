@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from importlib import import_module
@@ -11,12 +12,20 @@ from itertools import groupby
 from itertools import product as combined
 from pathlib import Path
 from threading import Event, Semaphore
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, number_of, numbers_of, record_of
+from tdint.analysis.given import (
+    AnyModel,
+    AnyRecord,
+    is_list,
+    model_of,
+    number_of,
+    numbers_of,
+    record_of,
+)
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.batch import Subject, run_batch, run_sampled
 from tdint.analysis.run.case import Case
@@ -32,7 +41,7 @@ from tdint.analysis.run.outcome import (
 )
 from tdint.analysis.run.prepared import BatchResult, Motions
 from tdint.analysis.run.workspace import Steps
-from tdint.arrays import Array, cached_property
+from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.kernels.building.sources import CODE
@@ -41,7 +50,7 @@ from tdint.model.building import draw_buildings
 from tdint.model.definition import Model, changes_of, check_parameter, check_value, damped_by
 from tdint.model.plausibility import on_plausibility
 from tdint.system import available_memory, on_threads, processors
-from tdint.tabular import Progress, Tabular, optional, told_progress
+from tdint.tabular import Progress, ResultList, Tabular, optional, told_progress
 from tdint.units import quantities
 from tdint.written_numbers import how_many, warned_first
 
@@ -170,27 +179,99 @@ class Runs(Tabular):
         return f"{len(self.model)} of {buildings} under {records}{kept}{lost}{first}"
 
 
+@overload
 def run_many(
     models: AnyModel | Sequence[AnyModel],
     records: AnyRecord | Sequence[AnyRecord],
     *,
-    scales: float | Iterable[float] = 1.0,
+    scales: float | Numbers | Iterable[float] = 1.0,
     zip_records: bool = False,
     method: str | None = None,
     dt: float | None = None,
     duration: float | None = None,
-    history: str | Sequence[str] = (),
+    history: bool | str | Sequence[str] = (),
     every: int = 1,
     out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
     jobs: int | None = None,
     check: bool = False,
-    vary: Mapping[str, Array | Sequence[float] | float] | None = None,
+    vary: Mapping[str, Numbers | float] | None = None,
     product: bool = False,
     progress: bool | Progress = False,
     partial: bool = False,
     gradient: str | Sequence[str] = (),
     errors: str = "raise",
-) -> Runs:
+) -> Runs: ...
+
+
+@overload
+def run_many(
+    models: AnyModel | Sequence[AnyModel],
+    records: AnyRecord | Sequence[AnyRecord],
+    *,
+    scales: float | Numbers | Iterable[float] = 1.0,
+    zip_records: bool = False,
+    method: list[str] | tuple[str, ...],
+    dt: float | Numbers | None = None,
+    duration: float | None = None,
+    history: bool | str | Sequence[str] = (),
+    every: int = 1,
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
+    jobs: int | None = None,
+    check: bool = False,
+    vary: Mapping[str, Numbers | float] | None = None,
+    product: bool = False,
+    progress: bool | Progress = False,
+    partial: bool = False,
+    gradient: str | Sequence[str] = (),
+    errors: str = "raise",
+) -> ResultList[Runs]: ...
+
+
+@overload
+def run_many(
+    models: AnyModel | Sequence[AnyModel],
+    records: AnyRecord | Sequence[AnyRecord],
+    *,
+    scales: float | Numbers | Iterable[float] = 1.0,
+    zip_records: bool = False,
+    method: str | None = None,
+    dt: Numbers,
+    duration: float | None = None,
+    history: bool | str | Sequence[str] = (),
+    every: int = 1,
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
+    jobs: int | None = None,
+    check: bool = False,
+    vary: Mapping[str, Numbers | float] | None = None,
+    product: bool = False,
+    progress: bool | Progress = False,
+    partial: bool = False,
+    gradient: str | Sequence[str] = (),
+    errors: str = "raise",
+) -> ResultList[Runs]: ...
+
+
+def run_many(
+    models: AnyModel | Sequence[AnyModel],
+    records: AnyRecord | Sequence[AnyRecord],
+    *,
+    scales: float | Numbers | Iterable[float] = 1.0,
+    zip_records: bool = False,
+    method: str | Sequence[str] | None = None,
+    dt: float | Numbers | None = None,
+    duration: float | None = None,
+    history: bool | str | Sequence[str] = (),
+    every: int = 1,
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | str | Path | None = None,
+    jobs: int | None = None,
+    check: bool = False,
+    vary: Mapping[str, Numbers | float] | None = None,
+    product: bool = False,
+    progress: bool | Progress = False,
+    partial: bool = False,
+    gradient: str | Sequence[str] = (),
+    errors: str = "raise",
+) -> Runs | ResultList[Runs]:
     """Integrate every building, in every sample of its parameters, under every ground motion at
     every scale.
 
@@ -210,11 +291,13 @@ def run_many(
         second, and so on. The sequences must have the same length or a single item, which applies
         to all runs.
     method, dt, duration : optional
-        Values that replace those of each model, as in `run`; dt and duration in s.
-    history : str or sequence of str
+        Values that replace those of each model, as in `run`; dt and duration in s. A list of
+        methods or time steps returns a `ResultList` with the runs of each method with each time
+        step.
+    history : bool, str or sequence of str
         Quantities to keep at each time step: `displacement`, `velocity` (relative to the ground)
         and `absolute_acceleration` of the floors; `drift`, `shear`, `damper_force` and
-        `total_shear` of the stories.
+        `total_shear` of the stories. True keeps all of them.
     every : int, default 1
         Keep every N-th step, from the start.
     out : ndarray or mapping of str to ndarray, or str or Path, optional
@@ -268,6 +351,19 @@ def run_many(
     AnalysisError
         A method does not support a building, or the memory is too small for the histories.
     """
+    if is_list(method) or is_list(dt):
+        if out is not None:
+            raise UsageError("run_many: out cannot be used with a list of methods or time steps")
+        # All runs of each method with each time step are one result.
+        options = locals()
+        method, dt = options.pop("method"), options.pop("dt")
+        methods = method if isinstance(method, list | tuple) else (method,)
+        steps = numbers_of(dt, "dt").tolist() if is_list(dt) else (dt,)
+        return ResultList(
+            cast("Runs", run_many(**options, method=name, dt=h)) for name in methods for h in steps
+        )
+    if not isinstance(method, str | None):
+        raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     drawn = _drawn(vary or {}, product)
     buildings = [model_of(model) for model in _several(models, "models")]
     motions = tuple(map(record_of, _several(records, "records")))
@@ -276,10 +372,9 @@ def run_many(
     subjects = tuple(
         Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings
     )
-    methods = tuple(subject.integrator.label for subject in subjects)
     work = _RunsRequest(
         subjects,
-        methods,
+        tuple(subject.integrator.label for subject in subjects),
         motions,
         number_of(dt, "dt"),
         number_of(duration, "duration"),
@@ -442,13 +537,15 @@ class _RunsRequest:
         for name, of_draws in self.of_buildings.items():
             check_parameter(name)
             values = of_draws[taken] if but else of_draws
-            for value in np.unique(values).tolist():
-                check_value(name, value)
+            numbers = values.tolist()
+            for value in dict.fromkeys(numbers):
+                with _named_sample(numbers, value, taken):
+                    check_value(name, value)
+            ends = {float(values.min()), float(values.max())} if numbers else set[float]()
             for subject in self.subjects:
-                for change in changes_of(subject.model, name):
-                    change.check(
-                        name, *map(float, (values.min(), values.max()) if values.size else ())
-                    )
+                for change, value in combined(changes_of(subject.model, name), sorted(ends)):
+                    with _named_sample(numbers, value, taken):
+                        change.check(name, value)
                 if name == "damping":
                     damped_by(subject.model, 0.0)
 
@@ -471,6 +568,26 @@ class _RunsRequest:
     def stories(self) -> int:
         """Number of stories of the tallest building."""
         return max(len(subject.model.stories) for subject in self.subjects)
+
+
+@contextmanager
+def _named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> Iterator[None]:
+    """Add the number of the first sample with a value, from 0, to an error about the value.
+
+    Parameters
+    ----------
+    numbers : list of float
+        Values of a parameter.
+    value : float
+        Value to be checked in the context.
+    samples : sequence of int
+        Number of the sample of each value.
+    """
+    try:
+        yield
+    except UsageError as error:
+        place = next(i for i, number in enumerate(numbers) if number == value or number != number)
+        raise UsageError(f"{error} (sample {samples[place]}, counted from 0)") from None
 
 
 def _several(given: Any, name: str) -> Sequence[Any]:
@@ -521,8 +638,10 @@ def _planned(
     return plan
 
 
-def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
-    """Return the requested quantities of the history without duplicates."""
+def _kept(history: bool | str | Sequence[str]) -> tuple[str, ...]:
+    """Return the requested quantities of the history without duplicates; all of them for True."""
+    if isinstance(history, bool | np.bool_):
+        return tuple(KEPT) if history else ()
     names = (history,) if isinstance(history, str) else tuple(history)
     for name in names:
         if name not in KEPT:

@@ -1,0 +1,59 @@
+"""`run` and `run_many` take the same lists and histories, and messages name the sample."""
+
+import numpy as np
+import pytest
+
+import tdint
+from tdint.analysis.run.run_many import KEPT
+
+LAW = {"type": "bilinear", "yield_force": 2e5, "hardening": 0.05}
+STORY = {"mass": 1e5, "height": 3.0, "stiffness": 1e8, "law": LAW}
+MODEL = {"stories": [STORY, STORY], "damping": "5%"}
+RECORD = tdint.make_record(np.sin(np.arange(200) * 0.1), dt=0.02, units="m/s^2")
+
+
+def test_run_many_takes_lists_of_methods_and_time_steps_as_run_does():
+    methods, steps = ["impulse4", "hht"], np.array([0.01, 0.02])
+    single = tdint.run(MODEL, RECORD, method=methods, dt=steps, check=False)
+    many = tdint.run_many(MODEL, RECORD, method=methods, dt=steps)
+    assert len(single) == len(many) == 4
+    for one, runs in zip(single, many, strict=True):
+        assert (one.dt, one.method) == (runs.dt[0], runs.methods[0])
+        assert np.array_equal(one.stories.peak_drift, runs.stories.peak_drift[0])
+    assert many.to_dict()["method"] == ["impulse4", "impulse4", "hht", "hht"]  # one row per run
+    with pytest.raises(tdint.TdintError, match="out cannot be used with a list"):
+        tdint.run_many(MODEL, RECORD, method=methods, history="drift", out=np.zeros((1, 1, 1)))
+
+
+def test_history_true_keeps_all_quantities_and_a_name_is_refused_by_run():
+    runs = tdint.run_many(MODEL, RECORD, history=True)
+    response = tdint.run(MODEL, RECORD, history=True, check=False)
+    assert set(runs.history) == set(KEPT)
+    for name, kept in runs.history.items():
+        assert np.array_equal(kept[0], getattr(response.history, KEPT[name])), name
+    assert not tdint.run_many(MODEL, RECORD, history=False).history
+    with pytest.raises(tdint.TdintError, match="history must be True or False, got 'drift'"):
+        tdint.run(MODEL, RECORD, history="drift")
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "sample"),
+    [
+        ("damping", [0.02, 0.05, 1.5], 2),
+        ("stories[1].law.hardening", [0.1, 7.0, 0.2], 1),
+        ("stories[1].mass", [1e5, 1e5, np.nan], 2),
+    ],
+)
+def test_a_sample_out_of_range_is_named_by_its_number(name, values, sample):
+    with pytest.raises(tdint.TdintError, match=rf"\(sample {sample}, counted from 0\)"):
+        tdint.run_many(MODEL, RECORD, vary={name: values})
+
+
+def test_parameters_of_laws_have_the_names_that_vary_accepts():
+    """Each value that a law reports can be varied by its name; the value itself changes nothing."""
+    law = tdint.load_model(MODEL).stories[0].law
+    assert law.values["yield_force"] == 2e5 and law.values["hardening"] == 0.05
+    base = tdint.run_many(MODEL, RECORD)
+    for key, value in law.values.items():
+        same = tdint.run_many(MODEL, RECORD, vary={f"stories[1].law.{key}": value})
+        assert np.array_equal(same.stories.peak_drift, base.stories.peak_drift)
