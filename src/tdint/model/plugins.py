@@ -123,8 +123,8 @@ def private_imports(file: str) -> list[str]:
 
     Each message states the line and the import to write instead.
     """
-    from tdint.plugin import HOMES
-
+    # The source is read, because the module imports from layers above this one.
+    public_names = {"rows", *declared_homes(str(Path(__file__).parents[1] / "plugin.py"))}
     messages = []
     for node in ast.walk(ast.parse(Path(file).read_bytes())):
         module = getattr(node, "module", None) or ""
@@ -134,7 +134,7 @@ def private_imports(file: str) -> list[str]:
             and module != "tdint.plugin"
         ):
             names = ["rows" if alias.name == "layout" else alias.name for alias in node.names]
-            public = ", ".join(name for name in names if name in HOMES)
+            public = ", ".join(name for name in names if name in public_names)
             write = (
                 f"write from tdint.plugin import {public}"
                 if public
