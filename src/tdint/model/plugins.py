@@ -21,6 +21,7 @@ from typing import Any
 
 from tdint.errors import TdintError, UsageError
 from tdint.files import digest_of, is_file
+from tdint.tabular import declared_homes
 
 LOG = logging.getLogger("tdint")
 
