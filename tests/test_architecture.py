@@ -211,7 +211,9 @@ def test_functions_take_at_most_eight_arguments(layer):
     long = []
     for found, path, node in nodes(ast.FunctionDef):
         count = len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs)
-        if found == layer and count > 8 and not is_border(node):
+        # Overloads repeat the signature of a function that is counted itself.
+        is_overload = any(ast.unparse(one) == "overload" for one in node.decorator_list)
+        if found == layer and count > 8 and not is_border(node) and not is_overload:
             long.append(f"{path}: {node.name} {count}")
     assert len(long) <= LONG_SIGNATURES.get(layer, 0), long
 
