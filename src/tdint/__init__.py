@@ -72,6 +72,7 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.matching import match as match
     from tdint.analysis.matching import match_suite as match_suite
     from tdint.analysis.run.case import Case as Case
+    from tdint.analysis.run.many_results import Runs as Runs
     from tdint.analysis.run.outcome import Collapse as Collapse
     from tdint.analysis.run.outcome import Energy as Energy
     from tdint.analysis.run.outcome import ErrorEstimate as ErrorEstimate
@@ -89,7 +90,6 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     from tdint.analysis.run.run import prepare as prepare
     from tdint.analysis.run.run import run as run
     from tdint.analysis.run.run import run_case as run_case
-    from tdint.analysis.run.run_many import Runs as Runs
     from tdint.analysis.run.run_many import run_many as run_many
     from tdint.analysis.run.sequence import run_sequence as run_sequence
     from tdint.analysis.spectra.drift import DriftSpectrum as DriftSpectrum

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.analysis.run.run_many import KEPT
+from tdint.analysis.run.many_results import KEPT
 
 LAW = {"type": "bilinear", "yield_force": 2e5, "hardening": 0.05}
 STORY = {"mass": 1e5, "height": 3.0, "stiffness": 1e8, "law": LAW}

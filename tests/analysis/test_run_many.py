@@ -8,8 +8,8 @@ import pytest
 
 import tdint
 from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
+from tdint.analysis.run.many_results import KEPT
 from tdint.analysis.run.outcome import STORY, FailedRun
-from tdint.analysis.run.run_many import KEPT
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.model.definition import RayleighRatio
 from tdint.units import STANDARD_GRAVITY

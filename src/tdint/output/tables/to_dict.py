@@ -21,7 +21,7 @@ from tdint.tabular import ResultList, optional
 from tdint.units import SI, parse_output_units, quantities
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.run_many import Runs
+    from tdint.analysis.run.many_results import Runs
 
 _ROWS = 20  # number of rows in the table of a notebook
 _DIGITS = 5  # significant digits in the table of a notebook

@@ -1,0 +1,140 @@
+"""Results of many runs: peaks and histories as arrays over the runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.analysis.run import case as run_totals
+from tdint.analysis.run.outcome import STORY, Gradient, History, StoryErrors, StoryPeaks
+from tdint.arrays import Array
+from tdint.ground_motion.record import Record
+from tdint.model.definition import Model
+from tdint.tabular import Tabular
+from tdint.units import quantities
+from tdint.written_numbers import how_many, warned_first
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+KEPT = {
+    one.called or one.name: one.name
+    for one in quantities(History)
+    if one.name in run_totals.HISTORIES
+}
+"""Quantities of a history that can be kept: field of `History` by the name of its column without
+the unit.
+"""
+
+
+@dataclass(frozen=True, repr=False)
+class Runs(Tabular):
+    """Results of many runs. The first axis of the arrays is the run.
+
+    If a building has fewer stories than the tallest building, the values above its roof are nan.
+
+    Attributes
+    ----------
+    models, records : tuple
+        Buildings and ground motions, each one time.
+    methods : tuple of str
+        Method specification of each building, as given.
+    model, record : ndarray of int, shape (runs,)
+        Index of the building and of the ground motion of each run.
+    scale, dt : ndarray, shape (runs,)
+        Factor on the ground motion; time step, s.
+    steps : ndarray of int, shape (runs,)
+        Number of completed time steps.
+    status : ndarray of str, shape (runs,)
+        As in `Response`, or as in `FailedRun` if there is no result; the values of the run are then
+        nan.
+    energy_error : ndarray, shape (runs,)
+        Energy imbalance divided by the maximum input energy.
+    stories : StoryPeaks
+        Peaks of shape (runs, stories), SI units.
+    history : mapping of str to ndarray, shape (runs, rows, stories)
+        Kept quantities of the histories, SI units; nan after the end of a run.
+    every : int
+        Number of time steps between two rows.
+    failures : mapping of int to str
+        Messages of the runs without a result, by their index.
+    errors, corrected : StoryErrors and StoryPeaks, or None
+        Estimated errors of the peaks, and the peaks of the additional runs from which they are
+        estimated, if errors were requested; as in `ErrorEstimate`, of shape (runs, stories), nan
+        without an estimate.
+    varied : mapping of str to ndarray, shape (runs,)
+        Values of the varied parameters by name; `models` contains the buildings as given.
+    gradient : Gradient or None
+        Derivatives of the peaks, if requested.
+    warnings : tuple of str
+        Unusual values of the buildings, each with its model file, as shown by `check`.
+    """
+
+    models: tuple[Model, ...]
+    records: tuple[Record, ...]
+    methods: tuple[str, ...]
+    model: NDArray[np.int64]
+    record: NDArray[np.int64]
+    scale: Array
+    dt: Array
+    steps: NDArray[np.int64]
+    status: NDArray[np.str_]
+    energy_error: Array
+    stories: StoryPeaks
+    history: dict[str, NDArray[np.floating[Any]]]
+    every: int
+    failures: dict[int, str]
+    errors: StoryErrors | None = None
+    corrected: StoryPeaks | None = None
+    varied: dict[str, Array] = field(default_factory=dict)
+    gradient: Gradient | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def time(self) -> Array:
+        """Times of the rows, s, shape (1, rows) if all runs have one time step, otherwise (runs,
+        rows).
+        """
+        rows = max((kept.shape[1] for kept in self.history.values()), default=0)
+        steps = self.dt[:1] if np.all(self.dt == self.dt[0]) else self.dt
+        return np.asarray(np.multiply.outer(self.every * steps, np.arange(rows)))
+
+    def to_xarray(self) -> Dataset:
+        """Return peaks, errors and histories with units, and the properties of the runs as
+        coordinates.
+
+        Returns
+        -------
+        xarray.Dataset
+            Dimensions run, story and, with histories, time.
+
+        Raises
+        ------
+        UsageError
+            xarray is not installed.
+        """
+        dataset: Dataset = import_module(self.tables).to_xarray(self)
+        return dataset
+
+    def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
+        """Return the runs of a building by its index, and their peaks, shape (runs, stories)."""
+        runs = np.flatnonzero(self.model == number)
+        n = len(self.models[number].stories)
+        values = {
+            quantity.name: getattr(self.stories, quantity.name)[runs, :n] for quantity in STORY
+        }
+        return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
+
+    def _headline(self) -> str:
+        buildings, records = (
+            how_many(len(self.models), "building"),
+            how_many(len(self.records), "record"),
+        )
+        kept = f", histories of {', '.join(self.history)}" if self.history else ""
+        lost = f", {len(self.failures)} without a result" if self.failures else ""
+        first = warned_first(self.warnings)
+        return f"{len(self.model)} of {buildings} under {records}{kept}{lost}{first}"
