@@ -21,9 +21,9 @@ from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest, check_map, has_losses
 from tdint_cli.options.grammar import BESIDE
+from tdint_cli.options.limit import check_limit_options, without_limits
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
-from tdint_cli.suite_limits import SuiteLimits, check_limit_options, profile_name, without_limits
 from tdint_cli.terminal import Failures, current, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from tdint.campaign.store import Store
     from tdint.files import Content, Writer
     from tdint.output.tables.table import Table
+    from tdint_cli.suite_limits import SuiteLimits
 
 
 # ---- This part contains results over a suite: profiles.csv and its figure, the drift limit, and
@@ -192,6 +193,8 @@ class Profiles:
     @cached_property
     def limits(self) -> SuiteLimits:
         """Comparison of the demands with the limits."""
+        from tdint_cli.suite_limits import SuiteLimits
+
         return SuiteLimits(self.found, self.request.limit)
 
     def _need(self, option: str) -> None:
@@ -254,7 +257,7 @@ class Profiles:
         left = len(profile.motions)
         others = f"{left} others" if left > 1 else "other"
         means = f"the means are those of the {others}" if left else "there is no mean"
-        name = profile_name(profile, self.found) or profile.building
+        name = self.limits.building(profile) or profile.building
         return f"{name}: of {how_many(profile.runs, 'motion')} {told}; {means}"
 
     def tell(self) -> list[TdintError]:
@@ -310,7 +313,7 @@ class Profiles:
         beyond: list[str] = []
         for profile, met, text in self.limits.verdicts(self.units):
             say(self.limits.named(profile, text))
-            beyond += [] if met else [profile_name(profile, self.found) or profile.building]
+            beyond += [] if met else [self.limits.building(profile) or profile.building]
         beyond = list(dict.fromkeys(beyond))
         # An unreadable record counts against the limit, because its motion was not run.
         for kind, reasons in self.store.unused().items():
@@ -775,8 +778,8 @@ def _write(
         Provenance for the summary: command lines of the runs and of the export, and the execution
         of the time loops.
     """
+    from tdint.output.run_summary import LIMIT_MEANINGS
     from tdint.output.summary import campaign_summary, in_units, json_bytes, merged_inputs
-    from tdint.output.verdicts import LIMIT_MEANINGS
 
     request, store, units = profiles.request, profiles.store, profiles.units
     # Write runs.csv, unless the campaign selects only other tables.

@@ -1,5 +1,5 @@
-"""Limits of suites on the command line: the options --limit and --require, and the results of the
-comparison for the terminal, the report and summary.json."""
+"""Limits of suites on the command line: results of the comparison for the terminal, the report and
+summary.json."""
 
 from __future__ import annotations
 
@@ -8,85 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from tdint.errors import UsageError
-from tdint_cli import options
-from tdint_cli.options.grammar import Ratio
+from tdint_cli.options.limit import kept_words
 
 if TYPE_CHECKING:
     from tdint.campaign.profiles import Profile
-    from tdint.model.definition import Model
     from tdint.model.limits import LimitCheck
     from tdint.output.tables.table import Table
     from tdint.units import OutputUnits
-
-
-class _DriftLimit(Ratio):
-    """A drift ratio below 1, or the name of a performance level of the model. An integer is refused
-    with a message for old scripts in which `--limit` of a campaign was the number of runs."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        # Names of levels start with a letter; nan and inf are numbers.
-        if isinstance(value, str) and value[:1].isalpha() and value.lower() not in _NOT_LEVELS:
-            return value
-        if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
-            self.fail(
-                f"it is the drift limit, such as 2%; the number of runs is --max-runs {value}",
-                param,
-                ctx,
-            )
-        return super().convert(value, param, ctx)
-
-
-_NOT_LEVELS = ("nan", "inf", "infinity")
-
-LIMIT = options.analysis.option(
-    type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
-    metavar="2%",
-    help="Drift limit: check that the mean over the ground motions of the maximum drift ratio does "
-    "not exceed it in any story; the figure shows it as a line. It is used instead of the `limits` "
-    "of the model; the name of a performance level selects its limits.",
-)
-"""The option --limit."""
-
-
-REQUIRE = options.analysis.option(
-    is_flag=True,
-    help="Exit with code 5 if --limit or a limit of the model is exceeded, a run is missing, or a "
-    "run collapsed.",
-)
-"""The option --require, which requires --limit or `limits` in the model."""
-
-
-def check_limit_options(limit: float | str | None, require: bool, models: Sequence[Model]) -> None:
-    """Check that there is a limit for --require, and that the models have the requested level.
-
-    Raises
-    ------
-    UsageError
-        No limit is specified, or a model does not have the performance level.
-    """
-    from tdint.model.limits import check_level
-
-    if require and limit is None and not any(model.limits for model in models):
-        raise without_limits()
-    if isinstance(limit, str):
-        for model in models:
-            check_level(model.limits, limit, model.name)
-        if not models:
-            raise UsageError(
-                f"--limit {limit}: buildings of an inventory have no performance levels; "
-                "give a drift limit, such as 2%"
-            )
-
-
-def without_limits() -> UsageError:
-    """Return the error for --require without a limit."""
-    return UsageError(
-        "--require has no effect without --limit or `limits` in the model; add --limit 2%, or omit "
-        "--require"
-    )
 
 
 @dataclass(frozen=True)
@@ -173,7 +101,8 @@ class SuiteLimits:
 
     def summary(self) -> dict[str, Any]:
         """Return the comparisons for summary.json; empty without limits."""
-        from tdint.output.verdicts import LIMIT_MEANINGS, limits_summary
+        from tdint.output.run_summary import LIMIT_MEANINGS
+        from tdint.output.verdicts import limits_summary
 
         if not self.checks:
             return {}
@@ -206,6 +135,10 @@ class SuiteLimits:
             if text and not self.is_limited(profile):
                 yield None, self.named(profile, text)
 
+    def building(self, profile: Profile) -> str:
+        """Return the building and the level, if they are needed to identify a profile."""
+        return profile_name(profile, self.profiles)
+
     def named(self, profile: Profile, text: str) -> str:
         """Return a sentence with the building and the level, if they are needed."""
         name = profile_name(profile, self.profiles)
@@ -219,11 +152,6 @@ _PLAIN, _ISOLATOR = ("Mean drift", "No motion"), "Mean isolator"
 def _several(checks: Iterable[Sequence[LimitCheck]]) -> bool:
     """Return True if a building has more than one limit; a single one is in the verdict."""
     return any(len(of_building) > 1 for of_building in checks)
-
-
-def kept_words(kept: bool) -> str:
-    """Return the first words of the result of the drift check."""
-    return f"Limit {'kept' if kept else 'NOT kept'}. "
 
 
 def profile_name(profile: Profile, among: list[Profile]) -> str:

@@ -1,15 +1,17 @@
 """From errors to lines on standard error and exit codes."""
 
 import logging
+import math
 import os
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import click
 import pytest
 
-from cli.conftest import STUDY
+from cli.conftest import STUDY, Command
 from tdint import errors
 from tdint_cli import options
 from tdint_cli.main import LazyGroup
@@ -210,3 +212,47 @@ def test_without_a_thread_for_signals_the_command_runs(folder):
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout.startswith("mode,")
+
+
+def test_a_key_in_the_wrong_section_and_a_missing_percent_sign_have_a_remedy(
+    folder: Path, tdint: Command
+) -> None:
+    Path("wrong.yaml").write_text(
+        "stories: [{mass: 1, stiffness: 1}]\ndamping: 5\nrecord: motion.mseed\ndt: 0.01\n"
+    )
+    lines = tdint("check", "wrong.yaml", code=3).stderr.splitlines()
+    assert lines[0].startswith("Error: wrong.yaml:2:10: damping: ")
+    assert lines[0].endswith("; did you mean 5%?")
+    assert lines[1].endswith("belongs to `excitation`: write `excitation: {record: ...}`")
+    assert lines[2].endswith("belongs to `analysis`: write `analysis: {dt: ...}`")
+
+
+def test_a_run_without_ground_motion_reports_that_it_is_missing(
+    folder: Path, tdint: Command
+) -> None:
+    """With a force on a floor, the time step is missing instead."""
+    text = "name: x\nstories: [{mass: 1000, stiffness: 1.0e+6}]\n"
+    Path("still.yaml").write_text(text)
+    assert (
+        "x: the ground motion is missing; add a record" in tdint("run", "still.yaml", code=2).stderr
+    )
+    force = "excitation: {forces: [{floor: 1, amplitude: 1, omega: 2}]}\n"
+    Path("forced.yaml").write_text(text + force)
+    assert "no time step" in tdint("run", "forced.yaml", code=2).stderr
+
+
+def test_a_wrong_unit_is_reported_before_a_smaller_step_is_recommended(
+    folder: Path, tdint: Command
+) -> None:
+    """Samples in mm/s^2 are given as m/s^2, and the steps of the method are too long: the unit
+    comes first."""
+    text = (
+        "stories: [{repeat: 2, mass: 1.0e+5, height: 3, stiffness: 1.0e+8}]\ndamping: 5%\n"
+        "analysis: {method: newmark-average, dt: 0.05}\n"
+    )
+    Path("stiff.yaml").write_text(text)
+    samples = [f"{900 * math.sin(0.3 * k):.4f}" for k in range(400)]
+    Path("mm.txt").write_text("# dt = 0.05 s, units = m/s^2\n" + "\n".join(samples) + "\n")
+    told = tdint("run", "stiff.yaml", "mm.txt").stderr
+    unit, smaller = told.index("check the units of the record"), told.index("use a smaller")
+    assert unit < told.index("newmark-average: ") and unit < smaller

@@ -125,7 +125,7 @@ stories: [{mass: 1, stiffness: 1}]¶output_units: kip, inch, g
 # A second line below that of three sound stories.
 LINES = r"""
 damping: 5
-    2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got '5'
+    2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got '5'; did you mean 5%?
 damping: {}
     2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got a mapping without either
 damping: {raileigh: 3}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +28,7 @@ from tdint_cli.commands.run_request import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
-from tdint_cli.suite_limits import check_limit_options, kept_words
+from tdint_cli.options.limit import check_limit_options, kept_words
 from tdint_cli.terminal import complain, is_quiet, note, say, warn
 
 if TYPE_CHECKING:
@@ -175,6 +175,9 @@ def _run(request: Request) -> None:
         method=request.method,
         allow_unstable=request.allow_unstable,
     )
+    # Print these warnings before the integration: an incorrect unit can explain a failure, and a
+    # smaller time step does not correct it.
+    unusual = [*case.plausibility_warnings, *_of_record(None if shocks else case.record)]
     if not (shocks or request.tolerance or request.until_rest):
         dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
         steps = case.steps(dt, duration).count
@@ -183,11 +186,10 @@ def _run(request: Request) -> None:
         methods, count = [case.method], steps
         if request.check is not False:  # a second run with half the time step
             methods, count = [case.method, reference(case).method], 3 * steps
-        # Print these warnings before the integration: an incorrect unit can explain a failure.
-        warn(*case.plausibility_warnings)
+        warn(*unusual)
         run_interpreted(case.prepared, methods, count)
     else:
-        warn(*case.plausibility_warnings)
+        warn(*unusual)
     try:
         response = _respond(case, shocks, request)
         record = response.record
@@ -196,7 +198,8 @@ def _run(request: Request) -> None:
         from tdint.output.run_summary import failure_summary
 
         # Write only the summary, which states how far the run came.
-        _remark(record, failure.notes)
+        warn(*_of_record(record if shocks else None))
+        note(*failure.notes)
         wall_time, first = time.perf_counter() - began, first_mode(case.building, case.record)
         content = failure_summary(
             failure,
@@ -219,7 +222,8 @@ def _run(request: Request) -> None:
         whose = f"{response.model.name}: " * is_quiet()
         complain(whose + _collapsed(response, response.collapse))  # It affects the peaks.
     warn(*(text for text in response.warnings if text not in case.plausibility_warnings))
-    _remark(record, response.notes)
+    warn(*_of_record(record if shocks else None))
+    note(*response.notes)
     if request.require and (beyond := [verdict.text for verdict in judged if not verdict.met]):
         of_option = "the drift limit is exceeded: " * isinstance(request.limit, float)
         raise AnalysisError(of_option + " ".join(beyond))
@@ -243,6 +247,8 @@ def _judged(response: Response, limit: float | str | None, units: OutputUnits) -
     UsageError
         The building has no story with a height.
     """
+    if limit is None and not response.model.limits:
+        return []
     from tdint.output.verdicts import run_verdicts
 
     return run_verdicts(response.limit_checks(limit), response.status, units)
@@ -266,11 +272,9 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
     return run_case(case, duration=request.duration, **settings)
 
 
-def _remark(record: Record | None, notes: Sequence[str]) -> None:
-    """Print the warnings of a record and the notes of a run."""
-    if record:
-        warn(*(f"{record.source}: {text}" for text in record.warnings))
-    note(*notes)
+def _of_record(record: Record | None) -> list[str]:
+    """Return the warnings of a record with its file; empty without a record."""
+    return [f"{record.source}: {text}" for text in record.warnings] if record else []
 
 
 def _check_room(request: Request, stories: int, steps: int) -> None:

@@ -8,6 +8,7 @@ import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,10 @@ from tdint.analysis.run.batch import Subject
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model, simple_model
 from tdint.model.inventory import InventoryRow, InventoryRows, Made, derive_row
-from tdint.model.limits import Limit
 from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.model.limits import Limit
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
@@ -292,6 +295,9 @@ def limits_text(buildings: Buildings) -> str:
 
 def limits_of_text(text: str) -> list[BuildingLimits]:
     """Return the limits of each building from the text of `limits_text`."""
+    # Imported here, because most campaigns have no limits.
+    from tdint.model.limits import Limit
+
     stored = json.loads(text or '{"sets": [], "of": []}')
     sets = [
         BuildingLimits(tuple(map(Limit.of_json, limits)), tuple(isolators))

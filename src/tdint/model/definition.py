@@ -12,14 +12,13 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.damage_states import DamageStates
-from tdint.model.limits import Limit
 from tdint.model.plugins import (
     Origin,
     check_name,
@@ -32,6 +31,9 @@ from tdint.model.plugins import (
 )
 from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many, parse_ratio
+
+if TYPE_CHECKING:
+    from tdint.model.limits import Limit
 
 # ---- Hysteretic laws: built-in laws, laws of plug-ins, and the law of a story
 

@@ -13,7 +13,6 @@ from tdint.methods.catalogue import resolved
 from tdint.model.damage_states import DEMANDS as DEMANDS_OF_DAMAGE
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output.summary import inputs_summary, motion_summary, schema, versions
-from tdint.output.verdicts import LIMIT_MEANINGS, limits_summary
 from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
@@ -110,7 +109,27 @@ MEANINGS |= {
     f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}")
     for one in DEMANDS
 }
-MEANINGS |= LIMIT_MEANINGS
+LIMIT_MEANINGS = {
+    f"{name}{part}{suffix(unit)}": (unit, f"{text} {name.replace('_', ' ')}")
+    for name, unit in (
+        ("drift_ratio", "1"),
+        ("residual_drift_ratio", "1"),
+        ("isolator_displacement", "m"),
+        ("floor_acceleration", "m/s^2"),
+    )
+    for part, text in (
+        ("", "demand with the largest ratio to its limit:"),
+        ("_limit", "limit of the"),
+        ("_largest", "maximum of all motions:"),
+    )
+} | {
+    "limit_story": ("1", "story or floor with the largest ratio of demand to limit"),
+    "limit_ratio": ("1", "demand divided by limit"),
+    "largest_story": ("1", "story or floor of the maximum of all motions"),
+}
+"""Unit and meaning of the numbers on limits (`tdint.output.verdicts.limits_summary`)."""
+
+MEANINGS = LIMIT_MEANINGS | MEANINGS
 """Unit and meaning of the number of each key."""
 
 UNITS = {key: unit for key, (unit, _) in MEANINGS.items()}
@@ -177,7 +196,7 @@ def run_summary(
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
         **_damage(response),
-        **({"limits": limits_summary(limits, mean=False)} if limits else {}),
+        **_limits(limits),
     }
     return _ended(content, response.record, settings, (*response.warnings, *response.notes), inputs)
 
@@ -335,6 +354,16 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
         "errors": peak_errors(stories, check.errors),
         "corrected_peaks": peaks(check.corrected) if check.corrected else None,
     }
+
+
+def _limits(checks: Sequence[LimitCheck]) -> dict[str, Any]:
+    """Return the comparisons with limits; empty without limits."""
+    if not checks:
+        return {}
+    # Imported here, because runs without limits do not need it.
+    from tdint.output.verdicts import limits_summary
+
+    return {"limits": limits_summary(checks, mean=False)}
 
 
 def _damage(response: Response) -> dict[str, Any]:

@@ -263,22 +263,6 @@ def limit_table(
     return Table(tuple(columns), rows, meanings)
 
 
-LIMIT_MEANINGS = {
-    f"{name}{part}{suffix(quantity.unit)}": (quantity.unit, f"{text} {quantity.text}")
-    for name, quantity in QUANTITIES.items()
-    for part, text in (
-        ("", "demand with the largest ratio to its limit:"),
-        ("_limit", "limit of the"),
-        ("_largest", "maximum of all motions:"),
-    )
-} | {
-    "limit_story": ("1", "story or floor with the largest ratio of demand to limit"),
-    "limit_ratio": ("1", "demand divided by limit"),
-    "largest_story": ("1", "story or floor of the maximum of all motions"),
-}
-"""Unit and meaning of the numbers in `limits_summary`."""
-
-
 def limits_summary(checks: Iterable[LimitCheck], *, mean: bool) -> list[dict[str, Any]]:
     """Return the comparisons for summary.json in SI units.
 

@@ -373,6 +373,14 @@ class Case:
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
         record = self.record
+        loaded = self.model.excitation.forces or any(
+            (*self.model.initial.displacement, *self.model.initial.velocity)
+        )
+        if record is None and not loaded and (dt is None or duration is None):
+            raise UsageError(
+                f"{self.model.name}: the ground motion is missing; add a record (RECORD on the "
+                "command line, or `excitation: {record: FILE}` in the model file)"
+            )
         return choose_steps(
             dt, duration, record.dt if record else None, record.duration if record else 0.0
         )
@@ -608,8 +616,8 @@ class Case:
         warnings = unusual_stories(DUCTILITY, ductility)
         if not abs(energy.error) <= _LARGE_IMBALANCE:
             change = "dissipated by" if energy.error > 0.0 else "produced by"
-            warnings.insert(
-                0,
+            # An unusual ductility comes first, because a smaller step does not correct a unit.
+            warnings.append(
                 f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
                 f"energy, {change} the method: use a smaller step or another method",
             )

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
-from tdint.model.limits import LimitCheck, check_limits, chosen_limits, isolator_limits
 from tdint.tabular import Tabular
 from tdint.units import Quantity, quantities
 from tdint.written_numbers import how_many, warned_first
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
     from tdint.model.building import Building
     from tdint.model.definition import Model
+    from tdint.model.limits import LimitCheck
 
 
 def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
@@ -559,6 +559,11 @@ class Response(Tabular):
         UsageError
             No story has a height, or the model does not have the performance level.
         """
+        if limit is None and not self.model.limits:
+            return ()
+        # Imported here, because most models have no limits.
+        from tdint.model.limits import check_limits, chosen_limits
+
         stories = self.stories
         ratios = stories.peak_drift_ratio
         peaks = {quantity.name: getattr(stories, quantity.name)[np.newaxis] for quantity in STORY}
@@ -572,6 +577,8 @@ class Response(Tabular):
     @property
     def isolator_check(self) -> LimitCheck | None:
         """Displacement of the isolators with an infinite limit; None without isolators."""
+        from tdint.model.limits import check_limits, isolator_limits
+
         isolators = [i for i, story in enumerate(self.model.stories, start=1) if story.isolator]
         peaks = {"peak_drift": self.stories.peak_drift[np.newaxis]}
         limits = isolator_limits(isolators, len(self.model.stories))

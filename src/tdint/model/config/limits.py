@@ -95,22 +95,20 @@ LIMITS = Keys(
 """Keys of the section `limits` of a model file."""
 
 
-def read_limits(
-    value: Value | None, unit: ModelUnits, stories: Sequence[Story]
-) -> tuple[Limit, ...]:
+def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tuple[Limit, ...]:
     """Return the limits of a model; empty without limits.
 
     Parameters
     ----------
-    value : Value or None
+    value : Value
         The section.
     unit : ModelUnits
         Units of the file.
     stories : sequence of Story
         Stories of the model; empty after an error.
     """
-    section = value.section(LIMITS) if value else None
-    if value is None or section is None:
+    section = value.section(LIMITS)
+    if section is None:
         return ()
     limits = _of_level(section, "", unit, stories)
     levels = section.get("levels")

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextvars import copy_context
 from dataclasses import astuple, replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from tdint.errors import ModelError, UsageError
 from tdint.files import READ, STDIN
@@ -31,7 +31,6 @@ from tdint.ground_motion.choice import (
     parse_pad,
     parse_trim,
 )
-from tdint.model.config.limits import LIMITS, read_limits
 from tdint.model.config.sections import (
     DAMAGE,
     DAMPING,
@@ -80,6 +79,9 @@ from tdint.model.keys.fields import (
 from tdint.model.keys.nodes import Faults
 from tdint.units import SI, parse_output_units
 from tdint.written_numbers import parse_head
+
+if TYPE_CHECKING:
+    from tdint.model.limits import Limit
 
 # ---- The section `excitation` of a model file: forces, or a record with the layout of its text
 # table and its processing. Keys of `excitation.record` have the names of the command-line options.
@@ -260,8 +262,9 @@ def model_keys() -> Keys:
     """Return the keys of a model file with the types of their values."""
     # Imported here because it loads numpy, which is not needed to read most models.
     from tdint.model.config.building_facts import BUILDING
+    from tdint.model.config.limits import LIMITS
 
-    kinds = {"building": BUILDING}
+    kinds = {"building": BUILDING, "limits": LIMITS}
     return Keys(
         tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared),
         _MODEL.one_of,
@@ -298,7 +301,7 @@ _MODEL = Keys(
             "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
         ),
         Key("damage", DAMAGE, "damage states of the building"),
-        Key("limits", LIMITS, "limits of demands, which runs are compared with"),
+        Key("limits", Keys(()), "limits of demands, which runs are compared with"),
         Key(
             "output_units",
             Either((Words(), EntriesOf(Words(), least=1))),
@@ -430,7 +433,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         page_units=page_units,
         page_head=section.read("report") or (),
         damage=read_damage(section.get("damage")),
-        limits=read_limits(section.get("limits"), unit, stories),
+        limits=_read_limits(section, unit, stories),
         plausibility_off=section.read("plausibility") or "",
     )
     # A stream can be read once.
@@ -438,6 +441,19 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already contains the model; give the record as a file")
     return model
+
+
+def _read_limits(
+    section: Section, unit: ModelUnits, stories: tuple[Story, ...]
+) -> tuple[Limit, ...]:
+    """Return the limits of a model; empty without limits."""
+    value = section.get("limits")
+    if value is None:
+        return ()
+    # Imported here, because most models have no limits.
+    from tdint.model.config.limits import read_limits
+
+    return read_limits(value, unit, stories)
 
 
 def _read_stories(

@@ -378,7 +378,11 @@ class Value:
         bounds = bounds or (self.kind if isinstance(self.kind, Bounds) else ANY)
         number = self._bare_number(bounds)
         if not bounds.allow(number):
-            self.fault(f"must be {expected or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
+            shown = self._shown_unquoted(_NUMBER, bounds)
+            # 5 instead of 5%: suggest the percentage if it is within the bounds.
+            percent = bounds.ratio and number > 1.0 and bounds.allow(0.01 * number)
+            hint = f"; did you mean {self.word}%?" if percent and "%" not in self.word else ""
+            self.fault(f"must be {expected or bounds}, got {shown}{hint}")
             return math.nan
         # Numbers far outside the range of building properties indicate a wrong unit or exponent.
         converted = number * scale if number else 0.0
@@ -825,4 +829,15 @@ def quoted(text: str) -> str:
 def _advice(name: str, names: Collection[str]) -> str:
     if name.isdecimal():  # {height: 3,5}
         return "; a comma divides entries here: write a decimal point"
+    # A key of exactly one inner section, such as `record` of `excitation`. Units have the names of
+    # quantities, which belong to other sections.
+    if isinstance(names, Keys):
+        sections = [
+            key.name
+            for key in names.declared
+            if isinstance(key.kind, Keys) and name in key.kind and key.name != "units"
+        ]
+        if len(sections) == 1:
+            (section,) = sections
+            return f"; it belongs to `{section}`: write `{section}: {{{name}: ...}}`"
     return did_you_mean(name, names) or f"; known: {', '.join(names)}"
