@@ -1,7 +1,7 @@
-"""What a package index shows: the README, and the addresses of the project where it has one.
+"""Text and addresses for a package index: the README, with links to the files of this version.
 
-Links lead to the project's files of this version; without an address, pictures and links into the
-checkout go."""
+Without the address of a repository, pictures and links to files are removed.
+"""
 
 from __future__ import annotations
 
@@ -26,31 +26,32 @@ _LINK = re.compile(r"\[([^]]*)\]\((?!https?:)([^)#]*)(#[^)]*)?\)")
 
 
 class ReadmeHook(MetadataHookInterface):
-    """Puts `for_index` of README.md and `urls` into the metadata."""
+    """Hook of hatchling that adds the README and the addresses to the metadata."""
 
     def update(self, metadata: dict[str, Any]) -> None:
         root = Path(self.root)
         project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
         source = (root / project["tool"]["hatch"]["version"]["path"]).read_text(encoding="utf-8")
         found = re.search(r'^__version__ = "(.+)"', source, re.MULTILINE)
-        repository = project["tool"]["tdint"]["repository"].rstrip("/")
+        addresses = project["tool"]["tdint"]
+        repository = addresses["repository"].rstrip("/")
         text = for_index(
             (root / "README.md").read_text(encoding="utf-8"), repository, found[1] if found else ""
         )
         metadata["readme"] = {"content-type": "text/markdown", "text": text}
-        metadata["urls"] = urls(repository)
+        metadata["urls"] = urls(repository, addresses["site"])
 
 
-def urls(repository: str) -> dict[str, str]:
-    """Return the project addresses by label; empty without a repository address."""
+def urls(repository: str, site: str = "") -> dict[str, str]:
+    """Return the project addresses by label; empty without a repository and a site."""
+    labels = {"Documentation": f"{site.rstrip('/')}/"} if site else {}
     if not repository:
-        return {}
-    changes = f"{repository}/blob/main/CHANGELOG.md"
-    return {
+        return labels
+    return labels | {
         "Homepage": repository,
         "Source": repository,
         "Issues": f"{repository}/issues",
-        "Changelog": changes,
+        "Changelog": f"{repository}/blob/main/CHANGELOG.md",
     }
 
 
@@ -63,17 +64,18 @@ def for_index(text: str, repository: str = "", version: str = "") -> str:
     """
     text = _COMMENT.sub("", _CHECKOUT.sub(lambda _: _FIRST_RUN, text))
     if not repository:
-        return _LINK.sub(_words, _PICTURE.sub("", text))
+        return _LINK.sub(_text_of_link, _PICTURE.sub("", text))
 
     def absolute(link: re.Match[str]) -> str:
-        mark, words, file, section = link.groups()
+        mark, label, file, section = link.groups()
         if not file:
             return link[0]
-        return f"{mark}[{words}]({repository}/{'raw' if mark else 'blob'}/v{version}/{file}{section or ''})"  # noqa: E501
+        return f"{mark}[{label}]({repository}/{'raw' if mark else 'blob'}/v{version}/{file}{section or ''})"  # noqa: E501
 
     return re.sub(f"(!?){_LINK.pattern}", absolute, text)
 
 
-def _words(link: re.Match[str]) -> str:
-    words, file, section = link.groups()
-    return words if section else f"{words} (`{file}`)"
+def _text_of_link(link: re.Match[str]) -> str:
+    """Return the text of a link, with the file to which it leads."""
+    label, file, section = link.groups()
+    return label if section else f"{label} (`{file}`)"

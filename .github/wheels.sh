@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# The source archive and all wheels of a release: .github/wheels.sh FOLDER
+# Build the source archive and all wheels of a release: .github/wheels.sh FOLDER
 #
-# The plain wheel is for any platform and compiles its loops with numba; one wheel a platform carries them compiled. They
-# are compiled once, for all platforms, into FOLDER/kernels. The same sources give the same bytes, wherever they lie:
+# The plain wheel is for all platforms and compiles its loops with numba; in addition, one wheel per platform contains
+# compiled loops. These are compiled once, for all platforms, into FOLDER/kernels. The same sources give the same bytes in
+# any directory:
 #
 #   .github/wheels.sh one && git worktree add /tmp/other && (cd /tmp/other && .github/wheels.sh two)
 #   sha256sum one/*.whl /tmp/other/two/*.whl
 #
-# Needs, in the environment of `python`: pip install . build hatchling lief
+# Required in the environment of `python`: pip install . build hatchling lief
 set -euo pipefail
 mkdir -p "$1"
 folder=$(cd "$1" && pwd)
@@ -26,6 +27,6 @@ platforms=(
 targets=$(IFS=, && echo "${platforms[*]}")
 PYTHONPATH=src:cli python -m tdint_cli compile --all --target "$targets" -o "$TDINT_KERNELS_DIR"
 python -m build --no-isolation --outdir "$folder"
-for one in "${platforms[@]}"; do
-    TDINT_WHEEL_TARGETS=$one python -m build --no-isolation --wheel --outdir "$folder"
+for platform in "${platforms[@]}"; do
+    TDINT_WHEEL_TARGETS=$platform python -m build --no-isolation --wheel --outdir "$folder"
 done

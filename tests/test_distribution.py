@@ -95,6 +95,8 @@ def test_a_release_that_agrees_is_not_refused(tmp_path, monkeypatch):
         "README.md": module.bibtex(citation, project),
         "src/tdint/system.py": '__version__ = "1.2.3"\n',
         "codemeta.json": module.codemeta(citation, project),
+        "CITATION.cff": 'license: BSD-3-Clause\nrepository-code: "somewhere"\n',
+        "conda/meta.yaml": "  home: somewhere\n",
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -152,6 +154,38 @@ def test_links_of_an_index_lead_to_the_files_of_the_version(monkeypatch):
         "Issues",
         "Changelog",
     }
+
+
+def test_addresses_are_written_to_citation_recipe_and_index(monkeypatch):
+    module = readmes.program("release")
+    place, site = "https://example.org/a/tdint", "https://pages.example.org"
+    project = {"tool": {"tdint": {"contact": "", "repository": place, "site": site}}}
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    filled = module.with_addresses(citation, project)
+    assert yaml.safe_load(filled)["repository-code"] == place
+    assert yaml.safe_load(filled)["url"] == site
+    assert module.with_addresses(filled, project) == filled
+    recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text(encoding="utf-8")
+    assert f"  home: {place}\n  doc_url: {site}\n" in module.with_home(recipe, project)
+    assert module.with_home(module.with_home(recipe, project), project).count("  doc_url:") == 1
+    empty = {"tool": {"tdint": {"contact": "", "repository": "", "site": ""}}}
+    assert module.with_addresses(filled, empty) == citation
+    assert "  home: OWNER\n" in module.with_home(recipe, empty)
+    assert index_readme(monkeypatch).urls(place, site)["Documentation"] == f"{site}/"
+
+
+def test_the_same_licenses_are_stated_everywhere():
+    """BSD-3-Clause for the program, CC BY 3.0 NZ for the recordings in records/kaikoura."""
+    module = readmes.program("release")
+    citation, project = module.read()
+    assert citation["license"] == "BSD-3-Clause"
+    urls = [entry["license-url"] for entry in citation["references"]]
+    assert urls == [module.DATA_LICENSE]
+    stated = json.loads(module.codemeta(citation, project))["license"]
+    assert stated == ["https://spdx.org/licenses/BSD-3-Clause", module.DATA_LICENSE]
+    assert module.DATA_LICENSE in (ROOT / "records" / "README.md").read_text(encoding="utf-8")
+    recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text(encoding="utf-8")
+    assert f"  license: {PROJECT['project']['license']}\n" in recipe
 
 
 def test_the_licenses_are_told_apart():
