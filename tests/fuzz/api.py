@@ -105,7 +105,7 @@ def _layout(source: random.Random) -> Any:
 _METHOD = _text("newmark-average", "impulse4", "exact", "newmark:beta=0.3:gamma=0.6")
 _PROCESSING = {
     "trim": lambda source: source.choice(((0.1, 0.3), (_number(source), _number(source)))),
-    "baseline": _text("constant", "linear"),
+    "baseline": _text("constant", "linear", "quadratic"),
     "pad": lambda source: source.choice((0.1, (0.1, 0.2), (_number(source), 0.0), _number(source))),
     "highpass": _number,
     "lowpass": _number,

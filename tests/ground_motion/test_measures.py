@@ -183,3 +183,60 @@ class TestUnusualRecords:
     )
     def test_doubts(self, samples, notes):
         assert list(measure(record(samples)).notes) == notes
+
+
+class TestMeasuresOfFrequencyAndLevel:
+    """Mean period, A95 and bracketed duration against closed forms."""
+
+    def test_the_mean_period_of_a_sine_is_its_period(self):
+        """100 whole periods of 2 Hz: one Fourier amplitude."""
+        dt, frequency = 0.005, 2.0
+        motion = record(np.sin(2.0 * math.pi * frequency * dt * np.arange(10_000)), dt)
+        assert measure(motion).mean_period == pytest.approx(0.5, rel=1e-9)
+        assert measure(motion.scaled(7.0)).mean_period == pytest.approx(0.5, rel=1e-9)
+
+    def test_the_mean_period_weights_periods_by_squared_amplitudes(self):
+        """Amplitudes 1 at 1 Hz and 2 at 4 Hz: (1 x 1 + 4 x 0.25) / 5. Frequencies outside of 0.25
+        to 20 Hz do not count."""
+        time = 0.005 * np.arange(20_000)
+        sines = (1.0, 1.0), (2.0, 4.0), (9.0, 0.1), (9.0, 30.0)
+        motion = sum(a * np.sin(2.0 * math.pi * f * time) for a, f in sines)
+        assert measure(record(motion, 0.005)).mean_period == pytest.approx(0.4, rel=1e-9)
+
+    def test_zeros_behind_a_short_record_do_not_change_its_mean_period(self):
+        """The frequencies of a record of 2 s are 0.5 Hz apart; the limit is 0.05 Hz."""
+        rng = np.random.default_rng(4)
+        samples = rng.standard_normal(400) * np.hanning(400)
+        short = record(samples, 0.005)
+        padded = record(np.concatenate([samples, np.zeros(3600)]), 0.005)
+        assert measure(short).mean_period == measure(padded).mean_period
+
+    def test_a95_of_a_ramp(self):
+        """The energy below A of a ramp from 0 to 1 is A^3 of the whole."""
+        assert measure(record([0.0, 1.0])).a95 == pytest.approx(0.95 ** (1.0 / 3.0), rel=1e-12)
+        assert measure(record([-3.0, 3.0])).a95 == pytest.approx(
+            3.0 * 0.95 ** (1.0 / 3.0), rel=1e-12
+        )
+
+    def test_a95_of_levels(self):
+        """Constant 1 for 90 intervals and 2 for 10: 90 of 130 at level 1, so that A95 is 2; if the
+        second level lasts one interval and is 1.1, A95 is 1. The ramps between are negligible."""
+        flat = [1.0] * 91
+        assert measure(record([*flat, *[2.0] * 11])).a95 == pytest.approx(2.0, rel=1e-9)
+        assert measure(record([*[1.0] * 9001, 1.1, 1.1])).a95 == pytest.approx(1.0, rel=1e-9)
+
+    def test_the_bracketed_duration_is_between_crossings_of_straight_lines(self):
+        """From 0 to 0.1 g, to -0.1 g, to 0 at intervals of 0.5 s: crossings at 0.25 s and 1.75 s...
+        the last sample inside is -0.1 g at 1 s, and the line to 0 crosses -0.05 g at 1.25 s."""
+        g = STANDARD_GRAVITY
+        motion = record([0.0, 0.1 * g, -0.1 * g, 0.0])
+        assert measure(motion).bracketed_duration == pytest.approx(1.25 - 0.25, rel=1e-12)
+        assert measure(record([0.0, 0.04 * g, 0.0])).bracketed_duration == 0.0
+        assert measure(record([0.2 * g] * 5)).bracketed_duration == 2.0
+        # One sample inside: 0.1 g, with 0 before and after.
+        assert measure(record([0.0, 0.1 * g, 0.0])).bracketed_duration == pytest.approx(0.5)
+
+    def test_a_record_of_zeros_has_no_periods(self):
+        still = measure(record([0.0] * 10))
+        assert math.isnan(still.mean_period)
+        assert (still.a95, still.bracketed_duration) == (0.0, 0.0)

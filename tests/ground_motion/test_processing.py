@@ -279,7 +279,7 @@ def test_steps_that_do_not_fit_the_record(wanted, message):
         {"trim": (2.0, 1.0)},
         {"trim": (-1.0, 1.0)},
         {"trim": (math.nan, 1.0)},
-        {"baseline": "quadratic"},
+        {"baseline": "cubic"},
         {"pad": -1.0},
         {"pad": 0.0},
         {"pad": (1.0, -0.5)},
@@ -318,3 +318,20 @@ def test_values_that_make_no_sense(wanted):
 def test_texts_of_the_command_line(parse, text, value):
     with pytest.raises(UsageError, match="must be") if value is None else nullcontext():
         assert parse(text) == value
+
+
+def test_a_quadratic_baseline_is_orthogonal_to_every_parabola():
+    """The rest of a least-squares fit is orthogonal to 1, t and t^2; a parabola leaves nothing."""
+    t = np.arange(noise().acceleration.size, dtype=float)
+    after = process(noise(), baseline="quadratic").acceleration
+    scale = np.max(np.abs(noise().acceleration))
+    for power in range(3):
+        basis = (t / t[-1]) ** power
+        assert abs(np.dot(after, basis)) < 1e-9 * scale * t.size
+    assert abs(np.dot(process(noise(), baseline="linear").acceleration, (t / t[-1]) ** 2)) > (
+        1e-6 * scale
+    )
+    parabola = record(3.0 - 0.02 * t + 1e-4 * t**2)
+    np.testing.assert_allclose(process(parabola, baseline="quadratic").acceleration, 0.0, atol=1e-9)
+    two = process(record(np.array([1.0, 3.0])), baseline="quadratic").acceleration
+    np.testing.assert_allclose(two, 0.0, atol=1e-12)

@@ -137,8 +137,9 @@ _PROCESSING = (
     ),
     _rare(
         "--baseline",
-        type=click.Choice(["constant", "linear"]),
-        help="Remove the mean, or the least-squares line, of the acceleration.",
+        type=click.Choice(["constant", "linear", "quadratic"]),
+        help="Remove the mean, the least-squares line or the least-squares parabola of the "
+        "acceleration.",
     ),
     _rare("--pad", metavar="SECONDS|BEFORE:AFTER", help="Add zeros before and after the record."),
     option(

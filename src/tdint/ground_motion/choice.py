@@ -21,7 +21,7 @@ SAME_STEP = 1e-3
 
 MOST_LINES = 1_000_000  # lines; maximum to skip, a larger number is an input error
 
-BASELINES = ("constant", "linear")
+BASELINES = ("constant", "linear", "quadratic")
 CORNERS = 4  # default order of the filters: 24 dB per octave
 MOST_CORNERS = 10  # maximum order of the filters; steeper than required in practice
 
@@ -123,8 +123,8 @@ class Processing(_OptionalFields):
         Start and end of the part to keep, s from the first sample; None for one of them keeps that
         end of the record.
     baseline : str or None
-        Baseline that is subtracted from the acceleration: `constant` (mean) or `linear`
-        (least-squares line).
+        Baseline that is subtracted from the acceleration: `constant` (mean), `linear`
+        (least-squares line) or `quadratic` (least-squares parabola).
     pad : tuple of two floats or None
         Durations of zeros added before and after the record, s.
     highpass, lowpass : float or None
@@ -214,7 +214,8 @@ def _problems(steps: Processing) -> Iterator[str]:
         if value is not None and not 0.0 < value < math.inf:
             yield f"{name} must be a positive number, got {value}"
     if steps.baseline is not None and steps.baseline not in BASELINES:
-        yield f"baseline must be {' or '.join(BASELINES)}, got {steps.baseline!r}"
+        names = f"{', '.join(BASELINES[:-1])} or {BASELINES[-1]}"
+        yield f"baseline must be {names}, got {steps.baseline!r}"
     for name in ("trim", "pad"):
         pair = getattr(steps, name)
         if pair is not None and not (isinstance(pair, tuple | list) and len(pair) == 2):

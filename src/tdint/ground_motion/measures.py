@@ -2,8 +2,9 @@
 
 Peak velocity and displacement (from rest at the first sample), Arias intensity (Arias 1970) with
 its significant durations (Trifunac and Brady 1975), cumulative absolute velocity (EPRI NP-5930,
-1988; CAV5: Kramer and Mitchell 2006, Earthquake Spectra 22(2)) and the spectrum intensity of
-Housner (1952).
+1988; CAV5: Kramer and Mitchell 2006, Earthquake Spectra 22(2)), the spectrum intensity of Housner
+(1952), the mean period (Rathje, Abrahamson and Bray 1998), A95 (Sarma and Yang 1987) and the
+bracketed duration (Bolt 1969). The mean period is a sum over discrete frequencies.
 """
 
 from __future__ import annotations
@@ -26,6 +27,18 @@ HOUSNER_PERIODS = (0.1, 2.5)
 
 CAV5 = 0.05
 """Acceleration threshold of CAV5, m/s^2; lower values are ignored (Kramer and Mitchell 2006)."""
+
+BRACKET = 0.05 * STANDARD_GRAVITY
+"""Acceleration threshold of the bracketed duration, m/s^2 (Bolt 1969)."""
+
+_A95 = 0.95  # fraction of the Arias intensity at accelerations up to A95
+
+_MEAN_PERIOD_BAND = (0.25, 20.0)
+_MEAN_PERIOD_STEP = 0.05
+"""Frequency range and maximum frequency interval of the mean period, Hz (Rathje, Faraj, Russell and
+Bray 2004, Earthquake Spectra 20(1))."""
+
+_MOST_POINTS = 10_000_000  # samples with zeros behind the record; limits time and memory
 
 _CODES = re.compile(r"[A-Z0-9]{0,2}\.[A-Z0-9]{1,5}\.[^.]*\.[A-Z0-9]N[A-Z0-9]")
 """Pattern of the id of an accelerometer channel that MiniSEED can store (SEED manual 2.4)."""
@@ -76,6 +89,12 @@ class Measures:
         (Kramer and Mitchell 2006), m/s.
     d5_75, d5_95 : float
         Time between 5 and 75 or 95 % of the Arias intensity, s; nan if all samples are zero.
+    mean_period : float
+        Mean period of the Fourier amplitudes from 0.25 to 20 Hz, s; nan without amplitudes.
+    a95 : float
+        Acceleration level below which 95 % of the Arias intensity is contained, m/s^2.
+    bracketed_duration : float
+        Time between the first and the last acceleration of 0.05 g, s; 0 if it is not reached.
     mean : float
         Mean of the samples, m/s^2.
     leading_zeros, trailing_zeros : int
@@ -92,6 +111,9 @@ class Measures:
     cav5: float
     d5_75: float
     d5_95: float
+    mean_period: float
+    a95: float
+    bracketed_duration: float
     mean: float
     leading_zeros: int
     trailing_zeros: int
@@ -119,6 +141,9 @@ def measure(record: Record) -> Measures:
     ]
     return Measures(
         **{name.replace("-", "_"): MEASURES[name].of(record) for name in _OURS},
+        mean_period=mean_period(record),
+        a95=a95(record),
+        bracketed_duration=bracketed_duration(record, BRACKET),
         mean=float(np.mean(record.acceleration)),
         leading_zeros=leading,
         trailing_zeros=trailing,
@@ -302,6 +327,67 @@ def significant_duration(record: Record, part: float) -> float:
     Brady 1975), s; nan if all samples are zero."""
     energy = cumulative_energy(record)
     return time_of_energy(record, energy, part) - time_of_energy(record, energy, 0.05)
+
+
+def a95(record: Record) -> float:
+    """Return the acceleration level (m/s^2) below which 95 % of the Arias intensity is contained
+    (Sarma and Yang 1987); 0 if all samples are zero, nan if they exceed the range of floats."""
+    largest = record.pga
+    if not 0.0 < largest < math.inf:
+        return 0.0 if largest == 0.0 else math.nan
+    samples = record.acceleration / largest
+    a, b = samples[:-1], samples[1:]
+    change = np.where(a == b, 1.0, b - a)
+
+    def energy_below(level: float) -> float:
+        """Return the integral of the squares at absolute values up to `level`, in intervals."""
+        low, high = np.clip(a, -level, level), np.clip(b, -level, level)
+        # Fraction of the interval below the level: all or nothing if the acceleration is constant.
+        part = np.where(a == b, np.abs(a) <= level, (high - low) / change)
+        return float(np.sum(part * (low * low + low * high + high * high)))
+
+    target = _A95 * energy_below(1.0)
+    _, level = halved(lambda level: energy_below(level) < target, 0.0, 1.0, _HALVINGS)
+    return largest * level
+
+
+def bracketed_duration(record: Record, threshold: float) -> float:
+    """Return the time (s) between the first and the last absolute acceleration of `threshold`
+    (m/s^2, positive); 0 if it is not reached (Bolt 1969)."""
+    size = np.abs(record.acceleration)
+    reached = np.flatnonzero(size >= threshold)
+    if not reached.size:
+        return 0.0
+
+    def crossing(outside: int, inside: int) -> float:
+        """Return the time of the threshold between two neighboring samples, in intervals."""
+        if not 0 <= outside < size.size:
+            return float(inside)
+        top = float(record.acceleration[inside])
+        below = math.copysign(1.0, top) * float(record.acceleration[outside])
+        return outside + (inside - outside) * (threshold - below) / (abs(top) - below)
+
+    first, last = int(reached[0]), int(reached[-1])
+    return record.dt * (crossing(last + 1, last) - crossing(first - 1, first))
+
+
+def mean_period(record: Record) -> float:
+    """Return the mean period, s (Rathje, Abrahamson and Bray 1998): the mean of the periods from
+    0.25 to 20 Hz, weighted by the squared Fourier amplitudes; nan without amplitudes.
+
+    Zeros behind the record limit the frequency interval to 0.05 Hz.
+    """
+    least = 1.0 / (_MEAN_PERIOD_STEP * record.dt)
+    if not 2.0 * _MEAN_PERIOD_BAND[0] * record.dt <= 1.0 or least > _MOST_POINTS:
+        return math.nan
+    count = max(record.acceleration.size, math.ceil(least))
+    frequencies = np.fft.rfftfreq(count, record.dt)
+    low, high = _MEAN_PERIOD_BAND
+    band = (frequencies >= low) & (frequencies <= high)
+    scale = record.pga or 1.0
+    squares = np.abs(np.fft.rfft(record.acceleration / scale, count)[band]) ** 2
+    total = float(np.sum(squares))
+    return float(np.sum(squares / frequencies[band])) / total if total > 0.0 else math.nan
 
 
 @dataclass(frozen=True)

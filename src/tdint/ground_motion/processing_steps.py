@@ -327,15 +327,26 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
 
 
 def remove_baseline(record: Record, kind: str) -> Record:
-    """Return the record without its mean (`constant`) or its least-squares line (`linear`)."""
+    """Return the record without its mean (`constant`), its least-squares line (`linear`) or its
+    least-squares parabola (`quadratic`)."""
     samples = record.acceleration
     mean = float(np.mean(samples))
     if kind == "constant":
         return _done(record, samples - mean, f"the mean of {mean:.4g} m/s^2 is removed")
     place = np.linspace(-1.0, 1.0, samples.size)
     slope = float(np.dot(place, samples) / np.dot(place, place))
-    note = f"a line from {mean - slope:.4g} to {mean + slope:.4g} m/s^2 is removed"
-    return _done(record, samples - (mean + slope * place), note)
+    line = mean + slope * place
+    if kind == "linear":
+        note = f"a line from {mean - slope:.4g} to {mean + slope:.4g} m/s^2 is removed"
+        return _done(record, samples - line, note)
+    # The parabola is orthogonal to the line at equidistant samples; two samples have none.
+    square = place * place
+    bend = square - float(np.mean(square))
+    size = float(np.dot(bend, bend))
+    parabola = line + (float(np.dot(bend, samples)) / size if samples.size > 2 else 0.0) * bend
+    first, middle, last = (parabola[i] for i in (0, samples.size // 2, -1))
+    note = f"a parabola through {first:.4g}, {middle:.4g} and {last:.4g} m/s^2 is removed"
+    return _done(record, samples - parabola, note)
 
 
 def pad(record: Record, *seconds: float) -> Record:

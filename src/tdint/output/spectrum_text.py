@@ -11,6 +11,12 @@ _CODES = {
 }
 """Printed names of the codes. The command line has the keys."""
 
+_MULTI_PERIOD = {
+    "asce7-22": "ASCE 7-22 multi-period design spectrum",
+    "mcer-22": "ASCE 7-22 multi-period MCER spectrum",
+}
+"""Printed names of spectra from a file of the USGS service."""
+
 _PARAMETERS = {
     "sds": "SDS = {} g",
     "sd1": "SD1 = {} g",
@@ -43,6 +49,8 @@ def spectrum_text(source: str) -> str:
         and so is a text with an unknown parameter.
     """
     code, colon, listed = source.partition(":")
+    if colon and code in _MULTI_PERIOD:
+        return f"{_MULTI_PERIOD[code]} ({listed})"
     if not colon or code not in _CODES:
         return source
     parts = [_CODES[code]]

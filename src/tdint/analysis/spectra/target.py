@@ -2,11 +2,13 @@
 
 A target spectrum, to which a suite of ground motions is scaled, is a CSV file or a design spectrum
 of a code specified by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`,
-`ec8:type=1,soil=B,ag=0.25g`). Computed spectra are compared with published spectra.
+`ec8:type=1,soil=B,ag=0.25g`, `asce7-22:FILE`). Computed spectra are compared with published
+spectra.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -22,6 +24,7 @@ from tdint.analysis.spectra.elastic import Spectrum
 from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError
+from tdint.files import note_input, read_whole
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
 from tdint.ground_motion.record import Input, Record
@@ -161,6 +164,15 @@ EXAMPLES = {
 }
 
 
+_MULTI_PERIOD = {
+    "asce7-22": "multiPeriodDesignSpectrum",
+    "mcer-22": "multiPeriodMCErSpectrum",
+}
+"""Key of each multi-period spectrum of ASCE 7-22 in the file of the USGS service, by its name."""
+
+_OF_FILE = re.compile(rf"({'|'.join(_MULTI_PERIOD)})(?::(.*))?", re.DOTALL | re.IGNORECASE)
+_MOST_BYTES = 1_000_000  # bytes; a file of the service has 10 000
+_LARGEST_SA = 10.0  # g; values of ASCE 7-22 are below 5, a larger value is probably in m/s^2
 _PERIODS = ("t", "period", "periods")
 _VALUE = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
 _NEEDS = (
@@ -274,8 +286,9 @@ class TargetSpectrum:
 
 
 def read_target(source: str) -> TargetSpectrum:
-    """Read a target spectrum: a design spectrum specified by name and parameters, or a CSV file
-    with a column of periods (`period_s`, `T (s)`) and a column of accelerations (`sa_g`,
+    """Read a target spectrum: a design spectrum specified by name and parameters, a multi-period
+    spectrum of ASCE 7-22 in a file of the USGS service (`asce7-22:FILE`, `mcer-22:FILE`), or a CSV
+    file with a column of periods (`period_s`, `T (s)`) and a column of accelerations (`sa_g`,
     `psa_m_s2`, `Sa (g)`).
 
     The points exclude period 0 because a logarithmic axis cannot show it.
@@ -287,13 +300,16 @@ def read_target(source: str) -> TargetSpectrum:
     UsageError
         The name is unknown, or the parameters are invalid.
     """
+    if match := _OF_FILE.fullmatch(source.strip()):
+        return _multi_period(source, match[1].lower(), match[2] or "")
     match = _NAMED.fullmatch(source.strip())
     name, words = (match[1].lower(), match[2]) if match else ("", None)
     if name not in CODES:
         if words is None:
             return _read_points(source)
         raise UsageError(
-            f"{source[:60]!r}: no design spectrum {name!r}; there are {', '.join(CODES)}"
+            f"{source[:60]!r}: no design spectrum {name!r}; there are "
+            f"{', '.join((*CODES, *_MULTI_PERIOD))}"
         )
     make, parameters = CODES[name]
     try:
@@ -307,6 +323,75 @@ def read_target(source: str) -> TargetSpectrum:
     periods = np.unique([*grid, *(corner for corner in corners if grid[0] < corner < grid[-1])])
     zero = float(curve(np.zeros(1))[0])
     return TargetSpectrum(source, periods, curve(periods), zero, damping, curve, corners[1])
+
+
+def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
+    """Return a multi-period spectrum of ASCE 7-22 (11.4.5.1) with 5 % damping, linear between the
+    periods of the file.
+
+    Parameters
+    ----------
+    source : str
+        Name and file as the user specified them.
+    name : str
+        A key of `_MULTI_PERIOD`.
+    file : str
+        JSON file of the USGS design maps service for ASCE 7-22; accelerations are in g.
+
+    Raises
+    ------
+    UsageError
+        There is no file.
+    ModelError
+        The file cannot be read, is not from the service for ASCE 7-22, or is invalid.
+    """
+    key = _MULTI_PERIOD[name]
+    if not file:
+        raise UsageError(
+            f"{source}: add the JSON file of the USGS design maps service, such as {name}:site.json"
+        )
+    needs = f"a JSON file of the USGS design maps service for ASCE 7-22 with response.data.{key}"
+    large = f"is larger than {_MOST_BYTES} bytes; it must be {needs}"
+    data = read_whole(file, ModelError, {}, large, _MOST_BYTES)
+    note_input(file, data)
+    try:
+        content: Any = json.loads(data)
+        points = content["response"]["data"][key]
+        periods, ordinates = (
+            np.array([_number(value) for value in points[part]])
+            for part in ("periods", "ordinates")
+        )
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise ModelError(f"{file}: must be {needs}") from None
+    if periods.size != ordinates.size or periods.size < 3:
+        raise ModelError(
+            f"{file}: {key}: periods and ordinates must be lists of equal length, got "
+            f"{periods.size} and {ordinates.size}"
+        )
+    if periods[0] != 0.0 or np.any(np.diff(periods) <= 0.0):
+        raise ModelError(f"{file}: {key}: periods must start at 0 s and increase")
+    largest = float(np.max(ordinates))
+    if np.min(ordinates) <= 0.0 or largest > _LARGEST_SA:
+        raise ModelError(
+            f"{file}: {key}: ordinates must be in g, above 0 and at most {_LARGEST_SA:g}, got "
+            f"{np.min(ordinates):g} to {largest:g}"
+        )
+    psa = STANDARD_GRAVITY * ordinates
+    return TargetSpectrum(
+        source,
+        periods[1:],
+        psa[1:],
+        float(psa[0]),
+        0.05,
+        lambda at: np.asarray(np.interp(at, periods, psa)),
+    )
+
+
+def _number(value: Any) -> float:
+    """Return a finite number of a JSON file; raise ValueError for another value."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError
+    return float(value)
 
 
 def _read_points(source: str) -> TargetSpectrum:

@@ -75,6 +75,30 @@ INFO = (
         "number of samples at the end that are zero",
     ),
     Column(
+        "predominant_period_s",
+        "s",
+        "predominant_period",
+        "period of the maximum pseudo-acceleration with 5 % damping (Tp), at periods 1 % apart",
+    ),
+    Column(
+        "mean_period_s",
+        "s",
+        "measures.mean_period",
+        "mean period of the Fourier amplitudes from 0.25 to 20 Hz (Tm)",
+    ),
+    Column(
+        "a95_m_s2",
+        "m/s^2",
+        "measures.a95",
+        "acceleration level below which 95 % of the Arias intensity is contained",
+    ),
+    Column(
+        "bracketed_duration_s",
+        "s",
+        "measures.bracketed_duration",
+        "time between the first and the last acceleration of 0.05 g",
+    ),
+    Column(
         "notes",
         "text",
         lambda info: "; ".join(
@@ -191,11 +215,13 @@ def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
 
 @dataclass(frozen=True, repr=False)
 class RecordInfo(Tabular):
-    """Record with its intensity measures and its Housner intensity, m."""
+    """Record with its intensity measures, its Housner intensity, m, and its predominant period,
+    s."""
 
     record: Record
     measures: Measures
     housner_intensity: float = math.nan
+    predominant_period: float = math.nan
 
     def _headline(self) -> str:
         record = self.record
@@ -236,7 +262,28 @@ def record_info(record: AnyRecord) -> RecordInfo:
     except AnalysisError:
         # The sampling interval is too long for the shortest period, which the user did not request.
         intensity = math.nan
-    return RecordInfo(of_file, measure(of_file), intensity)
+    return RecordInfo(of_file, measure(of_file), intensity, _predominant_period(of_file))
+
+
+_PREDOMINANT = (0.02, 10.0, 625)
+"""First and last period, s, and number of periods of the spectrum whose maximum is the predominant
+period. They are 1 % apart, which is finer than the width of the peaks of a spectrum with 5 %
+damping."""
+
+
+def _predominant_period(record: Record) -> float:
+    """Return the period of the maximum pseudo-acceleration with 5 % damping, s; nan if all samples
+    are zero, or if the spectrum cannot be computed."""
+    first, last, count = _PREDOMINANT
+    periods = np.geomspace(first, last, int(count))
+    if not 0.0 < record.pga < math.inf:
+        return math.nan
+    try:
+        psa = spectrum(record, periods, SA_DAMPING).psa
+    except AnalysisError:
+        # The sampling interval is too long for the shortest period.
+        return math.nan
+    return float(periods[int(np.argmax(psa))])
 
 
 _OF_BOTH = ("pga", "pgv", "pgd", "arias", "d5-95")
