@@ -49,8 +49,8 @@ def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
     (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     same = fit_stripes(LEVELS, over.sum(axis=1), [MOTIONS] * LEVELS.size)
     assert (found.fit, found.failed, found.bounds) == ("stripes", 0, (None, None))
-    assert (found.theta, found.beta, found.records) == pytest.approx(
-        (same.theta, same.beta, same.records)
+    assert (found.theta, found.beta, found.runs) == pytest.approx(
+        (same.theta, same.beta, same.runs)
     )
     lost = STATUS.copy()
     lost[2, :2] = lost[1, 5] = "diverged"

@@ -45,7 +45,8 @@ TRUNCATED = fit_capacities(np.minimum(CAPACITIES, 1.3), CAPACITIES > 1.3)
 )
 def test_fits_of_baker(found, fit, numbers, counts):
     assert (round(found.theta, 5), round(found.beta, 5)) == numbers
-    assert (found.fit, found.records, found.censored) == (fit, *counts)
+    assert (found.fit, found.motions, found.censored) == (fit, *counts)
+    assert found.runs == found.motions * (8 if fit == "stripes" else 1)
 
 
 def test_errors_of_known_capacities():

@@ -532,7 +532,8 @@ def test_the_measure_that_was_asked_for_of_the_pair(
         (line.theta, line.beta), rel=1e-6
     )
     assert int(row["below"]) == sum(demand < 0.015 for demand in y) > 0
-    assert (int(row["records"]), int(row["censored"])) == (len(x), sum(fell))
+    assert (int(row["runs"]), int(row["censored"])) == (len(x), sum(fell))
+    assert {found["motions"] for found in rows("f.csv")} == {"4"}  # whatever the fit and the type
     if im == "sa":
         assert row["im"] == f"sa({2.0 * math.pi * math.sqrt(0.004 / (0.15 * 9.81)):.6g})"
     assert f'imt="{imt}' in Path("f.xml").read_text()

@@ -62,7 +62,7 @@ def test_a_folder_of_a_study(folder, tdint, make_record):
     tdint("ida", "shaken.yaml", *records, "-o", "out", code=0)
     found = rows(tdint("fragility", "out").stdout)
     assert [row["threshold"] for row in found] == ["0.01", "0.02", "0.04", "0.1"]
-    assert {(row["fit"], row["records"], row["unit"]) for row in found} == {("ida", "3", "m/s^2")}
+    assert {(row["fit"], row["motions"], row["unit"]) for row in found} == {("ida", "3", "m/s^2")}
     assert rows(tdint("fragility", "out", "--threshold", "2%").stdout) == [found[1]]
     (cloud,) = rows(tdint("fragility", "out", "--fit", "cloud", "--threshold", "2%").stdout)
     assert float(cloud["theta"]) == pytest.approx(float(found[1]["theta"]), rel=0.5)
@@ -84,7 +84,7 @@ def test_runs_of_a_campaign(folder, tdint):
     (folder / "runs.csv").write_text("\n".join([header, *lines, "a,9,not-converged,,1.0"]) + "\n")
     result = tdint("fragility", ".", "--threshold", "3%")
     (row,) = rows(result.stdout)
-    assert (row["fit"], row["im"], row["unit"], row["records"]) == (
+    assert (row["fit"], row["im"], row["unit"], row["motions"]) == (
         "stripes",
         "sa(T1)",
         "m/s^2",

@@ -165,7 +165,8 @@ def test_capacities_of_pairs(suite, tdint):
         assert {row["pair_demand"] for row in tables[demand]} == {demand}
         fitted = rows(tdint("fragility", demand, code=0).stdout)
         assert {row["pair_demand"] for row in fitted} == {demand}
-        assert {row["records"] for row in fitted} == {"6" if demand == "separate" else "3"}
+        assert {row["motions"] for row in fitted} == {"3"}
+        assert {row["runs"] for row in fitted} == {"6" if demand == "separate" else "3"}
     apart: dict[tuple[str, str], list[float]] = {}
     for row in tables["separate"]:
         key = row["record"].replace("067", "?").replace("337", "?"), row["threshold"]

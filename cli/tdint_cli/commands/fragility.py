@@ -294,5 +294,5 @@ def _words(function: Fragility) -> str:
     if function.modeling_dispersion:
         text += f", total beta {function.beta_total:.3f}"
     return text + (
-        f"; {function.censored} of {function.records} censored." if function.censored else "."
+        f"; {function.censored} of {function.runs} censored." if function.censored else "."
     )

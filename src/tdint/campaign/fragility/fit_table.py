@@ -298,6 +298,8 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
                 motion if repeated else None,
             )
             assert isinstance(function, Fragility)
+            if motion is not None:
+                function = replace(function, motions=np.unique(motion[used]).size)
             # All capacities that are not censored are exceedances.
             return function.within(capacity[used], min(0.5, 1.0 - float(np.mean(censored[used]))))
 
@@ -938,7 +940,7 @@ def _type_cloud(
         return [error for _ in runs.states.states]
     # Figures show the demands, not the three values per demand.
     below = ~limited & (demand < lightest)
-    counts: dict[str, Any] = {"records": im.size, "censored": int(np.sum(limited))}
+    counts: dict[str, Any] = {"runs": im.size, "censored": int(np.sum(limited))}
     points: dict[str, Any] = {"im": im, "edp": demand, "censored": limited, "below": below}
     return [
         replace(function, cloud=function.cloud and replace(function.cloud, **points), **counts)

@@ -269,10 +269,10 @@ class Fragility:
         Covariance of the estimates of ln theta and beta. It is a jackknife estimate over ground
         motions if the ground motions of the runs are known, otherwise the inverse of the
         information matrix. It is nan if it is unknown or if the median is extrapolated.
-    records : int
-        Number of records; for stripes the number at the largest stripe.
+    runs : int
+        Number of runs, capacities or counted records that determine the function.
     censored : int
-        Number of records with a value that is known only to be above a limit.
+        Number of runs with a value that is known only to be above a limit.
     threshold : float
         Demand that is exceeded; nan if the observations do not specify it.
     im, unit : str
@@ -294,6 +294,10 @@ class Fragility:
     pair_demand : str
         Rule by which the components of pairs are combined (`tdint.campaign.pairs`); empty without
         pairs.
+    motions : int
+        Number of ground motions of the runs; both components of a recording are one. If the runs
+        have events, it is the number of events. Runs of a table that states neither are assumed to
+        be under separate ground motions.
     points : Points or None
         Observations for figures.
     cloud : CloudPoints or None
@@ -306,7 +310,7 @@ class Fragility:
     theta: float
     beta: float
     covariance: Array
-    records: int
+    runs: int
     censored: int = 0
     threshold: float = math.nan
     im: str = ""
@@ -319,6 +323,7 @@ class Fragility:
     bounds: tuple[Fragility | None, Fragility | None] = (None, None)
     extrapolated: str = ""
     pair_demand: str = ""
+    motions: int = 0
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
@@ -572,7 +577,8 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
             "the fraction of exceedances does not increase with intensity: no lognormal "
             "distribution can be fitted"
         )
-    return _function(STRIPES, *solution, records=int(np.max(total)), points=Points(x, hits / total))
+    counts = {"runs": int(np.sum(total)), "motions": int(np.max(total))}
+    return _function(STRIPES, *solution, **counts, points=Points(x, hits / total))
 
 
 def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) -> Fragility:
@@ -628,7 +634,8 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
             "the dispersion cannot be estimated: too many capacities are equal or censored"
         )
     points = empirical(x, above)
-    return _function(IDA, *solution, records=x.size, censored=int(np.sum(above)), points=points)
+    counts = {"runs": x.size, "motions": x.size, "censored": int(np.sum(above))}
+    return _function(IDA, *solution, **counts, points=points)
 
 
 def fit_cloud(
@@ -692,7 +699,7 @@ def fit_cloud(
     )
     # Convert the covariance of the parameters of the likelihood by the delta method.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
-    observed = {"records": x.size, "censored": int(np.sum(above)), "cloud": points}
+    observed = {"runs": x.size, "motions": x.size, "censored": int(np.sum(above)), "cloud": points}
     g1, results = slope / sigma, []
     for threshold in thresholds:
         mean = (math.log(threshold) - intercept) / slope

@@ -688,7 +688,9 @@ def over_motions(
         for values in estimates
     ]
     return [
-        replace(function, covariance=covariance) if isinstance(function, Fragility) else function
+        replace(function, covariance=covariance, motions=motions.size)
+        if isinstance(function, Fragility)
+        else function
         for function, covariance in zip(functions, covariances, strict=True)
     ]
 

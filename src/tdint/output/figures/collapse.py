@@ -445,7 +445,8 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     censored = {function.censored for function in functions}
     if function.fit == "ida":
         title += ", maximum likelihood" if any(censored) else ", method of moments"
-    title += f"\n{how_many(function.records, 'run' if function.fit == 'cloud' else 'record')}"
+    number = function.motions if function.fit == "stripes" else function.runs
+    title += f"\n{how_many(number, 'run' if function.fit == 'cloud' else 'record')}"
     if any(censored):
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
     return titled(figure, title)

@@ -217,12 +217,14 @@ FRAGILITY = (
     ),
     Column("beta_error", "1", "beta_error", "standard error of beta, by the same method"),
     Column(
-        "records",
+        "motions",
         "1",
-        "records",
-        "number of records; for stripes of the largest stripe, for a cloud number of runs",
+        "motions",
+        "number of ground motions, both components of a recording being one; number of events if "
+        "the runs have events; if the table states neither, of its rows or of the largest stripe",
     ),
-    Column("censored", "1", "censored", "number of records with only a lower bound of the value"),
+    Column("runs", "1", "runs", "number of runs, capacities or counted records"),
+    Column("censored", "1", "censored", "number of runs with only a lower bound of the value"),
     Column("im", "text", "im", "intensity measure, if the table states it"),
     Column("unit", "text", "unit", "unit of the intensity measure, if the table states it"),
 )
