@@ -577,7 +577,7 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
             "the fraction of exceedances does not increase with intensity: no lognormal "
             "distribution can be fitted"
         )
-    counts = {"runs": int(np.sum(total)), "motions": int(np.max(total))}
+    counts: dict[str, Any] = {"runs": int(np.sum(total)), "motions": int(np.max(total))}
     return _function(STRIPES, *solution, **counts, points=Points(x, hits / total))
 
 
@@ -634,7 +634,7 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
             "the dispersion cannot be estimated: too many capacities are equal or censored"
         )
     points = empirical(x, above)
-    counts = {"runs": x.size, "motions": x.size, "censored": int(np.sum(above))}
+    counts: dict[str, Any] = {"runs": x.size, "motions": x.size, "censored": int(np.sum(above))}
     return _function(IDA, *solution, **counts, points=points)
 
 
