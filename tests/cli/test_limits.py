@@ -133,3 +133,18 @@ def test_require_needs_a_limit(study: Path, tdint: Command) -> None:
     for records in (MOTIONS, MOTIONS[:1]):
         refused = tdint("run", "model.yaml", *records, *UNITS, "--require", code=2)
         assert "--require has no effect without --limit or `limits`" in refused.stderr
+
+
+def test_the_report_draws_the_loop_of_the_governing_story(study: Path, tdint: Command) -> None:
+    """The figure of the run has the loop of the isolator, which yields. If a drift ratio governs,
+    the report has a second figure with the loop of its story."""
+    caption = "Hysteresis loop of story 2, which governs the limits"
+    run = ("run", "model.yaml", MOTIONS[0], *UNITS, "--report", "page.html", "--overwrite")
+    for limits, drawn in (
+        ("{drift_ratio: {2: 0.0001%, 3: 9%}, isolator_displacement: 9}", True),
+        ("{drift_ratio: 90%, isolator_displacement: 1 mm}", False),
+        ("{floor_acceleration: 1 g}", False),
+    ):
+        write(limits)
+        tdint(*run, code=0)
+        assert (caption in Path("page.html").read_text()) is drawn

@@ -360,7 +360,12 @@ def _files(
     if request.report:
         from tdint.output.page import Told, page_units
         from tdint.output.report import run_page
-        from tdint.output.verdicts import has_isolator_limit, isolator_sentence, limit_table
+        from tdint.output.verdicts import (
+            governing_story,
+            has_isolator_limit,
+            isolator_sentence,
+            limit_table,
+        )
 
         model = response.model
         page = page_units(model.page_units)
@@ -392,6 +397,7 @@ def _files(
             head=model.page_head,
             inputs=merged_inputs(content["inputs"], files_read()),
             limits=table,
+            governing_story=governing_story(checks),
         )
         floors = request.of_floors.of_run(response)
         files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=page)

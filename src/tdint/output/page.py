@@ -106,6 +106,8 @@ class Told:
         Input files with their SHA-256.
     limits : Table or None
         Comparisons of the demands with several limits; None if the verdict contains everything.
+    governing_story : int or None
+        Story of the highest ratio of demand to limit, from 1; None without limits of stories.
     """
 
     said: Sequence[str] = ()
@@ -114,6 +116,7 @@ class Told:
     inputs: Sequence[Mapping[str, Any]] = ()
     verdict: Sequence[tuple[bool | None, str]] = ()
     limits: Table | None = None
+    governing_story: int | None = None
 
 
 def page_units(units: OutputUnits) -> OutputUnits:

@@ -205,12 +205,25 @@ def run_page(
             "Response histories, energies, profiles, hysteresis loops",
         )
     ]
+    # The figure of the run has the loop of one story, which may differ from the governing story.
+    governing, loops = told.governing_story, list[Picture]()
+    if (
+        governing is not None
+        and response.history is not None
+        and governing != figures.runs.loop_story(response)[0] + 1
+    ):
+        loops = [
+            Picture(
+                lambda: figures.runs.loop_picture(response, governing, units),
+                f"Hysteresis loop of story {governing}, which governs the limits",
+            )
+        ]
     spectra = Picture(
         lambda: figures.runs.floor_picture(floors, units, title=model.name), "Floor spectra"
     )
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
-        Chapter("Limits", (told.limits,) if told.limits else ()),
+        Chapter("Limits", (*((told.limits,) if told.limits else ()), *loops)),
         Chapter(
             "Peaks of the stories",
             (table.chosen(["story", *names]), *_errors_of_run(response, table, names)),

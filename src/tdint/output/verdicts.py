@@ -193,6 +193,13 @@ def _limit(check: LimitCheck, units: OutputUnits) -> str:
     return f"{units.of(check.limit, unit):g} {units.unit(unit)[0]}"
 
 
+def governing_story(checks: Iterable[LimitCheck]) -> int | None:
+    """Return the story (from 1) with the highest ratio of demand to limit; None without limits of
+    stories."""
+    of_stories = [check for check in checks if QUANTITIES[check.quantity].place == "story"]
+    return max(of_stories, key=lambda check: check.ratio).story if of_stories else None
+
+
 def isolator_sentence(check: LimitCheck | None, units: OutputUnits, *, mean: bool) -> str:
     """Return a sentence on the isolator displacement; empty without isolators.
 

@@ -241,8 +241,29 @@ def _mark_peak(
     write_note(axes, f"peak {_short(peak)} {unit} at {time[i]:.4g} s{more}", x=0.995)
 
 
-def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    # The story with the maximum ductility; without ductility, the maximum drift ratio or drift.
+def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Figure:
+    """Draw the hysteresis loop of a story.
+
+    Parameters
+    ----------
+    response : Response
+        Result of the run, with its response history.
+    story : int
+        Story, from 1.
+    units : OutputUnits
+        Units of the figure; SI by default.
+    """
+    history, units = response.history, units.in_pictures
+    assert history is not None
+    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    _draw_loop(figure.add_subplot(), response, history, story - 1, units)
+    drift = units.text(float(response.stories.peak_drift[story - 1]), "m")
+    return titled(figure, f"{response.model.name}: story {story}, maximum drift {drift}")
+
+
+def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
+    """Return the story (from 0) of the hysteresis loop in the figure of a run, and the reason: the
+    story with the maximum ductility; without ductility, the maximum drift ratio or drift."""
     stories = response.stories
     story, reason = 0, "no drift"
     for values, name, factor, unit in (
@@ -254,6 +275,34 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
             story = int(np.nanargmax(values))
             reason = f"{name}, {factor * values[story]:.3g}{unit}"
             break
+    return story, reason
+
+
+def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
+    story, reason = loop_story(response, units)
+    _draw_loop(axes, response, history, story, units)
+    axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
+
+
+def _draw_loop(
+    axes: Any, response: Response, history: History, story: int, units: OutputUnits
+) -> None:
+    """Draw story shear over drift.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+        Panel.
+    response : Response
+        Result of the run.
+    history : History
+        Its response history.
+    story : int
+        Story, from 0.
+    units : OutputUnits
+        Units of the panel.
+    """
+    stories = response.stories
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
     if np.isnan(stories.ductility[story]):
         # The force of a law without yielding is a function of the drift. This curve is drawn
@@ -264,7 +313,6 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
     axes.plot(drift, shear * factor, color=INK, linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
-    axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
 
