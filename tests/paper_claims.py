@@ -30,7 +30,7 @@ from tdint.analysis.assessment.failures import attempt, problems
 from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.paper_examples import DT, METHODS, examples, run_example
 from tdint.analysis.assessment.stability import STARTS, critical_step, overshoot, stability
-from tdint.analysis.run.workspace import amplification
+from tdint.analysis.run.compiled_steps import amplification
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble

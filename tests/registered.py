@@ -10,7 +10,7 @@ import pytest
 from tdint.analysis.assessment import order
 from tdint.analysis.run import batch as runs
 from tdint.analysis.run.prepared import PreparedBuilding, of_everything
-from tdint.analysis.run.workspace import Steps
+from tdint.analysis.run.time_steps import Steps
 from tdint.ground_motion import measures
 from tdint.kernels.building import compilable
 from tdint.kernels.laws import LAWS as NUMBERED

@@ -10,11 +10,11 @@ from building_cases import Force, Law, ModalDamping, RayleighCoefficients, model
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.run import run
-from tdint.analysis.run.workspace import workspace
 from tdint.kernels import layout as rows
 from tdint.kernels.stepping import Scene
 from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
+from tdint.methods.workspace import workspace
 from tdint.model.building import assemble
 
 RAYLEIGH = RayleighCoefficients(mass=0.8, stiffness=2e-3)

@@ -7,14 +7,16 @@ import sys
 import tomllib
 from collections import Counter, defaultdict
 from functools import cache
-from graphlib import TopologicalSorter
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
+import tdint.plugin
 from source_lines import code_lines
 
 ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 LAYERS = ("kernels", "ground_motion", "model", "methods", "analysis", "campaign", "output")
 
 NAMED_MORE_OFTEN = {"modes.py"}
@@ -64,12 +66,17 @@ def test_no_class_name_stands_in_two_layers():
     assert {name: found for name, found in layers.items() if len(found) > 1} == {}
 
 
-def test_the_arrays_of_a_march_are_made_in_two_places():
-    """For a march, and for the single steps of which an amplification matrix is made."""
+def test_the_arrays_of_a_run_are_created_in_three_places():
+    """For a run, for the steps that measure an amplification matrix, and for the check of a
+    plug-in."""
     calls = {
         path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "workspace"
     }
-    assert calls == {f"src/tdint/analysis/run/{name}.py" for name in ("prepared", "workspace")}
+    assert calls == {
+        "src/tdint/analysis/run/compiled_steps.py",
+        "src/tdint/analysis/run/prepared.py",
+        "src/tdint/methods/step_check.py",
+    }
 
 
 def test_no_result_is_declared_twice():
@@ -123,8 +130,9 @@ def test_a_name_stands_for_two_modules_at_most():
     assert {name for name, count in names.items() if count > 2} <= NAMED_MORE_OFTEN
 
 
-def imported(parts, known):
-    """The modules that a module names, those for types and in functions, too."""
+def imported(name, parts, known):
+    """Yield the modules that a module imports: by statements (also for types and in functions), by
+    `import_module` and by a module-level `__getattr__`."""
     for node in parts:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in known)
@@ -133,23 +141,184 @@ def imported(parts, known):
             yield from (name for name in inner if name in known)
             if node.module in known and not known.issuperset(inner):
                 yield node.module
+    yield from (found for found in imported_by_name(name, parts) if found in known)
 
 
-def test_no_module_needs_itself():
-    named = {}
-    for _, path, nodes_of_it in trees():
-        names = Path(path).with_suffix("").parts[1:]
-        named[".".join(names[:-1] if names[-1] == "__init__" else names)] = nodes_of_it
-    known = set(named)
-    order = TopologicalSorter({name: set(imported(parts, known)) for name, parts in named.items()})
-    assert len(tuple(order.static_order())) == len(
-        known
-    )  # a circle raises CycleError, which names it
+ANY_NAME = {
+    "tdint.tabular": "packages of other projects, and modules below the package that asks",
+    "tdint.ground_motion.messages": "a module of ObsPy",
+    "tdint.kernels.build": "modules of kernels, whose names the process that compiles receives",
+    "tdint.kernels.building.load_or_compile": "as in `tdint.kernels.build`",
+}
+"""Modules that import by names that are not in their text, and the modules that these names can
+be."""
+
+TABLES_OF_NAMES = {"tdint": lambda: tdint._homes(), "tdint.plugin": lambda: tdint.plugin.HOMES}
+"""Modules whose `__getattr__` imports by a table from names to modules."""
+
+
+def imported_by_name(name, parts):
+    """Return the modules that the calls of `import_module` and the like in a module can import.
+
+    Raises
+    ------
+    AssertionError
+        A call has an argument that is neither text nor accounted for by `ANY_NAME` or
+        `TABLES_OF_NAMES`, or `__getattr__` of the module is of an unknown kind.
+    """
+    found, unknown = [], []
+    for node in parts:
+        function = isinstance(node, ast.Call) and ast.unparse(node.func).rpartition(".")[2]
+        if function not in ("import_module", "__import__", "run_module", "modules_on_use"):
+            continue
+        # A name that is partly computed stands for all modules of its package.
+        text = ast.unparse(node.args[0])
+        below = re.fullmatch(r"f'\{__name__\}\.([\w.]+)'", text)
+        member = re.match(r"f'(tdint[\w.]*)\.\{", text)
+        if member or text == "__name__":
+            package = member[1] if member else name
+            found += (path for path in dotted_names() if path.rpartition(".")[0] == package)
+        elif isinstance(node.args[0], ast.Constant):
+            found.append(node.args[0].value)
+        elif below:
+            found.append(f"{name}.{below[1]}")
+        elif name not in ANY_NAME and name not in TABLES_OF_NAMES:
+            unknown.append(text)
+    if name in TABLES_OF_NAMES:
+        found += TABLES_OF_NAMES[name]().values()
+    assert unknown == [], f"{name} imports modules by names that this test cannot determine"
+    return found
+
+
+def dotted_names():
+    """Return the dotted name of each module, with the nodes of its syntax."""
+    names = {}
+    for _, path, parts in trees():
+        words = Path(path).with_suffix("").parts[1:]
+        names[".".join(words[:-1] if words[-1] == "__init__" else words)] = parts
+    return names
+
+
+def layers_upward():
+    """Return the layers of the contract of import-linter from the lowest, then the two modules that
+    import from all of them for users of Python."""
+    (contract,) = (
+        contract
+        for contract in PROJECT["tool"]["importlinter"]["contracts"]
+        if contract["name"] == "Imports run one way"
+    )
+    command_line, *below = contract["layers"]
+    return [*below[::-1], "tdint.plugin", "tdint", command_line]
+
+
+def layer_of(name, layers):
+    """Return the number of the layer of a module, from 0; the package `tdint` itself is one."""
+    exact = [i for i, layer in enumerate(layers) if name == layer]
+    inner = [
+        i for i, layer in enumerate(layers) if layer != "tdint" and name.startswith(f"{layer}.")
+    ]
+    return (exact or inner or [len(layers)])[0]
+
+
+def wrong_imports(graph):
+    """Return the imports of a graph that lead to a higher layer, and a cycle if there is one."""
+    layers = layers_upward()
+    upward = [
+        f"{name} imports {other}"
+        for name, others in graph.items()
+        for other in sorted(others)
+        if layer_of(other, layers) > layer_of(name, layers)
+    ]
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return upward, error.args[1]
+    return upward, []
+
+
+@cache
+def import_graph():
+    """Return the modules that each module imports."""
+    named = dotted_names()
+    return {name: set(imported(name, parts, set(named))) for name, parts in named.items()}
+
+
+def changed_graph(name, source):
+    """Return the graph of imports if a module had another source."""
+    parts = list(ast.walk(ast.parse(source)))
+    return import_graph() | {name: set(imported(name, parts, set(import_graph())))}
+
+
+def test_imports_have_no_cycle_and_none_leads_to_a_higher_layer():
+    """Imports by name are included."""
+    graph = import_graph()
+    assert layer_of("tdint.__main__", layers_upward()) == len(layers_upward())  # starts the program
+    assert wrong_imports(graph) == ([], [])
+    assert "tdint.output.plotting" in graph["tdint"]  # by `import_module`
+    assert "tdint.methods.method" in graph["tdint.plugin"]  # by `__getattr__`
+    assert "tdint.output.figures.style" in graph["tdint.output.figures"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import_module('tdint.analysis.assessment.order')",
+        "importlib.import_module('tdint.analysis.assessment.order')",
+        "__import__('tdint.analysis.assessment.order')",
+        "def check():\n    from tdint.analysis.assessment.order import check_method",
+    ],
+)
+def test_an_import_by_name_that_closes_a_cycle_is_found(line):
+    name = "tdint.analysis.run.compiled_steps"
+    source = (ROOT / "src/tdint/analysis/run/compiled_steps.py").read_text(encoding="utf-8")
+    upward, cycle = wrong_imports(changed_graph(name, f"{source}\n{line}\n"))
+    assert upward == []
+    assert {name, "tdint.analysis.assessment.order"} <= set(cycle)
+
+
+def test_an_import_by_name_of_a_higher_layer_is_found():
+    source = "from importlib import import_module\nimport_module('tdint.output.plotting')\n"
+    upward, _ = wrong_imports(changed_graph("tdint.analysis.compare", source))
+    assert upward == ["tdint.analysis.compare imports tdint.output.plotting"]
+
+
+def test_an_import_by_a_computed_name_is_refused():
+    with pytest.raises(AssertionError, match="cannot determine"):
+        changed_graph("tdint.units", "import_module('tdint.' + 'output')")
+
+
+def test_getattr_of_modules_is_known():
+    """Module-level `__getattr__` imports by a table or from its own package, or makes kernels."""
+    found = {
+        name
+        for name, (tree, *_) in dotted_names().items()
+        for node in ast.walk(tree)
+        if name_of_binding(node) == "__getattr__" and not in_class(tree, node)
+    }
+    assert found == {
+        *TABLES_OF_NAMES,
+        "tdint.kernels.laws.compiled_separately",  # kernels of laws, which it imports itself
+        "tdint.output.figures",
+        "tdint.output.tables",
+        "tdint_cli.options",
+    }
+
+
+def name_of_binding(node):
+    """Return the name that a function definition or an assignment binds, or an empty text."""
+    if isinstance(node, ast.FunctionDef):
+        return node.name
+    return ast.unparse(node.targets[0]) if isinstance(node, ast.Assign) else ""
+
+
+def in_class(tree, node):
+    """Return whether a node is in the body of a class."""
+    return any(isinstance(other, ast.ClassDef) and node in other.body for other in ast.walk(tree))
 
 
 def test_what_is_imported_is_declared():
     """Packages that are not Python's own, by the dependencies and extras of the project."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = PROJECT["project"]
     extras = project["optional-dependencies"].values()
     declared = " ".join([*project["dependencies"], *(line for extra in extras for line in extra)])
     names = {name.lower() for name in re.findall(r"(?:^| )([A-Za-z][\w-]*)", declared)}

@@ -49,7 +49,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from tdint.system import __version__ as __version__
-from tdint.tabular import Tabular, asked_rightly, declared_homes
+from tdint.tabular import FunctionPackage, Tabular, asked_rightly, declared_homes
 
 if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
     from tdint.analysis.assessment.failures import Trial as Trial
@@ -165,7 +165,9 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     methods = list_methods
 
 
-Tabular.tables, Tabular.figures = "tdint.output.tables.to_dict", "tdint.output.plotting"
+# Results do not know the layers above them; this module knows all and passes the output to them.
+Tabular.tables = lambda: import_module("tdint.output.tables.to_dict")
+Tabular.figures = lambda: import_module("tdint.output.plotting")
 
 _CALLED = {"check": "overview", "methods": "list_methods"}
 """What has another name where it is: a checker of models, and what is a package there."""
@@ -210,6 +212,8 @@ if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint'
             raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")
         there = getattr(import_module(_homes()[name]), _CALLED.get(name, name))
         return asked_rightly(there, name) if isinstance(there, FunctionType) else there
+
+    FunctionPackage.functions = __getattr__
 
 
 def __dir__() -> list[str]:

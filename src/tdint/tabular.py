@@ -291,8 +291,8 @@ class Tabular:
         Name of the module with `plot`.
     """
 
-    tables: ClassVar[str]
-    figures: ClassVar[str]
+    tables: ClassVar[Callable[[], Any]]
+    figures: ClassVar[Callable[[], Any]]
 
     def _headline(self) -> str:
         """Return a description of one line."""
@@ -319,7 +319,7 @@ class Tabular:
         UsageError
             The result has no table, or a unit is unknown.
         """
-        columns: dict[str, Any] = import_module(self.tables).to_dict(self, units)
+        columns: dict[str, Any] = type(self).tables().to_dict(self, units)
         return columns
 
     def to_pandas(self, units: str = "") -> DataFrame:
@@ -359,7 +359,7 @@ class Tabular:
         OutputError
             The file cannot be written.
         """
-        import_module(self.tables).to_parquet(self, file)
+        type(self).tables().to_parquet(self, file)
 
     @overload
     def plot(self, ax: None = None, units: str = "") -> Figure: ...
@@ -387,7 +387,7 @@ class Tabular:
         UsageError
             The result has no figure or no main panel, or a unit is unknown.
         """
-        drawn: Figure | Axes = import_module(self.figures).plot(self, ax=ax, units=units)
+        drawn: Figure | Axes = type(self).figures().plot(self, ax=ax, units=units)
         return drawn
 
     def __repr__(self) -> str:
@@ -395,7 +395,7 @@ class Tabular:
 
     def _repr_html_(self) -> str:
         """Return a caption and the first rows as HTML, for notebooks."""
-        return str(import_module(self.tables).to_html(self, self._headline()))
+        return str(type(self).tables().to_html(self, self._headline()))
 
 
 Member = TypeVar("Member")
@@ -460,7 +460,14 @@ class FunctionPackage(ModuleType):
 
     After its import, a package such as `tdint.campaign` replaces the function `tdint.campaign` as
     the attribute of `tdint`; this class therefore makes the package callable.
+
+    Attributes
+    ----------
+    functions : callable
+        Returns the function of a name; set by `tdint/__init__.py`, which knows all functions.
     """
+
+    functions: ClassVar[Callable[[str], Callable[..., Any]]]
 
     def __call__(self, *arguments: Any, **keywords: Any) -> Any:
         """Call the function of the same name."""
@@ -468,9 +475,7 @@ class FunctionPackage(ModuleType):
 
     @property
     def _function(self) -> Callable[..., Any]:
-        parent, _, name = self.__name__.rpartition(".")
-        function: Callable[..., Any] = import_module(parent).__getattr__(name)
-        return function
+        return type(self).functions(self.__name__.rpartition(".")[2])
 
     @property
     def __signature__(self) -> inspect.Signature:

@@ -24,7 +24,7 @@ from separate_streams import runner
 from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
-from tdint.analysis.run import workspace
+from tdint.analysis.run import compiled_steps
 from tdint.campaign.cluster import do_with
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
@@ -34,6 +34,7 @@ from tdint.kernels.building.sources import CODE, closure
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS, gap
 from tdint.methods import catalogue as methods
+from tdint.methods import step_check
 from tdint.model import definition
 from tdint.model.definition import Law
 from tdint.model.plugins import files_to_send
@@ -72,7 +73,7 @@ def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
     assert math.isclose(measured.limit, 2.0, rel_tol=1e-6)
     assert abs(measured.order - 2.0) < 0.1
     # Stories that yield take the longest, and are looked at above.
-    monkeypatch.setattr(order, "_yielding_faults", lambda integrator: {})
+    monkeypatch.setattr(order, "faults_with_yielding", lambda integrator: {})
     false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
     of_order, of_limit = check_method(replace(integrator, method=false)).faults
     assert of_order == "verlet: declares order 4, observed is 2.00"
@@ -132,10 +133,10 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, mon
     tdint.load_plugin(str(outside(tmp_path, text)))
     integrator = methods.parse("verlet")
     # The first of the laws shows each of the mistakes.
-    monkeypatch.setattr(order, "_YIELDING", {"bilinear": order._YIELDING["bilinear"]})
+    monkeypatch.setattr(step_check, "_YIELDING", {"bilinear": step_check._YIELDING["bilinear"]})
     try:
-        order._plain_march("linear", integrator, 1)
-        faults = [*order._yielding_faults(integrator).values()]
+        step_check.integrate_in_python("linear", integrator, 1)
+        faults = [*step_check.faults_with_yielding(integrator).values()]
     except AnalysisError as error:
         faults = [str(error)]
     assert sum(told in fault for fault in faults) == 1, faults
@@ -148,7 +149,7 @@ def test_ours_make_none_of_them():
     """Methods of each kind: several stages, several steps, without iterations, of order 2 and
     more."""
     for name in ("bathe", "park", "chang", "rk5", "gauss4"):
-        assert order._yielding_faults(methods.parse(name)) == {}
+        assert step_check.faults_with_yielding(methods.parse(name)) == {}
 
 
 def test_a_branch_that_is_set_in_part_is_told(tmp_path):
@@ -573,12 +574,12 @@ def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.delenv("TDINT_KERNELS", raising=False)
     looked, integrator = [], methods.parse(name)
-    real = order.faults_of_step
+    real = step_check.faults_of_step
     monkeypatch.setattr(
-        order, "faults_of_step", lambda integrator: looked.append(1) or real(integrator)
+        step_check, "faults_of_step", lambda integrator: looked.append(1) or real(integrator)
     )
     for _ in range(2):
-        workspace.VALIDATED_STEPS.discard(integrator.family.step)  # as another process
+        compiled_steps.VALIDATED_STEPS.discard(integrator.family.step)  # as another process
         if fault:
             with pytest.raises(AnalysisError, match=fault):
                 tdint.run(
@@ -588,5 +589,5 @@ def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
                     duration=1.0,
                 )
         else:
-            workspace.validate_plugin_step(integrator)
+            compiled_steps.validate_plugin_step(integrator)
     assert len(looked) == (2 if fault else 1)

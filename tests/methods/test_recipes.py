@@ -13,11 +13,11 @@ import readmes
 import tdint
 from registered import compiled_truth, forgotten, plain  # noqa: F401 (fixtures)
 from tdint import plugin
-from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import pose
 from tdint.campaign.fragility.measures import run_measure
 from tdint.methods import catalogue as methods
+from tdint.methods import step_check
 from tdint.methods.exact import oscillator
 from tdint.model.plugins import peers
 from tdint_cli.main import cli
@@ -72,7 +72,7 @@ def test_a_method_comes_to_the_true_motion_of_stories_that_yield(name):
     """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with
     bounds checked. Of bilinear ones: the others are in what it declares."""
     loaded(name)
-    assert order._yielding_faults(methods.parse(METHODS[name][0]), ["bilinear"]) == {}
+    assert step_check.faults_with_yielding(methods.parse(METHODS[name][0]), ["bilinear"]) == {}
 
 
 @pytest.mark.slow

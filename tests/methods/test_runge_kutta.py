@@ -9,8 +9,8 @@ import pytest
 
 from building_cases import Law, noise
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
+from tdint.analysis.run.compiled_steps import amplification
 from tdint.analysis.run.run import run
-from tdint.analysis.run.workspace import amplification
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.runge_kutta import imaginary_stability_limit

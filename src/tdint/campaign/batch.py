@@ -33,7 +33,7 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.sequence import event_responses, sequence_of
 from tdint.analysis.run.step_choice import step_within
-from tdint.analysis.run.workspace import Steps, finer
+from tdint.analysis.run.time_steps import Steps, finer
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
@@ -44,7 +44,7 @@ from tdint.ground_motion.record import JoinedRecord, Record
 REPEATS = 3
 """Maximum number of repetitions of a run that diverged or did not converge, each with half the time
 step of the preceding run. Single steps of each run are also halved
-(`tdint.analysis.run.workspace.HALVINGS`)."""
+(`tdint.methods.workspace.HALVINGS`)."""
 
 
 @dataclass(frozen=True)

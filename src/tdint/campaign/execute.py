@@ -14,7 +14,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tdint.analysis.run.workspace import kernels
+from tdint.analysis.run.compiled_steps import kernels
 from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import Done, do, spectral_accelerations
 from tdint.campaign.cluster import Cluster, on_cluster

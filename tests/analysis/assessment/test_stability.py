@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
+from tdint.analysis.run.compiled_steps import amplification
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.workspace import Steps, amplification, workspace
+from tdint.analysis.run.time_steps import Steps
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
+from tdint.methods.workspace import workspace
 from tdint.model.building import oscillators
 
 # Period error and numerical damping ratio in percent at dt/T = 0.1 without damping, to the last

@@ -94,7 +94,7 @@ def test_memory_does_not_grow_with_the_steps() -> None:
 def test_what_the_memory_cannot_hold_is_refused_with_the_number(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("tdint.analysis.run.workspace.available_memory", lambda: 1e6)
+    monkeypatch.setattr("tdint.methods.workspace.available_memory", lambda: 1e6)
     with pytest.raises(
         AnalysisError,
         match=r"a history of 1000001 rows needs 0\.22 GB of memory, 0\.001 GB are free",

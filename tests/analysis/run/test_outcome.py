@@ -10,8 +10,8 @@ from building_cases import Force, Law, model, noise, oscillator, story, ten_bili
 from tdint import run
 from tdint.analysis.run import prepared
 from tdint.analysis.run.case import _runaway_story
+from tdint.analysis.run.compiled_steps import largest_stable
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.workspace import largest_stable
 from tdint.kernels import layout as rows
 from tdint.units import STANDARD_GRAVITY
 

@@ -12,7 +12,7 @@ from tdint import prepare, run, run_case, spectrum
 from tdint.analysis.run import prepared, workspace
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.workspace import Steps
+from tdint.analysis.run.time_steps import Steps
 from tdint.analysis.static import cyclic_test
 from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
 from tdint.kernels.building.compilable import Variant

@@ -11,10 +11,10 @@ import numpy as np
 
 from tdint.analysis.run import error_estimate
 from tdint.analysis.run.case import Case
+from tdint.analysis.run.compiled_steps import LINEAR_OSCILLATORS, kernels
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED, UNSTABLE, FailedRun, History
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
-from tdint.analysis.run.workspace import LINEAR_OSCILLATORS, kernels
 from tdint.arrays import Array
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.building.compilable import Variant

@@ -5,38 +5,30 @@ from __future__ import annotations
 
 import math
 import sys
-import traceback
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.given import between
-from tdint.analysis.run.case import energy_of
+from tdint.analysis.run.compiled_steps import VALIDATED_STEPS, find_instability
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.workspace import (
-    HALVINGS,
-    VALIDATED_STEPS,
-    Steps,
-    Workspace,
-    find_instability,
-    shifts,
-)
+from tdint.analysis.run.time_steps import Steps
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
-from tdint.errors import AnalysisError, TdintError, UsageError
+from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
-from tdint.kernels.stepping import Scene
-from tdint.kernels.time_loop.loop import integrate
-from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
 from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
+from tdint.methods.step_check import (
+    GuardedArray,
+    faults_in,
+    faults_with_yielding,
+    integrate_in_python,
+)
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
 from tdint.model.law_checks import path_faults
@@ -429,8 +421,8 @@ def check_method(integrator: Integrator) -> MethodCheck:
     yielding: dict[str, str] = {}
     VALIDATED_STEPS.add(integrator.family.step)  # This function validates the step itself.
     try:
-        _plain_march("linear", integrator, 1)
-        yielding = {} if integrator.family.linear_only else _yielding_faults(integrator)
+        integrate_in_python("linear", integrator, 1)
+        yielding = {} if integrator.family.linear_only else faults_with_yielding(integrator)
         observed = [
             observed_order(integrator, order_problem(load)) for load in ("free", "harmonic")
         ]
@@ -464,23 +456,6 @@ def check_method(integrator: Integrator) -> MethodCheck:
         )
     faults += yielding.values()
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
-
-
-def faults_of_step(integrator: Integrator) -> list[str]:
-    """Return the faults of the step function of a method, executed in plain Python.
-
-    The faults are access to undeclared rows and wrong results for yielding stories. Only one
-    hysteresis model is tested because the user waits for the result (3 s).
-    """
-    try:
-        _plain_march("linear", integrator, 1)
-        return (
-            []
-            if integrator.family.linear_only
-            else list(_yielding_faults(integrator, ["bilinear"]).values())
-        )
-    except AnalysisError as error:
-        return [str(error)]
 
 
 def check_law(model: Model, story: int) -> list[str]:
@@ -521,259 +496,6 @@ def check_law(model: Model, story: int) -> list[str]:
     return faults
 
 
-# ---- Tests with yielding stories in plain Python, with checks of array bounds
-
-
-class _Beyond(IndexError):
-    """Error for access to a row or column outside an array."""
-
-
-class _Guarded(np.ndarray):
-    """Array that reports its name if an index is out of bounds; compiled code would write beyond
-    its end."""
-
-    name = ""
-
-    @classmethod
-    def of(cls, array: Array, name: str) -> _Guarded:
-        """Return a guarded view of an array."""
-        view = array.view(cls)
-        view.name = name
-        return view
-
-    def __getitem__(self, key: Any) -> Any:
-        self._check(key)
-        return super().__getitem__(key)
-
-    def __setitem__(self, key: Any, value: Any) -> None:
-        self._check(key)
-        super().__setitem__(key, value)
-
-    def _check(self, key: Any) -> None:
-        for axis, place in enumerate(key if isinstance(key, tuple) else (key,)):
-            if (
-                isinstance(place, int | np.integer)
-                and not -self.shape[axis] <= place < self.shape[axis]
-            ):
-                kind = "row" if axis == 0 else "column"
-                raise _Beyond(
-                    f"{kind} {place} of {self.name} is used, {self.shape[axis]} are declared"
-                )
-
-
-_YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
-"""Parameters of three hysteresis models: piecewise linear, curved, and deteriorating."""
-
-_H, _SECONDS = 0.01, 1.2  # s; the building has periods of 0.35 and 0.13 s, and yields from 0.1 s on
-_KINK_ORDER = 2  # order of every method that does not locate the kinks within its time steps
-# Tolerance of an order observed over one or two halvings: the positions of the kinks within the
-# time steps change the errors by half.
-_ROOM = 0.6
-_NOTHING = 1e-6  # relative to the largest displacement; comparable to the error of the reference
-_BALANCE = (
-    1e-2  # of the largest input energy at the finest step, where methods of order 2 are within 1e-3
-)
-
-
-def _plain_march(
-    law: str, integrator: Integrator, parts: int, *, fresh_at: int = -1, halve_at: int = -1
-) -> Workspace:
-    """Integrate a building of two stories in plain Python with the time step `_H` / parts.
-
-    Parameters
-    ----------
-    law : str
-        Name of the hysteresis model of the stories.
-    integrator : Integrator
-        The method.
-    parts : int
-        Number of time steps in `_H`.
-    fresh_at : int
-        Number of the step before which the scratch arrays are cleared, as if the integration were
-        interrupted and continued with other arrays. The default, -1, clears nothing.
-    halve_at : int
-        Number of the step that is reported as not converged, so that it is halved. The default is
-        -1, no step.
-
-    Raises
-    ------
-    AnalysisError
-        The method failed; the message contains the file, the line and the error.
-    """
-    # Build two stories of the same hysteresis model without forces and with an initial velocity.
-    # The ground motion is an argument of the time loop.
-    story = simple_story(1.0, Law(law, _YIELDING.get(law, ())), stiffness=1000.0, dashpot=1.0)
-    prepared = PreparedBuilding(
-        assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
-    )
-    h, count, building = _H / parts, round(_SECONDS / _H) * parts, prepared.building
-    space = prepared.arrays(integrator, h, count + 1)
-    ground = 9.0 * np.sin(14.0 * np.arange(round(_SECONDS / _H) + 1) * _H)
-    guarded = {
-        name: _Guarded.of(getattr(space, name), name)
-        for name in ("state", "law_state", "scratch", "step_status")
-    }
-    scene = Scene(
-        building.linear_terms, building.modal, building.law_parameters, prepared.forces, space.flags
-    )
-    scene = Scene(*(_Guarded.of(array, name) for name, array in scene._asdict().items()))
-    home = sys.modules.get(integrator.family.step.function.__module__)
-    calls = 0
-
-    def step(*arguments: Any) -> int:
-        nonlocal calls
-        calls += 1
-        if calls == halve_at:
-            return rows.NOT_CONVERGED
-        return int(integrator.family.step.function(*arguments))
-
-    # A continued integration keeps the state and, of the step status, only the number of steps
-    # done and the ground state.
-    pieces = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
-    for first, last in pieces:
-        if first:
-            done = space.step_status[rows.STEPS_DONE], space.step_status[rows.STATE_GROUND]
-            space.step_status[:], space.scratch[:] = 0.0, 0.0
-            space.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = done
-        with np.errstate(all="ignore"), _faults_in(home, integrator.label):
-            code = integrate.function(
-                *(
-                    step,
-                    initialize_laws.function,
-                    sum_law_energies.function,
-                    update_shear_peaks.function,
-                ),
-                *(
-                    count,
-                    first,
-                    last,
-                    1,
-                    0,
-                    parts,
-                    1,
-                    HALVINGS if integrator.family.halvable else 0,
-                    h,
-                ),
-                *(
-                    ground,
-                    prepared.coefficients(integrator, h),
-                    shifts(integrator, h),
-                    *scene,
-                    *guarded.values(),
-                ),
-                *(np.zeros(rows.LOAD_SIZE), *space.seen),
-            )
-        if code < 0:
-            words = "does not converge" if code == rows.NOT_CONVERGED else "gives no finite numbers"
-            raise AnalysisError(
-                f"{integrator.label}: {words} with dt {h:.4g} s, stories of law {law}"
-            )
-    return space
-
-
-@contextmanager
-def _faults_in(module: Any, name: str) -> Iterator[None]:
-    """Convert an exception in the code of a plug-in to an `AnalysisError` with the file and the
-    line number in its module."""
-    try:
-        yield
-    except TdintError:
-        raise
-    except Exception as error:
-        file = getattr(module, "__file__", None) or ""
-        lines = [
-            frame.lineno
-            for frame in traceback.extract_tb(error.__traceback__)
-            if frame.filename == file
-        ]
-        place = f"{file}:{lines[-1]}" if lines else name
-        kind = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
-        raise AnalysisError(f"{place}: {kind}{error}") from None
-
-
-@cache
-def _true_motion(law: str) -> Array:
-    """Return the displacements computed by `impulse4` with the time step `_H` / 16; their error is
-    below 1e-7 of the maximum."""
-    return _displacements(_plain_march(law, parse("impulse4"), 16), 16)
-
-
-def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
-    """Return the faults of a method for yielding stories: one message per type of fault, for the
-    first hysteresis model that shows it."""
-    label, faults = integrator.label, dict[str, str]()
-    for law in laws:
-        true = _true_motion(law)
-        size = float(np.max(np.abs(true)))
-        try:
-            spaces = {parts: _plain_march(law, integrator, parts) for parts in (1, 2, 4)}
-        except AnalysisError as error:
-            faults["failed"] = str(error)
-            continue
-        errors = {
-            parts: _distance(_displacements(space, parts), true) / size
-            for parts, space in spaces.items()
-        }
-        # The results must converge to the motion of impulse4 with the order of the method, or with
-        # the order that the kinks permit.
-        due = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-        rates = (
-            (0.5 * math.log2(errors[1] / errors[4]), math.log2(errors[2] / errors[4]))
-            if errors[4]
-            else (math.inf,)
-        )
-        if not (max(rates) >= due - _ROOM or errors[4] <= _NOTHING):
-            measured = [f"{error:.2g} off at dt {_H / n:g} s" for n, error in errors.items()]
-            faults.setdefault(
-                "order",
-                f"{label}: with stories of law {law} displacements are {', '.join(measured)}, "
-                f"of order {max(rates):.1f} where {due:.2g} is due: is each story's state "
-                "committed once a step, with the drift at its end?",
-            )
-        # The input energy must equal the sum of the stored, damped and dissipated energy.
-        balance = abs(energy_of(spaces[4].totals).error)
-        if not balance <= _BALANCE:
-            faults.setdefault(
-                "energy",
-                f"{label}: with stories of law {law} the energies are {100.0 * balance:.2g} % of "
-                f"the largest input out of balance at dt {_H / 4:g} s: is dissipation added up "
-                "(`commit`, or `accumulate_dissipation` before "
-                "`commit_without_dissipation`)?",
-            )
-        # A method must keep all its memory in the state. Cleared scratch arrays must not change the
-        # result beyond rounding, and a halved step must not increase the error.
-        fresh = _displacements(_plain_march(law, integrator, 1, fresh_at=60), 1)
-        if not _distance(fresh, _displacements(spaces[1], 1)) <= _NOTHING * size:
-            faults.setdefault(
-                "scratch",
-                f"{label}: the result changes if the scratch rows are cleared between steps: "
-                "values that a later step needs must be stored in the state",
-            )
-        if integrator.family.halvable:
-            halved = (
-                _distance(_displacements(_plain_march(law, integrator, 1, halve_at=60), 1), true)
-                / size
-            )
-            if not halved <= 2.0 * errors[1] + _NOTHING:
-                faults.setdefault(
-                    "halved",
-                    f"{label}: with a halved step displacements are {halved:.2g} off, "
-                    f"{errors[1]:.2g} without: its coefficients do not hold for any step "
-                    "(`Family.halvable`), or the state is not left right",
-                )
-    return faults
-
-
-def _displacements(space: Workspace, parts: int) -> Array:
-    """Return the displacements of all floors at the ends of the steps `_H`."""
-    floors = space.state.shape[1] - 1
-    return np.asarray(space.history[::parts, 1 : 1 + floors])
-
-
-def _distance(array: Array, other: Array) -> float:
-    return float(np.max(np.abs(np.asarray(array) - other)))
-
-
 def _branch_faults(model: Model, story: int) -> list[str]:
     """Return the differences between the declared and actual branches and curvature of the
     hysteresis model of a story.
@@ -786,7 +508,7 @@ def _branch_faults(model: Model, story: int) -> list[str]:
         The functions of the model cannot be executed, or use undeclared rows.
     """
     building, i, law = assemble(model), story - 1, LAWS[model.stories[story - 1].law.name]
-    with _faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
+    with faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
         return path_faults(
-            law, building.law_parameters[:, i], float(building.yield_drift[i]), _Guarded.of
+            law, building.law_parameters[:, i], float(building.yield_drift[i]), GuardedArray.of
         )

@@ -24,9 +24,10 @@ from tdint.analysis.chart.problem import (
     pose,
 )
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
+from tdint.analysis.run.compiled_steps import unsupported_reason
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
-from tdint.analysis.run.workspace import Steps, unsupported_reason
+from tdint.analysis.run.time_steps import Steps
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse

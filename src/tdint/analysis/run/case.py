@@ -38,7 +38,7 @@ from tdint.analysis.run.prepared import (
     RestCriterion,
     RunSpec,
 )
-from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, choose_steps
+from tdint.analysis.run.time_steps import Steps, choose_steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import cut_off
@@ -46,6 +46,7 @@ from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
+from tdint.methods.workspace import HALVINGS, Workspace
 from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
 from tdint.model.plausibility import (

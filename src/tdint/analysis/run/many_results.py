@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -117,7 +116,7 @@ class Runs(Tabular):
         UsageError
             xarray is not installed.
         """
-        dataset: Dataset = import_module(self.tables).to_xarray(self)
+        dataset: Dataset = type(self).tables().to_xarray(self)
         return dataset
 
     def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:

@@ -17,19 +17,15 @@ import numpy as np
 
 from tdint import system
 from tdint.analysis.given import AnyModel, model_of
-from tdint.analysis.run.workspace import (
-    HALVINGS,
+from tdint.analysis.run.compiled_steps import (
     LINEAR_OSCILLATORS,
     Instability,
-    Steps,
-    Workspace,
     find_instability,
-    history_width,
     kernels,
-    shifts,
     unsupported_reason,
-    workspace,
+    validate_plugin_step,
 )
+from tdint.analysis.run.time_steps import Steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
@@ -50,6 +46,7 @@ from tdint.kernels.time_loop.loop import END_COLUMNS, integrate, integrate_many
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
 from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
+from tdint.methods.workspace import HALVINGS, Workspace, history_width, state_jumps, workspace
 from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
 from tdint.model.definition import Model
 from tdint.model.law_checks import verify_laws
@@ -539,7 +536,7 @@ class PreparedBuilding:
         building = self.building
         behind = (
             self.coefficients(integrator, h),
-            shifts(integrator, h),
+            state_jumps(integrator, h),
             *Scene(
                 building.linear_terms,
                 building.modal,
@@ -648,6 +645,7 @@ class PreparedBuilding:
         the history.
         """
         verify_laws(self.building.law_parameters)
+        validate_plugin_step(integrator)
         space = workspace(self.building, integrator, row_count, self.collapse_drift)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
         space.state[rows.VELOCITY, :-1] = self.velocity
@@ -660,7 +658,7 @@ class PreparedBuilding:
         """
         building = self.building
         arrays = (
-            *(ground, self.coefficients(integrator, h), shifts(integrator, h)),
+            *(ground, self.coefficients(integrator, h), state_jumps(integrator, h)),
             *Scene(
                 building.linear_terms,
                 building.modal,

@@ -534,8 +534,9 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     catalogue.
     """
     # Imported at this point because they load all methods, which most spectra do not need.
+    from tdint.analysis.run.compiled_steps import find_instability
     from tdint.analysis.run.prepared import PreparedBuilding
-    from tdint.analysis.run.workspace import Steps, find_instability
+    from tdint.analysis.run.time_steps import Steps
     from tdint.kernels import layout as rows
     from tdint.model.building import oscillators
 

@@ -1,0 +1,129 @@
+"""Time steps that an analysis may take: the step and number of steps for a requested dt, duration
+and record."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from tdint.errors import UsageError
+
+_SAME = 1e-9  # dimensionless; relative difference below which time steps are considered equal
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Time steps under a ground motion.
+
+    Attributes
+    ----------
+    h : float
+        Time step, s.
+    count : int
+        Number of time steps.
+    per_sample, stride : int
+        `per_sample` time steps cover `stride` sampling intervals.
+    end : float
+        Requested end, s. The last step ends at this time or less than one step after it.
+    done : int
+        Number of steps that are already completed.
+    """
+
+    h: float
+    count: int
+    per_sample: int = 1
+    stride: int = 1
+    end: float = field(default=math.inf, compare=False)
+    done: int = 0
+
+    @property
+    def late(self) -> float:
+        """Time from the requested end to the end of the last step, s."""
+        return max(self.count * self.h - self.end, 0.0)
+
+
+MOST_STEPS = 1_000_000_000
+"""Maximum number of time steps of a run, about 15 minutes for a few stories. A mistake in dt does
+not cause a run of years.
+"""
+
+
+def choose_steps(
+    dt: float | None, duration: float | None, record_dt: float | None, record_duration: float
+) -> Steps:
+    """Return the time steps for a requested dt and duration.
+
+    A time step divides the sampling interval of the record or is an integer multiple of it. The
+    last step ends at the duration or after it.
+
+    Parameters
+    ----------
+    dt, duration : float or None
+        Requested time step and duration, s; by default those of the record.
+    record_dt : float or None
+        Sampling interval of the record, s; None without a record.
+    record_duration : float
+        Duration of the record, s.
+
+    Raises
+    ------
+    UsageError
+        dt or duration is missing and there is no record, dt is not compatible with the record, or
+        there are too many steps.
+    """
+    if record_dt is None:
+        if dt is None:
+            raise UsageError(
+                "no time step: without a record, specify --dt or analysis.dt in the model file"
+            )
+        if duration is None:
+            raise UsageError(
+                "no duration: without a record, specify --duration or analysis.duration in the "
+                "model file"
+            )
+        return Steps(dt, _count(duration, dt), end=duration)
+    if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
+        raise UsageError(
+            f"dt must be comparable to the sampling interval of the record, {record_dt:.6g} s; "
+            f"got {dt:.6g} s"
+        )
+    duration = record_duration if duration is None else duration
+    if dt is None:
+        return Steps(record_dt, _count(duration, record_dt), end=duration)
+    # The time step divides the sampling interval or is a multiple of it, except for rounding: the
+    # result is computed from the sampling interval.
+    for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
+        whole = round(ratio)
+        if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
+            h = record_dt / whole if per_sample else record_dt * whole
+            return Steps(
+                h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration
+            )
+    # Next larger and next smaller compatible time step
+    whole = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
+    if dt > record_dt:
+        below, above = record_dt * whole, record_dt * (whole + 1)
+    else:
+        below, above = record_dt / (whole + 1), record_dt / whole
+    raise UsageError(
+        f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: the "
+        f"nearest steps are {below:.12g} and {above:.12g} s"
+    )
+
+
+def _count(duration: float, h: float) -> int:
+    """Return the number of steps for a duration; UsageError if there are too many."""
+    count = duration / h * (1.0 - _SAME)
+    if not count <= MOST_STEPS:
+        raise UsageError(
+            f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most "
+            f"{MOST_STEPS:.0e} are allowed; use a longer dt or a shorter duration"
+        )
+    return max(1, math.ceil(count))
+
+
+def finer(steps: Steps) -> Steps:
+    """Return half the time step over the same duration."""
+    if steps.per_sample == 1 and steps.stride % 2 == 0:
+        return replace(steps, h=steps.h / 2, count=2 * steps.count, stride=steps.stride // 2)
+    return replace(steps, h=steps.h / 2, count=2 * steps.count, per_sample=2 * steps.per_sample)

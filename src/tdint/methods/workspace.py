@@ -1,0 +1,136 @@
+"""Arrays that a time integration reads and writes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.errors import AnalysisError
+from tdint.kernels import layout as rows
+from tdint.kernels.laws.compiled_separately import law_state_table
+from tdint.kernels.stepping import Memory, Seen
+from tdint.methods.method import Integrator
+from tdint.model.building import Building
+from tdint.model.definition import CODES, LAWS
+from tdint.system import available_memory
+
+HALVINGS = 8
+"""Maximum number of times that a step without convergence is halved before the run fails."""
+
+_WITH_RESULTS = 2.5
+"""Dimensionless. Memory of a history including its results (drifts and forces), divided by the
+memory of its rows.
+"""
+
+
+@dataclass
+class Workspace:
+    """Arrays that a time integration reads and writes.
+
+    Each table has one column per story and an additional column of zeros. The history contains
+    every `every`-th step; `before` is the number of rows before its first row.
+    """
+
+    state: Array
+    law_state: Array
+    scratch: Array
+    flags: Array
+    step_status: Array
+    observer_state: Array
+    peaks: Array
+    limits: Array
+    totals: Array
+    history: Array
+    every: int = 1
+    before: int = 0
+
+    @property
+    def memory(self) -> Memory:
+        """Arrays with the state of the method and of the hysteretic laws."""
+        return Memory(self.state, self.law_state, self.scratch, self.step_status)
+
+    @property
+    def seen(self) -> Seen:
+        """Arrays with the observed results."""
+        return Seen(self.observer_state, self.peaks, self.limits, self.totals, self.history)
+
+
+def workspace(
+    building: Building, integrator: Integrator, row_count: int = 0, collapse_drift: float = math.inf
+) -> Workspace:
+    """Return new arrays for one run.
+
+    Parameters
+    ----------
+    building : Building
+        Building.
+    integrator : Integrator
+        Method.
+    row_count : int, default 0
+        Number of rows of the history.
+    collapse_drift : float, default infinity
+        Drift ratio above which a story has collapsed.
+
+    Raises
+    ------
+    AnalysisError
+        The free memory is too small.
+    """
+    n = building.stories
+    modes = building.modal.shape[0]
+    family = integrator.family
+    flags = np.zeros(rows.FLAGS_SIZE)
+    flags[rows.LINEAR] = building.linear
+    # With power-law dashpots, a step is not linear on the branches.
+    flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
+    if building.piecewise_linear and not building.power_damped:
+        flags[rows.BRANCHES] = rows.ALL_BRANCHES
+    flags[rows.POWER_DAMPERS] = building.power_damped
+    flags[rows.OWN_WORK] = family.own_work
+    flags[rows.PARABOLIC] = family.parabolic
+    flags[rows.HAS_DASHPOTS] = building.damped_by_devices
+    width = history_width(building)
+    if row_count:
+        # The complete history and its results are in memory simultaneously.
+        needed, free = _WITH_RESULTS * 8.0 * row_count * width, available_memory()
+        if needed > free:
+            raise AnalysisError(
+                f"a history of {row_count} rows needs {needed / 1e9:.3g} GB of memory, "
+                f"{free / 1e9:.3g} GB are free; use fewer steps, or write the history to a "
+                "file, which is done in chunks"
+            )
+    # Value of row INTERNAL of a story that has failed; nan for laws that do not fail.
+    failed = np.full(max(CODES.values()) + 1, math.nan)
+    for name, code in CODES.items():
+        failed[code] = LAWS[name].failed
+    failed = failed[building.law_parameters[rows.CODE, :-1].astype(int)]
+    totals = np.zeros(rows.TOTALS_SIZE)
+    totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
+    return Workspace(
+        state=np.zeros((family.state_rows, n + 1)),
+        law_state=law_state_table(building.law_parameters),
+        scratch=np.zeros((family.scratch_rows(modes), max(n + 1, 2 * modes + 1))),
+        flags=flags,
+        step_status=np.zeros(rows.STEP_STATUS_SIZE),
+        observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
+        peaks=np.zeros((2 * rows.PEAK_ROWS, n)),
+        limits=np.array([np.full(n, collapse_drift), building.heights, failed]),
+        totals=totals,
+        history=np.zeros((row_count, width)),
+    )
+
+
+def history_width(building: Building) -> int:
+    """Return the number of values in a row of the history."""
+    return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS
+
+
+def state_jumps(integrator: Integrator, h: float) -> Array:
+    """Return the change of each row of the state at a jump of the ground acceleration between two
+    time steps of h (s).
+    """
+    family = integrator.family
+    return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))
