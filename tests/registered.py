@@ -7,7 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tdint.analysis.assessment import order
 from tdint.analysis.run import batch as runs
 from tdint.analysis.run.prepared import PreparedBuilding, of_everything
 from tdint.analysis.run.time_steps import Steps
@@ -16,11 +15,12 @@ from tdint.kernels.building import compilable
 from tdint.kernels.laws import LAWS as NUMBERED
 from tdint.kernels.laws import OURS
 from tdint.methods import catalogue as methods
+from tdint.methods import step_check
 from tdint.model import definition
 from tdint.model.building import assemble
 from tdint.model.definition import Law, simple_model, simple_story
 
-SHORTER = 80  # steps of `order._H`: those with faults are wrong at the 60th
+SHORTER = 80  # steps of `step_check._H`: those with faults are wrong at the 60th
 
 
 def forget():
@@ -48,27 +48,27 @@ def forgotten(monkeypatch):
 
 @cache
 def true_motion(law):
-    """What `order._true_motion` gives, by the compiled march."""
-    story = simple_story(1.0, Law(law, order._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
+    """What `step_check._true_motion` gives, by the compiled march."""
+    story = simple_story(1.0, Law(law, step_check._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
     prepared = PreparedBuilding(
         assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
     )
-    ground = 9.0 * np.sin(14.0 * np.arange(SHORTER + 1) * order._H)
-    steps = Steps(order._H / 16, 16 * SHORTER, 16)
+    ground = 9.0 * np.sin(14.0 * np.arange(SHORTER + 1) * step_check._H)
+    steps = Steps(step_check._H / 16, 16 * SHORTER, 16)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compilable, "WHOLE", True)
         space = prepared.integrate(
             methods.parse("impulse4"), steps, ground, history_rows=steps.count
         ).space
-    return order._displacements(space, 16)
+    return step_check._displacements(space, 16)
 
 
 @pytest.fixture
 def compiled_truth(monkeypatch):
     """The true motion by the compiled march, and no longer one than shows what a method does
     wrong."""
-    monkeypatch.setattr(order, "_SECONDS", SHORTER * order._H)
-    monkeypatch.setattr(order, "_true_motion", true_motion)
+    monkeypatch.setattr(step_check, "_SECONDS", SHORTER * step_check._H)
+    monkeypatch.setattr(step_check, "_true_motion", true_motion)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 
 from building_cases import Force, model, noise, story, ten_bilinear, ten_linear
 from tdint import prepare, run, run_case, spectrum
-from tdint.analysis.run import prepared, workspace
+from tdint.analysis.run import compiled_steps, prepared
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.time_steps import Steps
@@ -159,7 +159,7 @@ def test_instabilities_are_found_by_the_modes_of_the_whole_building():
     found = building.instability(parse("central-difference"), 0.05)
     vibration = building.building.modes()
     ratios = vibration.damping_ratios(building.building.damping_matrix())
-    assert found == workspace.find_instability(
+    assert found == compiled_steps.find_instability(
         parse("central-difference"), vibration.omega, ratios, 0.05
     )
     assert building.instability(parse("newmark-average"), 0.05) is None
