@@ -10,8 +10,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import check_outputs, is_there, keep_input, refuse_kept, write_files
 from tdint.output import figures, tables
@@ -20,10 +18,9 @@ from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest, check_map, has_losses
-from tdint_cli.options.grammar import BESIDE
 from tdint_cli.options.limit import check_limit_options, without_limits
-from tdint_cli.options.output import check_picture
-from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, FloorRequest
+from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
+from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
 from tdint_cli.terminal import Failures, current, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
@@ -40,60 +37,6 @@ if TYPE_CHECKING:
 # the comparison of buildings.
 
 _NOT_KEPT = "peaks of stories are not stored; set `outputs: {profiles: true}` in the campaign file"
-
-PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
-"""Names of files in the directory of -o."""
-
-
-PAIR_DEMAND = options.record.option(
-    "--pair-demand",
-    rare=True,
-    type=click.Choice(("larger", "mean", "separate")),
-    help="Treatment of the two horizontal components of a recording: one ground motion with the "
-    "larger (default) or the mean demand of both, or two separate ground motions.",
-)
-"""The option --pair-demand."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SuiteRequest:
-    """Common options of the commands with many runs: outputs, number of threads, drift limit,
-    baseline, intensity measures of the ground motions."""
-
-    output: str | None
-    overwrite: bool
-    output_units: OutputUnits | None
-    plot: str | None
-    report: str | None
-    limit: float | str | None
-    require: bool
-    jobs: int | None
-    of_floors: FloorRequest
-    baseline: str | None = None
-    im: tuple[str, ...] | None = None
-    by: str | None = None
-    report_head: tuple[tuple[str, str], ...] | None = None
-    pair_demand: str | None = None
-
-    def picture(self, folder: Path | None) -> Path | None:
-        """Return the file of the figure, or None if no figure is requested.
-
-        Raises
-        ------
-        UsageError
-            The figure has no file name, and no directory is specified.
-        """
-        if self.plot is None:
-            return None
-        if self.plot != BESIDE:
-            check_picture(Path(self.plot))
-            return Path(self.plot)
-        if folder is None:
-            raise UsageError(
-                "--plot without a file name requires -o; add -o DIR, or specify the file: "
-                "--plot=FILE.png"
-            )
-        return folder / PICTURE
 
 
 def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:

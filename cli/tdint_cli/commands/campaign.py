@@ -16,9 +16,7 @@ from tdint.units import OutputUnits
 from tdint.written_numbers import how_many, parse_head
 from tdint_cli import options
 from tdint_cli.campaigns import (
-    PAIR_DEMAND,
     Profiles,
-    SuiteRequest,
     carry_out,
     check_names,
     export,
@@ -30,6 +28,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest
 from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
 from tdint_cli.options.limit import LIMIT, REQUIRE
+from tdint_cli.options.suite import PAIR_DEMAND, SuiteRequest
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,18 +20,6 @@ import numpy as np
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
-from tdint.methods import (
-    bathe,
-    exact,
-    impulse,
-    impulse4,
-    model_based,
-    moment4,
-    multi_step,
-    noh_bathe,
-    runge_kutta,
-    single_step,
-)
 from tdint.methods.method import Integrator, Method
 from tdint.model.definition import LAWS, register_law
 from tdint.model.plugins import (
@@ -47,17 +36,18 @@ from tdint.model.plugins import (
 from tdint.tabular import ResultList
 
 FAMILIES = (
-    impulse,
-    impulse4,
-    moment4,
-    single_step,
-    multi_step,
-    bathe,
-    noh_bathe,
-    model_based,
-    runge_kutta,
-    exact,
+    "impulse",
+    "impulse4",
+    "moment4",
+    "single_step",
+    "multi_step",
+    "bathe",
+    "noh_bathe",
+    "model_based",
+    "runge_kutta",
+    "exact",
 )
+"""Files of the families in this directory, in the order of the catalogue."""
 
 DEFAULT_METHOD = "impulse4"
 """Default method."""
@@ -66,10 +56,28 @@ _FIELD = re.compile(r"  (\w+) = \{+(.*?)\}+,\n")
 _KEYWORDS = re.compile(r"  keywords = .*\n")
 
 
+def _methods_of(family: str) -> tuple[Method, ...]:
+    """Return the methods of a family; its file is imported when it is first needed."""
+    methods: tuple[Method, ...] = import_module(f"tdint.methods.{family}").METHODS
+    return methods
+
+
 @cache
 def _known() -> dict[str, Method]:
     """Return the built-in methods by name; registered methods are added to this dictionary."""
-    return {method.name: method for family in FAMILIES for method in family.METHODS}
+    return {method.name: method for family in FAMILIES for method in _methods_of(family)}
+
+
+@cache
+def _built_in(name: str) -> Method | None:
+    """Return a built-in method, or None. A family in a file of this name is searched first, so that
+    a run with the default method imports one family."""
+    own = name.replace("-", "_")
+    for family in sorted(FAMILIES, key=lambda family: family != own):
+        for method in _methods_of(family):
+            if method.name == name:
+                return method
+    return None
 
 
 @cache
@@ -89,7 +97,7 @@ def catalogue() -> dict[str, Method]:
 
 def is_ours(name: str) -> bool:
     """Return True if a method is built in, that is, not part of a plug-in."""
-    return any(method.name == name for family in FAMILIES for method in family.METHODS)
+    return _built_in(name) is not None
 
 
 def register_method(method: Method, where: str | Origin = "") -> None:
@@ -218,7 +226,7 @@ def parse(text: str) -> Integrator:
     if not isinstance(text, str):
         raise UsageError(f"a method is a text such as 'impulse4', got {text!r}")
     name, _, rest = text.strip().partition(":")
-    method = _known().get(name) or catalogue().get(name)
+    method = _built_in(name) or catalogue().get(name)
     if method is None:
         hint = did_you_mean(name, catalogue())
         raise UsageError(f"unknown method {name!r}{hint} (known: {', '.join(catalogue())})")

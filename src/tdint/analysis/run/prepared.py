@@ -38,6 +38,7 @@ from tdint.kernels.building.load_or_compile import (
 )
 from tdint.kernels.building.sources import CODE
 from tdint.kernels.compiling import Kernel
+from tdint.kernels.laws import OURS
 from tdint.kernels.laws.compiled_separately import separate_kernels
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.stepping import Memory, Scene
@@ -49,7 +50,6 @@ from tdint.methods.method import Integrator
 from tdint.methods.workspace import HALVINGS, Workspace, history_width, state_jumps, workspace
 from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
 from tdint.model.definition import Model
-from tdint.model.law_checks import verify_laws
 
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
 # considered to resolve all modes.
@@ -58,6 +58,15 @@ _PIECE = 0.1  # s
 _FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
 _PIECE_BYTES = 2**23  # of a piece of a history
 _KEPT = 4  # sets of coefficients that are kept: a run, the one that tells its errors, the next pair
+
+
+def _verify_laws(law_parameters: Array) -> None:
+    """Verify the laws of plug-ins in a table of law parameters (`law_checks.verify_laws`)."""
+    if np.any(law_parameters[..., rows.CODE, :-1] >= OURS):
+        # Only buildings with laws of plug-ins need the checks.
+        from tdint.model.law_checks import verify_laws
+
+        verify_laws(law_parameters)
 
 
 Loop = Callable[[Steps, int, int], int]
@@ -251,7 +260,7 @@ class PreparedBuilding:
         AnalysisError
             A law of a plug-in contradicts its declaration.
         """
-        verify_laws(self.building.law_parameters)
+        _verify_laws(self.building.law_parameters)
         load_or_compile(
             [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
             progress,
@@ -486,7 +495,7 @@ class PreparedBuilding:
             [lane for _, lane in runs],
             ("linear_terms", "law_parameters", "modal"),
         )
-        verify_laws(drawn.law_parameters)
+        _verify_laws(drawn.law_parameters)
         fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for r, (d, lane) in enumerate(runs):
@@ -644,7 +653,7 @@ class PreparedBuilding:
         """Return the arrays in the initial state for time steps of h (s) and a number of rows of
         the history.
         """
-        verify_laws(self.building.law_parameters)
+        _verify_laws(self.building.law_parameters)
         validate_plugin_step(integrator)
         space = workspace(self.building, integrator, row_count, self.collapse_drift)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
