@@ -11,7 +11,7 @@ import tdint
 from tdint.analysis.run.batch import Outcomes, Subject, run_batch
 from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
 from tdint.analysis.run.outcome import STORY, FailedRun
-from tdint.analysis.run.prepared import Motions
+from tdint.analysis.run.prepared import Motions, PreparedBuilding
 from tdint.analysis.run.sequence import run_sequence
 from tdint.campaign.batch import REPEATS, Batch, Run, RunRow, RunSettings
 from tdint.ground_motion.record import JoinedRecord, Record
@@ -184,6 +184,36 @@ def test_what_fails_is_repeated_with_finer_steps() -> None:
             assert row.peak_drift == demands(response.stories).drift.value
             break
     assert row.repeats > 0
+
+
+@pytest.mark.parametrize("method", ["newmark-linear", "newmark-average", "impulse4"])
+def test_a_failing_attempt_is_integrated_once(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the batch; individually only a run that collapses before its failure, and the last attempt
+    of a run that does not converge, whose residual distinguishes this from divergence. The row is
+    that of individual runs."""
+    noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
+    settings = RunSettings(dt=0.1, duration=noise.duration)
+    model = tdint.load_model("configs/hardening.yaml")
+    of = Batch(0, Subject(model, method), Motions({0: noise}), {0: None}, settings)
+    individual = []
+    real = PreparedBuilding.integrate
+
+    def counted(prepared: PreparedBuilding, *given: Any, **named: Any) -> Any:
+        individual.append(given[1].h)
+        return real(prepared, *given, **named)
+
+    for scale in (3.0, 30.0, 3e3, 1e150):
+        individual.clear()
+        with monkeypatch.context() as patch:
+            patch.setattr(PreparedBuilding, "integrate", counted)
+            (row,) = of.results([Run(0, scale)]).runs
+        case = tdint.prepare(model, noise.scaled(scale), method=method)
+        try:
+            status = tdint.run_case(case, dt=row.dt, duration=noise.duration).status
+        except FailedRun as failure:
+            status = failure.status
+        assert row.status == status
+        assert len(individual) <= (row.status in ("not-converged", "collapsed", "failed-story"))
 
 
 def test_an_unstable_step_is_a_row_with_its_status() -> None:

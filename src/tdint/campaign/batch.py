@@ -480,7 +480,12 @@ class Batch:
         """
         runs, settings = [(job.run.motion, job.run.scale, job.steps) for job in jobs], self.settings
         outcomes = run_batch(
-            self.subject, self.motions, runs, check=settings.check, to_rest=settings.until_rest
+            self.subject,
+            self.motions,
+            runs,
+            check=settings.check,
+            to_rest=settings.until_rest,
+            to_repeat={i for i, job in enumerate(jobs) if job.repeats < REPEATS},
         )
         repeated = []
         for i, failure in outcomes.failures.items():

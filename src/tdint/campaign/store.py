@@ -30,7 +30,7 @@ from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.pairs import LARGER, PairRule, recording_numbers
 from tdint.campaign.plan import Plan
 from tdint.campaign.store_schema import (
-    SHORT_WAIT,
+    CLOSE_WAIT,
     UntrustedStoreError,
     connect,
     connect_to_read,
@@ -295,7 +295,7 @@ class Store:
                 # The log stays if another program reads the file at this time.
                 with sqlite_errors_reported(self.name), suppress(sqlite3.OperationalError):
                     self.connection.executescript(
-                        f"PRAGMA busy_timeout={SHORT_WAIT}; PRAGMA wal_checkpoint(TRUNCATE)"
+                        f"PRAGMA busy_timeout={CLOSE_WAIT}; PRAGMA wal_checkpoint(TRUNCATE)"
                     )
         finally:
             self.connection.close()

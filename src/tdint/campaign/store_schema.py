@@ -30,6 +30,10 @@ from tdint.units import Quantity
 SHORT_WAIT, _LONG_WAIT = 1000, 9000
 """Milliseconds to wait for a lock of another program before and after a message is shown."""
 
+CLOSE_WAIT = 50
+"""Milliseconds to wait for a reader when a store is closed: several times the duration of a short
+query. While a program reads for longer, the log stays next to the file, which loses nothing."""
+
 _log = logging.getLogger(__name__)
 
 

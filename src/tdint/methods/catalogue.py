@@ -226,7 +226,7 @@ def parse(text: str) -> Integrator:
     if not isinstance(text, str):
         raise UsageError(f"a method is a text such as 'impulse4', got {text!r}")
     name, _, rest = text.strip().partition(":")
-    method = _built_in(name) or catalogue().get(name)
+    method = _built_in(name) or _known().get(name) or catalogue().get(name)
     if method is None:
         hint = did_you_mean(name, catalogue())
         raise UsageError(f"unknown method {name!r}{hint} (known: {', '.join(catalogue())})")

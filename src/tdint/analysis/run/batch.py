@@ -11,7 +11,7 @@ and repeats failed runs with half the time step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 
@@ -142,13 +142,17 @@ class Outcomes:
         values = {quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY}
         return StoryPeaks(height=self.stories.height, **values)
 
+    def fail(self, i: int, failure: FailedRun) -> None:
+        """Replace the results of run `i` by its failure."""
+        self.failures[i], self.at_rest[i] = failure, None
+        self._put(i, None, np.nan, 0)
+
     def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
         """Replace the results of run `i` by those of an individual run."""
         try:
             settled, at_rest = attempt()
         except FailedRun as failure:
-            self.failures[i], self.at_rest[i] = failure, None
-            self._put(i, None, np.nan, 0)
+            self.fail(i, failure)
             return
         collapse = settled if isinstance(settled, Collapse) else settled.collapse
         self.at_rest[i] = None if collapse else at_rest
@@ -177,6 +181,7 @@ def run_batch(
     to_rest: bool = False,
     history: bool = False,
     march: Callable[[], BatchResult] | None = None,
+    to_repeat: Container[int] | None = None,
 ) -> Outcomes:
     """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
     bit.
@@ -198,6 +203,9 @@ def run_batch(
     march : callable, optional
         Function that integrates the runs and returns a `BatchResult`; by default one compiled call
         without histories.
+    to_repeat : container of int, optional
+        Indices of the runs that are repeated with a smaller time step if they fail. If it is given,
+        failures contain only the status, so that a failed run is not integrated again for details.
 
     Raises
     ------
@@ -228,9 +236,18 @@ def run_batch(
         marched = prepared.integrate_batch(subject.integrator, h, motions.samples, lanes, rest)
     outcomes = Outcomes.of(prepared.building, marched, to_rest)
     for i in np.flatnonzero(needs_review(marched)).tolist():
-        outcomes.replace(
-            i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history)
+        of_run, steps = case(i), runs[i][2]
+        failure = (
+            None
+            if to_repeat is None
+            else of_run.failure_in_batch(steps, marched, i, i in to_repeat)
         )
+        if failure:
+            outcomes.fail(i, failure)
+        else:
+            outcomes.replace(
+                i, partial(_judged, of_run, steps, marched, i, to_rest=to_rest, history=history)
+            )
     return outcomes
 
 

@@ -603,6 +603,38 @@ class Case:
         reached = max(taken, int(totals[rows.STEPS_REACHED]) + 1)
         return self.integrate(replace(steps, count=max(reached, steps.count)), history)
 
+    def failure_in_batch(
+        self, steps: Steps, marched: BatchResult, i: int, is_repeated: bool
+    ) -> FailedRun | None:
+        """Return the failure of run `i` of a batch with its status only, or None if `settle` must
+        decide.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run.
+        marched : BatchResult
+            Results of the batch.
+        i : int
+            Index of the run in the batch.
+        is_repeated : bool
+            True if a failed run is repeated with a smaller time step. Its status is not used then.
+        """
+        code, totals = int(marched.ends[i, CODE]), marched.totals[i]
+        if code == 0:
+            ran_away = not -energy_of(totals).error < RUNAWAY and not self.allow_unstable
+            status = DIVERGED if ran_away else None
+        elif self.judge(steps, code, totals) is not None:
+            status = None  # a collapse before the failed step
+        elif code == rows.NOT_FINITE:
+            status = DIVERGED
+        else:
+            # The residual, which a batch does not keep, distinguishes this from divergence.
+            status = NOT_CONVERGED if is_repeated else None
+        label = self.method.label
+        message = f"{label} with dt {steps.h:.6g} s: {status}"
+        return FailedRun(message, status, label, steps.h) if status else None
+
     def _response(
         self, steps: Steps, marched: IntegrationResult, collapse: Collapse | None
     ) -> Response:
