@@ -9,7 +9,7 @@ import pytest
 
 from tdint.analysis.run import batch as runs
 from tdint.analysis.run.prepared import PreparedBuilding, of_everything
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.ground_motion import measures
 from tdint.kernels.building import compilable
 from tdint.kernels.laws import LAWS as NUMBERED

@@ -22,7 +22,7 @@ from tdint.analysis.given import model_record
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
-from tdint.analysis.run.time_steps import choose_steps
+from tdint.analysis.time_steps import choose_steps
 from tdint.campaign.batch import Batch, Run, RunSettings, building_step
 from tdint.methods.catalogue import catalogue, parse
 

@@ -26,7 +26,7 @@ from tdint import load_model, run, system
 from tdint.analysis.chart.problem import stretched
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
-from tdint.analysis.run.time_steps import choose_steps
+from tdint.analysis.time_steps import choose_steps
 from tdint.errors import TdintError
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse

@@ -13,7 +13,7 @@ import numpy as np
 
 import tdint
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.methods.catalogue import parse
 
 RECORDS, DT, STEPS, JOBS, TURNS = 100, 0.01, 1000, 2, 5

@@ -10,7 +10,7 @@ from law_examples import example
 from tdint import load_model
 from tdint.analysis.run.compiled_steps import kernels
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import choose_steps
+from tdint.analysis.time_steps import choose_steps
 from tdint.kernels import layout as rows
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import EVERYTHING

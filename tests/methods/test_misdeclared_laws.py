@@ -14,7 +14,7 @@ import pytest
 
 from registered import forgotten, plain  # noqa: F401 (fixtures)
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse

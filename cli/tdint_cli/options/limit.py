@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
-from tdint_cli import options
+from tdint_cli.options import analysis
 from tdint_cli.options.grammar import Ratio
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class _DriftLimit(Ratio):
 
 _NOT_LEVELS = ("nan", "inf", "infinity")
 
-LIMIT = options.analysis.option(
+LIMIT = analysis.option(
     type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
     metavar="2%",
     help="Drift limit: check that the mean over the ground motions of the maximum drift ratio does "
@@ -44,7 +44,7 @@ LIMIT = options.analysis.option(
 """The option --limit."""
 
 
-REQUIRE = options.analysis.option(
+REQUIRE = analysis.option(
     is_flag=True,
     help="Exit with code 5 if --limit or a limit of the model is exceeded, a run is missing, or a "
     "run collapsed.",

@@ -33,8 +33,8 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.sequence import event_responses, sequence_of
 from tdint.analysis.run.step_choice import step_within
-from tdint.analysis.run.time_steps import Steps, finer
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
+from tdint.analysis.time_steps import Steps, finer
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
 

@@ -196,7 +196,7 @@ class Plan:
     def check_steps(self) -> None:
         """Raise UsageError if a time step does not fit a record. All buildings of an inventory have
         the same time step."""
-        from tdint.analysis.run.time_steps import choose_steps
+        from tdint.analysis.time_steps import choose_steps
 
         settings = self.settings
         analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models} or {

@@ -9,7 +9,7 @@ import pytest
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.run.compiled_steps import amplification
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.workspace import workspace

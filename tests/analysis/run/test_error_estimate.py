@@ -13,7 +13,7 @@ from tdint import run
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import common, finer, story_errors
 from tdint.analysis.run.outcome import StoryErrors
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 
 NAMES = [field.name for field in fields(StoryErrors)]
 

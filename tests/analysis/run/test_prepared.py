@@ -12,8 +12,8 @@ from tdint import prepare, run, run_case, spectrum
 from tdint.analysis.run import compiled_steps, prepared
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import Steps
 from tdint.analysis.static import cyclic_test
+from tdint.analysis.time_steps import Steps
 from tdint.errors import AnalysisError, ModelError, ModelFault, UsageError
 from tdint.kernels.building.compilable import Variant
 from tdint.methods.catalogue import catalogue, parse

@@ -8,7 +8,7 @@ import pytest
 from building_cases import Force, Law, model, noise, oscillator, story, ten_linear
 from tdint import run
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import Steps, choose_steps
+from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.errors import UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble

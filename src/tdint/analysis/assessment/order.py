@@ -15,8 +15,8 @@ from tdint.analysis.assessment.stability import critical_step, false_limit, stab
 from tdint.analysis.given import between
 from tdint.analysis.run.compiled_steps import VALIDATED_STEPS, find_instability
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import Steps
 from tdint.analysis.static import cyclic_test
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
@@ -54,15 +54,10 @@ _XI = 0.02  # damping ratio: light, so that orders are seen and not damped away
 _START = (0.7, 2.0)  # u (m) and v (m/s)
 _AMPLITUDE = 20.0  # of the harmonic force, N
 _SAMPLES = 200  # coarsest steps
-_HIGHEST = 10.0  # frequency in a record of which several samples go into a step, Hz
+_HIGHEST = 10.0  # Hz; highest frequency of the record, whose sampling interval divides the step
 _ROUNDING = 3e-12  # errors below this, over the largest value, are rounding
-_ENDS = (
-    40,
-    90,
-    130,
-    170,
-    200,
-)  # coarse steps at whose ends the method's own acceleration is looked at
+# Coarse steps at the ends of which the acceleration of the method is compared.
+_ENDS = (40, 90, 130, 170, 200)
 
 
 @dataclass(frozen=True, repr=False)

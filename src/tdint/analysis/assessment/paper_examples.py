@@ -14,7 +14,7 @@ from tdint.analysis.given import numbers_of
 from tdint.analysis.run.outcome import DIVERGED, FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import chosen, parse

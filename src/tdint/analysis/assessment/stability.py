@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tdint.analysis.given import between, numbers_of
 from tdint.analysis.run.compiled_steps import STABLE, amplification, spectral_radius
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, Numbers, halved
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse

@@ -24,7 +24,7 @@ from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem, Reference, RelativeErrors, errors
 from tdint.analysis.chart.work_precision import NOT_RUN, Chart, Peer, Point, Progress, silent
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse

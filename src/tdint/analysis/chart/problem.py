@@ -22,7 +22,7 @@ from tdint.analysis.run.error_estimate import run_with_error_estimate
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
-from tdint.analysis.run.time_steps import Steps, choose_steps
+from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import is_file, write_file

@@ -27,7 +27,7 @@ from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, rati
 from tdint.analysis.run.compiled_steps import unsupported_reason
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse

@@ -22,7 +22,7 @@ from tdint.analysis.run.case import Case, energy_errors, needs_review, peaks_of,
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import NO_FREE_VIBRATION, BatchResult, Motions, PreparedBuilding
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
 from tdint.ground_motion.record import Record
 from tdint.kernels.time_loop.loop import AT_REST, STEPS_COMPLETED

@@ -38,7 +38,7 @@ from tdint.analysis.run.prepared import (
     RestCriterion,
     RunSpec,
 )
-from tdint.analysis.run.time_steps import Steps, choose_steps
+from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import cut_off

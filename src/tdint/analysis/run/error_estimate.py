@@ -41,7 +41,7 @@ from tdint.analysis.run.outcome import (
     Shock,
     StoryErrors,
 )
-from tdint.analysis.run.time_steps import Steps, finer
+from tdint.analysis.time_steps import Steps, finer
 from tdint.arrays import Array
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 

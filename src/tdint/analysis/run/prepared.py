@@ -25,7 +25,7 @@ from tdint.analysis.run.compiled_steps import (
     unsupported_reason,
     validate_plugin_step,
 )
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record

@@ -39,7 +39,7 @@ from tdint.analysis.run.outcome import (
     StoryValues,
 )
 from tdint.analysis.run.prepared import BatchResult, Motions
-from tdint.analysis.run.time_steps import Steps
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.record import JoinedRecord, Record

@@ -17,7 +17,7 @@ from tdint.analysis.run.case import REST_PERIODS, Case, case_of, until_rest
 from tdint.analysis.run.error_estimate import reference, story_errors
 from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
-from tdint.analysis.run.time_steps import Steps, choose_steps, finer
+from tdint.analysis.time_steps import Steps, choose_steps, finer
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record, at_one_interval, one_after_another, samples_of
 

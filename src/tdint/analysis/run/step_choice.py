@@ -18,7 +18,7 @@ import numpy as np
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import attempt, reference, story_errors, with_error_estimate
 from tdint.analysis.run.outcome import NO_STEP, ErrorEstimate, FailedRun, Response, StepChoice
-from tdint.analysis.run.time_steps import Steps, finer
+from tdint.analysis.time_steps import Steps, finer
 from tdint.errors import UsageError
 
 _COARSEST, _COARSEST_TIGHT = 2, 1

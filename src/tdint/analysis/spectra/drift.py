@@ -27,22 +27,22 @@ from tdint.tabular import Tabular
 from tdint.units import Quantity
 from tdint.written_numbers import how_many
 
-MOST_STORIES = 1000  # beyond any building: a mistaken story height or period
-MOST_BEAM_MODES = 20_000  # 160 kB a period; more are asked for by a mistake alone
+MOST_STORIES = 1000  # more than any building has: an error in the story height or period
+MOST_BEAM_MODES = 20_000  # 160 kB per period; more are requested only by mistake
 
-_RESOLVED = (
-    20.0  # modes up to so many times the fundamental frequency are followed within their own radian
-)
-_BEAM_MODES = 64  # at least; and all down to the period of half a sampling interval
+# Modes up to this multiple of the fundamental frequency are evaluated within each radian.
+_RESOLVED = 20.0
+# Minimum number; all modes with periods above half a sampling interval are included.
+_BEAM_MODES = 64
 
 
 @dataclass(frozen=True)
 class HeightPeriod:
     """The fundamental period of a building of height H, T = a H^b, with T in s and H in m.
 
-    The default, 0.0731 H^0.75, is that of moment frames of reinforced concrete and of eccentrically
+    The default, 0.0731 H^0.75, applies to moment frames of reinforced concrete and eccentrically
     braced steel frames in the Uniform Building Code of 1997 (Ct 0.0731), and of eccentrically
-    braced and buckling-restrained steel frames in ASCE 7, table 12.8-2. Others of that table:
+    braced and buckling-restrained steel frames in ASCE 7, table 12.8-2. Other rows of this table:
     0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment frames), 0.0488 H^0.75 (all
     others).
     """

@@ -536,7 +536,7 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     # Imported at this point because they load all methods, which most spectra do not need.
     from tdint.analysis.run.compiled_steps import find_instability
     from tdint.analysis.run.prepared import PreparedBuilding
-    from tdint.analysis.run.time_steps import Steps
+    from tdint.analysis.time_steps import Steps
     from tdint.kernels import layout as rows
     from tdint.model.building import oscillators
 
