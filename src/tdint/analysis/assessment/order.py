@@ -54,7 +54,7 @@ _XI = 0.02  # damping ratio: light, so that orders are seen and not damped away
 _START = (0.7, 2.0)  # u (m) and v (m/s)
 _AMPLITUDE = 20.0  # of the harmonic force, N
 _SAMPLES = 200  # coarsest steps
-_HIGHEST = 10.0  # Hz; highest frequency of the record, whose sampling interval divides the step
+_HIGHEST = 10.0  # Hz; maximum frequency in a record with several samples per time step
 _ROUNDING = 3e-12  # errors below this, over the largest value, are rounding
 # Coarse steps at the ends of which the acceleration of the method is compared.
 _ENDS = (40, 90, 130, 170, 200)
