@@ -1,6 +1,8 @@
 """`tdint info`: a row per component, the picture, and what happens to the good records when one is
 bad."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,16 @@ def test_samples_too_far_apart_for_a_spectrum_have_all_else(folder, tdint):
     (folder / "slow.csv").write_text("time_s,acceleration_m_s2\n" + samples)
     (row,) = rows(tdint("info", "slow.csv", code=0).stdout)
     assert row["pga_m_s2"] == "1" and row["housner_intensity_m"] == ""
+
+
+def test_the_predominant_period_is_that_of_the_largest_response(folder, tdint):
+    """A long sine: the response with 5 % damping is largest at its period, within the distance of
+    1 % between two periods."""
+    samples = [f"{math.sin(2.0 * math.pi * 0.01 * k / 0.8):.9f}" for k in range(4000)]
+    Path("sine.txt").write_text("# dt = 0.01 s, units = m/s^2\n" + "\n".join(samples) + "\n")
+    (row,) = rows(tdint("info", "sine.txt", code=0).stdout)
+    assert float(row["predominant_period_s"]) == pytest.approx(0.8, rel=0.011)
+    assert float(row["mean_period_s"]) == pytest.approx(0.8, rel=1e-3)
+    # The sine exceeds 0.05 g in every cycle of the 40 s.
+    assert float(row["bracketed_duration_s"]) == pytest.approx(40.0, abs=0.8)
+    assert 0.9 < float(row["a95_m_s2"]) < 1.0

@@ -8,6 +8,7 @@ import pytest
 
 from cli.conftest import Command
 from csv_rows import rows
+from tdint import campaign
 
 MODEL = """name: isolated
 units: {length: m, force: kN, mass: t}
@@ -97,6 +98,10 @@ def test_a_campaign_and_its_export_check_the_limits(study: Path, tdint: Command)
     assert 'class="v broken">Limits exceeded: mean isolator' in Path("page.html").read_text()
     again = tdint("campaign", "export", "out", "--require", code=5)
     assert "Limits exceeded: mean isolator displacement" in again.stderr
+    (checks,) = campaign("study.yaml").limit_checks().values()
+    (entry,) = json.loads(Path("out/summary.json").read_text())["limits"]
+    assert checks[0].demand == pytest.approx(entry["isolator_displacement_m"], rel=1e-11)
+    assert (checks[0].motion, checks[0].within) == (entry["motion"], False)
     # Limits do not belong to the runs: the runs of another limit are the same.
     write("{isolator_displacement: 99}")
     done = tdint("campaign", "study.yaml", "-o", "out", "--require", code=0)

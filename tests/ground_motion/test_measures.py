@@ -218,6 +218,9 @@ class TestMeasuresOfFrequencyAndLevel:
             3.0 * 0.95 ** (1.0 / 3.0), rel=1e-12
         )
 
+        # From 1 to 2: (A^3 - 1) / 7 of the whole.
+        assert measure(record([1.0, 2.0])).a95 == pytest.approx(7.65 ** (1.0 / 3.0), rel=1e-12)
+
     def test_a95_of_levels(self):
         """Constant 1 for 90 intervals and 2 for 10: 90 of 130 at level 1, so that A95 is 2; if the
         second level lasts one interval and is 1.1, A95 is 1. The ramps between are negligible."""
