@@ -125,7 +125,7 @@ def test_the_predominant_period_is_that_of_the_largest_response(folder, tdint):
     """A long sine: the response with 5 % damping is largest at its period, within the distance of
     1 % between two periods."""
     samples = [f"{math.sin(2.0 * math.pi * 0.01 * k / 0.8):.9f}" for k in range(4000)]
-    Path("sine.txt").write_text("# dt = 0.01 s, units = m/s^2\n" + "\n".join(samples) + "\n")
+    (folder / "sine.txt").write_text("# dt = 0.01 s, units = m/s^2\n" + "\n".join(samples) + "\n")
     (row,) = rows(tdint("info", "sine.txt", code=0).stdout)
     assert float(row["predominant_period_s"]) == pytest.approx(0.8, rel=0.011)
     assert float(row["mean_period_s"]) == pytest.approx(0.8, rel=1e-3)
