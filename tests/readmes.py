@@ -220,7 +220,7 @@ MEASURES = ("pgv", "arias", "cav", "cav5", "d5-95", "sa:0.5", "sa-avg", "sdi:T1:
 def columns():
     """The columns of every table, by command."""
     return {
-        "tdint run": responses.STORY,
+        "tdint run": responses.STORY_COLUMNS,
         "history.csv of tdint run": responses.history_columns(1, error=True),
         "floor-spectra.csv of tdint run": (shared.FLOOR, *spectra.SPECTRUM),
         "tdint check": buildings.OVERVIEW,

@@ -25,7 +25,7 @@ _NO_FILES = ("unit", "units", "notes")
 """Text columns whose values may contain a slash but are not paths, such as m/s^2."""
 
 _FOLDER = "/"
-_FEW = 3
+_MAX_TRANSPOSED_ROWS = 3
 """Maximum number of rows that are transposed if the table is too wide for the screen."""
 
 
@@ -157,7 +157,7 @@ def draw(
     ]
     # Transpose a wide table with few rows: each line contains the name and values of a column.
     whole = sum(len(column[0]) + len(_GAP) for column in drawn) - len(_GAP)
-    if whole > width and 0 < len(rows) <= _FEW:
+    if whole > width and 0 < len(rows) <= _MAX_TRANSPOSED_ROWS:
         longest = max(len(columns[i]) for i in filled)
         room = max(
             8, (width - longest) // len(cells) - len(_GAP)

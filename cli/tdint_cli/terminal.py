@@ -115,7 +115,7 @@ def warn(*texts: str) -> None:
         complain(f"Warning: {text}")
 
 
-_FEW = 2  # maximum number of files with the same message that are listed on separate lines
+_SINGLE = 2  # maximum number of files with the same message that are listed on separate lines
 
 
 def _of_a_kind(texts: Sequence[str]) -> list[str]:
@@ -124,7 +124,7 @@ def _of_a_kind(texts: Sequence[str]) -> list[str]:
     for text in texts:
         file, _, words = text.rpartition(": ")
         files.setdefault(words, []).append(file)
-    many = {words: named for words, named in files.items() if len(named) > _FEW and all(named)}
+    many = {words: named for words, named in files.items() if len(named) > _SINGLE and all(named)}
     single = [text for text in texts if text.rpartition(": ")[2] not in many]
     return single + [
         f"{named[0]} and {len(named) - 1} more: {words}" for words, named in many.items()

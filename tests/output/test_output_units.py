@@ -136,4 +136,4 @@ def test_units_that_are_none(text: str, message: str) -> None:
 def test_spelling_is_free_where_it_is_plain() -> None:
     assert parse_output_units("KIP, IN, G") == US
     assert parse_output_units("kN,m,cm/s2").acceleration == "cm/s^2"
-    assert describe(responses.STORY)["peak_shear_N"]["unit"] == "N"
+    assert describe(responses.STORY_COLUMNS)["peak_shear_N"]["unit"] == "N"

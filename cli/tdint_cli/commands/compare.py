@@ -36,7 +36,7 @@ FITTED = "fitted.yaml"
 PERIODS = "0.04:4:100"
 """Default periods of the spectra, s."""
 
-_FEW = 8  # number of fitted values in the message; the files contain all values
+_LISTED = 8  # number of fitted values in the message; the files contain all values
 
 
 def _requirement(text: str) -> tuple[str, float]:
@@ -322,7 +322,7 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
             for item in values
         ]
         source = comparisons[0].event.recording.source
-        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {first_few(changes, _FEW)}.")
+        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {first_few(changes, _LISTED)}.")
     note(
         *dict.fromkeys(
             text for item in comparisons for text in (*item.event.notes, *item.response.notes)

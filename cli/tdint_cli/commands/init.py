@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FILE = "building.yaml"
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
 _MOST_STORIES = 200
-_FEW = 12  # misfits that are told
+_MAX_LISTED_MISFITS = 12  # misfits that are told
 _SHORTEST = 0.001
 """Period of a building, s: shorter ones are slips of the pen."""
 
@@ -221,8 +221,8 @@ def _laws(request: Request) -> list[FittedLaw]:
         raise UsageError(f"{request.from_pushover} has {stories}, --weights {floors}")
     fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
     worst = max(fits, key=lambda fit: fit.misfit)
-    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_FEW]) + (
-        " ..." if len(fits) > _FEW else ""
+    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_MAX_LISTED_MISFITS]) + (
+        " ..." if len(fits) > _MAX_LISTED_MISFITS else ""
     )
     say(
         f"Misfit of the stories (root mean square over the largest shear): {listed} %; the worst "

@@ -15,7 +15,7 @@ import numpy as np
 from tdint.analysis.run.batch import Subject
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model, simple_model
-from tdint.model.inventory import InventoryRow, InventoryRows, Made, derive_row
+from tdint.model.inventory import InventoryRow, InventoryRows, LazySequence, derive_row
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ class RowBuilding:
         return self.row.cells
 
 
-class RowBuildings(Made[RowBuilding]):
+class RowBuildings(LazySequence[RowBuilding]):
     """Buildings of an inventory, each created on access. A sweep is checked immediately with the
     first building of each number of stories.
 

@@ -40,7 +40,7 @@ from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few
 
 _TURNS = 5  # iterations towards the fastest mode
-_FEW = 5  # maximum number of stories named in a message
+_MAX_NAMED = 5  # maximum number of stories named in a message
 _POSITIVE = 1e-9  # replaces zero ordinates of a mode; its largest ordinate is 1
 
 
@@ -463,7 +463,7 @@ def falling_stories(model: Model) -> tuple[str, ...]:
         return ()
     return (
         "P-delta takes more than the stiffness after yield, so that a story falls once it has "
-        f"yielded; weight over height and that stiffness, {unit}: {first_few(places, _FEW)}",
+        f"yielded; weight over height and that stiffness, {unit}: {first_few(places, _MAX_NAMED)}",
     )
 
 

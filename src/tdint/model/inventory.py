@@ -206,7 +206,7 @@ def _checked(of: _Table) -> tuple[InventoryRows, list[ModelFault]]:
 Item = TypeVar("Item")
 
 
-class Made(Sequence[Item]):
+class LazySequence(Sequence[Item]):
     """Sequence of items that are created on access. None of millions of items is stored."""
 
     @abstractmethod
@@ -326,7 +326,7 @@ Changes = tuple[tuple[tuple[str, float], ...], str]
 
 
 @dataclass(frozen=True, eq=False)
-class InventoryRows(Made[InventoryRow]):
+class InventoryRows(LazySequence[InventoryRow]):
     """Buildings of a table, created on access, and arrays of their properties.
 
     Attributes

@@ -16,7 +16,7 @@ CLASSICAL = 1e-12
 """Limit of off-diagonal terms of the modal damping matrix relative to its diagonal; smaller terms
 are rounding errors."""
 
-_FEW = 100
+_MAX_STORIES_OF_ALL_MODES = 100
 """Maximum number of stories for which all modes are computed when a single mode is requested."""
 
 _MOST_ITERATIONS, _CONVERGED = 200, 1e-15  # of the inverse iteration
@@ -162,7 +162,7 @@ class FreeVibration:
         ModelError
             A spring stiffness is not positive.
         """
-        if self.mass.size <= _FEW:
+        if self.mass.size <= _MAX_STORIES_OF_ALL_MODES:
             return float(self.modes.omega[number - 1])
         _check_springs(self.stiffness, self.geometric)
         return singular_value(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)

@@ -18,7 +18,7 @@ from tdint.model.definition import Model
 from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few
 
-_FEW = 3  # maximum number of stories or ground motions that one warning lists
+_MAX_LISTED = 3  # maximum number of stories or ground motions that one warning lists
 _MANY = 10  # maximum number of warnings on the buildings of a study
 
 
@@ -275,4 +275,4 @@ def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
     listed = [
         f"{bound.text(value)} in {name}" for name, value in values.items() if not bound.holds(value)
     ]
-    return [bound.warning(first_few(listed, _FEW))] if listed else []
+    return [bound.warning(first_few(listed, _MAX_LISTED))] if listed else []

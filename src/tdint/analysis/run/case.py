@@ -248,7 +248,7 @@ HISTORIES: dict[str, Telling] = {
 _LARGE_IMBALANCE = 0.01
 """Dimensionless. Energy error above which a run prints a warning."""
 
-_MADE = 1.0
+_PRODUCED_BY_METHOD = 1.0
 """Dimensionless. Energy produced by the method divided by the input energy. From this value,
 exceeding the collapse drift is attributed to the method.
 """
@@ -557,7 +557,7 @@ class Case:
             energy_of(numbers[rows.COLLAPSE_ENERGIES :]),
         )
         time, made = taken * steps.h, -energy.error
-        its_own = made < _MADE and taken > 0
+        its_own = made < _PRODUCED_BY_METHOD and taken > 0
         if its_own or (code == 0 and (taken == 0 or self.allow_unstable)):
             return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:

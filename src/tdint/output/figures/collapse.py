@@ -58,7 +58,7 @@ FRACTILES = (16, 84)
 BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
 """Label of the fractiles in legends."""
 
-_FEW = 3  # minimum number of ground motions for fractiles
+_MIN_MOTIONS = 3  # minimum number of ground motions for fractiles
 _PERIODS = (0.05, 5.0, 120)
 _SHORTEST = 0.06  # minimum period of spectra
 _PAIR = {
@@ -190,7 +190,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     axes.plot([], [], label=how_many(len(spectra), quantity), **look)
     if several:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
-    if len(spectra) >= _FEW:
+    if len(spectra) >= _MIN_MOTIONS:
         draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
     _draw_aim(axes, scaling, periods, spectra, units)
     plain_logarithmic(axes)
@@ -331,7 +331,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     """
     damage = study.motion_curves[0].damage
     state = (f", damaged to {100.0 * damage:g} %" if damage else ", intact") * several
-    if len(study.motion_curves) < _FEW:
+    if len(study.motion_curves) < _MIN_MOTIONS:
         for curve in study.motion_curves if several else ():
             _draw_curve(
                 axes,

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 #
 # Also elastic spectra on other axes: tripartite, and acceleration over displacement (ADRS).
 
-_FEW = 8  # minimum number of periods without markers
+_MIN_UNMARKED_PERIODS = 8  # minimum number of periods without markers
 _SUITE = 7  # number of ground motions from which median and fractiles are drawn
 GRAY = "0.75"
 """Style of a single ground motion in a suite."""
@@ -133,7 +133,7 @@ def draw_over_periods(
             order = _shown(result.periods)
             period = result.periods[order]
             style = line_look(color, dash) | (
-                {"marker": "o", "markersize": 4} if period.size < _FEW else {}
+                {"marker": "o", "markersize": 4} if period.size < _MIN_UNMARKED_PERIODS else {}
             )
             for axes, (_, values) in zip(rows[:, place], panels, strict=True):
                 (lines[label],) = axes.plot(period, values(result)[order], **style)

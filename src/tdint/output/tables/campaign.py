@@ -15,7 +15,7 @@ import numpy as np
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.model.definition import parameter_meaning
-from tdint.output.tables.responses import STORY, STORY_ERROR
+from tdint.output.tables.responses import STORY_COLUMNS, STORY_ERROR
 from tdint.output.tables.spectra import OF_FLOORS, SPECTRUM
 from tdint.output.tables.table import (
     DAMPING,
@@ -67,7 +67,7 @@ _WITH_ERROR = tuple(Column.of_quantity(one) for one in RUN_WITH_ERROR)
 RUN_ERRORS = error_columns(_WITH_ERROR)
 """Additional columns of a campaign with error estimates."""
 
-STORIES = (*OF_BUILDING, *STORY)
+STORIES = (*OF_BUILDING, *STORY_COLUMNS)
 """Columns of stories.csv of a campaign."""
 
 LEVEL = Column(
@@ -276,13 +276,13 @@ def story_columns(store: Store) -> tuple[Column, ...]:
     same ground motion.
     """
     drawn = (SAMPLE,) if store.count("sample > 0") else ()
-    return (*OF_BUILDING, *drawn, *STORY, *STORY_ERROR * store.checked)
+    return (*OF_BUILDING, *drawn, *STORY_COLUMNS, *STORY_ERROR * store.checked)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """Yield the rows of stories.csv, in the order of runs.csv and from the ground up."""
     drawn, named = store.count("sample > 0") > 0, run_heads(store)
-    count = len(STORY) + len(STORY_ERROR) * store.checked
+    count = len(STORY_COLUMNS) + len(STORY_ERROR) * store.checked
     for building, record, scale, sample, *rest in store.stories():
         yield [*named(building, record), scale, *((sample,) if drawn else ()), *rest[:count]]
 

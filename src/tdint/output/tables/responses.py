@@ -25,14 +25,14 @@ from tdint.units import SI, OutputUnits, quantities
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import Response, StoryErrors, StoryPeaks
 
-STORY = (
+STORY_COLUMNS = (
     Column(
         "story", "1", numbered("peak_drift"), "story (or the floor above), numbered from the ground"
     ),
     Column("height_m", "m", "height", "story height"),
     *(Column.of_quantity(quantity) for quantity in STORY_QUANTITIES if "table" in quantity.shown),
 )
-STORY_ERROR = error_columns(STORY[2:])
+STORY_ERROR = error_columns(STORY_COLUMNS[2:])
 """Additional columns of a run with error estimates."""
 
 _ALL = "all"
@@ -81,7 +81,7 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
     """
     groups = [
         (columns, values)
-        for columns, values in ((STORY, stories), (STORY_ERROR, errors))
+        for columns, values in ((STORY_COLUMNS, stories), (STORY_ERROR, errors))
         if values is not None
     ]
     rows = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)

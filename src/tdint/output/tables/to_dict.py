@@ -303,7 +303,7 @@ _VALUES: dict[str, Callable[[Any], _Values]] = {
     "Runs": _of_runs,
     "Scaling": _from(studies.factor_table),
     "StabilityCurve": partial(_of, methods.STABILITY),
-    "StoryPeaks": partial(_of, responses.STORY),
+    "StoryPeaks": partial(_of, responses.STORY_COLUMNS),
     "TargetDisplacement": partial(_of, buildings.TARGET_DISPLACEMENT),
 }
 _VALUES |= dict.fromkeys(("Fragility", "Overview", "RecordInfo"), lambda result: _in_rows([result]))
