@@ -112,7 +112,7 @@ PAIR = Horizontals(record(0), record(1))
         ),
         (
             scale_p695([PAIR] * 3, 1.0, 2.0),
-            ["6 components", "FEMA P-695, scaled to median Sa(1 s) = 2 m/s²"],
+            ["6 components", "FEMA P-695, scaled to median Sa(1.00 s) = 2 m/s²"],
         ),
         (
             Scaling(

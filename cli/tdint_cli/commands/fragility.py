@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,9 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say, warn
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tdint.campaign.fragility.fit_table import FragilityResult
     from tdint.campaign.fragility.fits import Fragility
 
 _FITS = ("stripes", "ida", "cloud")
@@ -33,6 +37,7 @@ _FIT = Mode(
             "modeling_dispersion",
             "openquake",
             "plot",
+            "report",
             "output_units",
             "pair_demand",
         )
@@ -133,6 +138,7 @@ class Request:
 @options.output.to_files(
     picture="Also draw functions, observations and confidence bands, to this file (.png, .pdf, "
     ".svg) or beside -o under its name.",
+    page=True,
     more=_OF_OPENQUAKE,
 )
 @options.of(Request)
@@ -238,6 +244,7 @@ def _fragility(request: Request) -> None:
         written = {file: fragility_model(whole, file.stem, request.states or ())}
         written |= {other: vulnerability_model(whole, losses, file.stem) for other in beside}
         write_files(written, overwrite=outputs.overwrite)
+    draw = figures.collapse.types_picture if by else figures.collapse.fragility_picture
     replace(outputs, units=None).deliver(
         tables.studies.fragility_table(
             functions,
@@ -246,9 +253,8 @@ def _fragility(request: Request) -> None:
             if by == "building"
             else tables.studies.FRAGILITY_STATES,
         ),
-        lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(
-            functions
-        ),
+        lambda: draw(functions),
+        page=lambda: _page(request, result, functions, draw),
     )
     # Report the number of functions of a campaign, but each function of a single table.
     if by:
@@ -258,6 +264,47 @@ def _fragility(request: Request) -> None:
     else:
         say(*map(_words, functions))
     warn(*map(str, result.failures))
+
+
+def _page(
+    request: Request,
+    result: FragilityResult,
+    functions: Sequence[Fragility],
+    draw: Callable[[Sequence[Fragility]], Figure],
+) -> bytes:
+    """Return the page of --report.
+
+    Parameters
+    ----------
+    request : Request
+        The command line.
+    result : FragilityResult
+        Result of the fits, with its messages.
+    functions : sequence of Fragility
+        Functions in the units of the output.
+    draw : callable
+        Function that draws the figure of functions.
+    """
+    from tdint.output.page import Told
+    from tdint.output.study_report import fragility_page
+    from tdint.output.summary import files_read
+
+    # Page and figure have one unit: an acceleration is in g unless a unit was requested.
+    if request.outputs.units is None:
+        functions = [_in_g(function) for function in functions]
+    told = Told(
+        said=[f"{text[0].upper()}{text[1:]}." for text in result.notes],
+        warnings=[*result.warnings, *result.disagreements, *map(str, result.failures)],
+        inputs=files_read(),
+    )
+    return fragility_page(functions, lambda: draw(functions), request.table, told)
+
+
+def _in_g(function: Fragility) -> Fragility:
+    """Return a function with its intensity in g if it is an acceleration in m/s^2."""
+    from tdint.units import SI
+
+    return function.in_units(SI.in_pictures) if function.unit == "m/s^2" else function
 
 
 def _losses(folder: Path) -> dict[str, tuple[float, ...]]:

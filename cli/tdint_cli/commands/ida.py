@@ -133,6 +133,7 @@ class IdaRequest(RecordsRequest):
         "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or "
         "alone as ida.png into the folder of -o."
     )
+    report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
     jobs: int | None = options.output.threads(
@@ -255,7 +256,8 @@ def _folder(request: IdaRequest) -> Path | None:
     if picture:
         check_picture(picture)
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
-    outputs = list(dict.fromkeys([*files, *([picture] if picture else [])]))
+    pages = [Path(request.report)] if request.report else []
+    outputs = list(dict.fromkeys([*files, *([picture] if picture else []), *pages]))
     # Files that an earlier call of this study has written may be replaced.
     begun = folder / STORE if folder and is_there(folder / STORE) else None
     check_outputs(outputs, overwrite=request.overwrite or begun is not None)
@@ -327,6 +329,8 @@ def _write(
         files[picture] = figures.style.picture(
             picture.suffix, lambda: figures.collapse.ida_picture(shown)
         )
+    if request.report:
+        files[Path(request.report)] = _page(request, study, settings, unused)
     # Without a directory, no store lists the files of earlier calls.
     if not request.output:
         write_files(files, overwrite=request.overwrite)
@@ -335,6 +339,35 @@ def _write(
         if not request.overwrite:
             store.refuse_foreign(files)
         write_files(files, overwrite=True, tell=store.will_write)
+
+
+def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:
+    """Return the page of --report.
+
+    Parameters
+    ----------
+    request : IdaRequest
+        Options of the command line.
+    study : IdaStudy
+        Study in SI units.
+    settings : IdaSettings
+        Settings of the study.
+    unused : list of str
+        Error messages of the records that could not be read.
+    """
+    from tdint.output.page import Told, page_units
+    from tdint.output.study_report import ida_page
+    from tdint.output.summary import files_read
+
+    units = page_units(request.output_units or study.model.page_units)
+    records = [curve.record for curve in study.states[0].curves]
+    warnings = [f"{record.source}: {text}" for record in records for text in record.warnings]
+    told = Told(
+        warnings=[*unused, *warnings, *_doubts(study, request.precision)],
+        head=study.model.page_head,
+        inputs=files_read(),
+    )
+    return ida_page(study.in_units(units), settings, told, units, damping=request.damping)
 
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
@@ -375,10 +408,15 @@ def _report(study: IdaStudy, precision: float) -> None:
             f"the building stands again at a level tried above its first collapse under {again} of "
             f"{len(study.curves)} records"
         )
-    # Warn of conditions that make the capacities less reliable.
+    warn(*_doubts(study, precision))
+
+
+def _doubts(study: IdaStudy, precision: float) -> list[str]:
+    """Return warnings about conditions that make the capacities less reliable."""
+    runs, doubts = [run for curve in study.curves for run in curve.runs], []
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
-        warn(
+        doubts.append(
             f"{lost} of {len(runs)} runs have no result, also with a finer step; they count "
             "neither way"
         )
@@ -388,16 +426,17 @@ def _report(study: IdaStudy, precision: float) -> None:
         for capacity in capacities
     )
     if wide:
-        warn(
+        doubts.append(
             f"{wide} of {len(capacities)} capacities are bracketed less closely than "
             f"{100.0 * precision:g} %"
         )
     off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
     if off:
-        warn(
+        doubts.append(
             f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a "
             "smaller step"
         )
+    return doubts
 
 
 def _median(study: IdaStudy) -> str:

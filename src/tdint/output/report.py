@@ -230,7 +230,7 @@ def run_page(
         ),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
-        _motions([[(response.record, 1.0)]] if response.record else [], units),
+        motion_chapter([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(
             f"{method_text(response.method)}, {how_many(response.steps, 'time step')} of "
             f"{response.dt:.6g} s",
@@ -384,7 +384,7 @@ def suite_page(
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(item.model, units) for item in models),
-        _motions(_as_run(plan, store), units, scaled),
+        motion_chapter(_as_run(plan, store), units, scaled),
         _assumptions(step, [*free_vibration, *_of_pairs(store), _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
     ]
@@ -580,7 +580,7 @@ def _as_scaled(
     return list(motions.values())
 
 
-def _motions(
+def motion_chapter(
     levels: Sequence[Sequence[tuple[Record, float]]],
     units: OutputUnits,
     scaled: Sequence[Part] = (),
@@ -634,12 +634,17 @@ def _assumptions(step: str, more: Sequence[str]) -> Chapter:
     points = (
         f"Time integration: {step}.",
         *(f"{text[0].upper()}{text[1:]}." for text in more),
-        f"Shear building: {MODEL_LIMITS[0][0].lower()}{MODEL_LIMITS[0][1:]}",
-        *MODEL_LIMITS[1:],
+        *simplifications(),
         "Drifts are relative to the floor below, displacements relative to the ground; "
         "accelerations are absolute.",
     )
     return Chapter("Assumptions", (points,))
+
+
+def simplifications() -> tuple[str, ...]:
+    """Return the simplifications of a shear building, one sentence or two each."""
+    first, *others = MODEL_LIMITS
+    return (f"Shear building: {first[0].lower()}{first[1:]}", *others)
 
 
 # ---- Reports of a pushover, of a response spectrum analysis and of a comparison

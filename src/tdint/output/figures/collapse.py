@@ -16,6 +16,7 @@ from tdint.campaign.fragility.fits import CloudPoints, Fragility, Points
 from tdint.campaign.ida import IdaStudy
 from tdint.campaign.ida_curve import IdaCurve, fractiles
 from tdint.campaign.intensity import GEOMETRIC_MEAN, PAIRS, MotionIntensity, SpectralIntensity
+from tdint.campaign.pairs import SEPARATE, motions_text
 from tdint.campaign.scaling import LEAST_PART, Scaling, suite_spectra
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import Record
@@ -35,7 +36,7 @@ from tdint.output.figures.style import (
 )
 from tdint.output.spectrum_text import spectrum_text
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, number_text
 
 # ---- Parts that several figures of suites share: median, fractiles and intensity measures
 #
@@ -79,8 +80,14 @@ def measure_words(name: str) -> str:
     kind, _, rest = name.removeprefix(f"{pair}-").partition("(")
     period = rest.removesuffix(")")
     with suppress(ValueError):
-        period = f"{float(period):.4g} s"
+        period = f"{_period_text(float(period))} s"
     return _PAIRS.get(pair, "") + _WORDS.get(kind, kind) + (f"({period})" if period else "")
+
+
+def _period_text(period: float) -> str:
+    """Return a period with four digits, and with at least two decimals: 0.90, 1.095, 12.00."""
+    text = number_text(period)
+    return text if len(text.partition(".")[2]) > 1 or "e" in text else f"{period:.2f}"
 
 
 def measure_label(name: str, unit: str) -> str:
@@ -254,8 +261,9 @@ def ida_picture(study: IdaStudy) -> Figure:
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_ida(figure.subplots(), study)
     records = [curve.record for curve in study.states[0].curves]
+    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
     subject = (
-        f"{len(records)} records"
+        motions_text(len(records), paired)
         if len(records) > 1
         else f"{record_name(records[0].source)} {records[0].component}"
     )

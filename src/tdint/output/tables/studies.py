@@ -509,6 +509,12 @@ def _with_unit(table: Table, unit: str) -> Table:
     return replace(table, meanings=table.meanings | units)
 
 
+def motion_rows(study: IdaStudy) -> Iterator[tuple[str, str, IdaCurve]]:
+    """Yield file, components and curve of each ground motion, as in the table of capacities."""
+    for row in _motion_curves(study):
+        yield row.record, row.component, row.curve
+
+
 def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
     """Yield the curves of the ground motions.
 

@@ -1,0 +1,475 @@
+"""HTML reports of --report for incremental dynamic analyses and fragility functions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tdint.campaign.fragility.fits import CLOUD, IDA, STRIPES, Fragility, fit_capacities
+from tdint.campaign.ida_curve import IdaCurve, PairCurve, fractiles
+from tdint.campaign.pairs import SEPARATE, describe_demand, motions_text
+from tdint.errors import AnalysisError
+from tdint.output import figures
+from tdint.output.figures.collapse import measure_words
+from tdint.output.page import Chapter, Part, Picture, Told, page, page_units
+from tdint.output.report import method_text, model_chapter, motion_chapter, simplifications
+from tdint.output.summary import told_of
+from tdint.output.tables.studies import motion_rows
+from tdint.output.tables.table import TEXT, Cell, Table
+from tdint.units import SI, OutputUnits
+from tdint.written_numbers import how_many, number_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tdint.campaign.ida import IdaSettings, IdaStudy
+
+_FRACTILES = (0.16, 0.5, 0.84)
+"""Fractions of the fractiles in the table of capacities."""
+
+_TWO_SIDED = 1.96  # standard errors of a two-sided 95 % interval of a normal distribution
+
+_MOST_CAPACITIES = 60
+"""Maximum number of motions in the table of capacities; capacities.csv lists all."""
+
+_MOST_THRESHOLDS = 4
+"""Maximum number of drift ratios in the table of capacities, so that the table fits the page."""
+
+_SOURCES = {
+    IDA: "capacities: mean and standard deviation of the logarithms of the capacities, maximum "
+    "likelihood with censored capacities (Baker 2015, Earthquake Spectra 31, 579-599)",
+    STRIPES: "stripes: maximum likelihood of the numbers of exceedances at each intensity level "
+    "(Baker 2015, Earthquake Spectra 31, 579-599)",
+    CLOUD: "cloud: linear regression of ln demand on ln intensity with constant scatter, maximum "
+    "likelihood with censored demands (Jalayer and Cornell 2009, Earthquake Engineering and "
+    "Structural Dynamics 38, 951-972)",
+}
+"""Descriptions of the fits with their publications."""
+
+_LOGNORMAL = (
+    "A fragility function is the probability of exceedance over the intensity: the lognormal "
+    "distribution function with the median theta and the standard deviation beta of the logarithm."
+)
+_INTERVALS = (
+    "Intervals contain 95 %: theta times exp(-1.96 e) to exp(1.96 e) with the standard error e of "
+    "ln theta, and beta plus or minus 1.96 standard errors. Standard errors are computed by "
+    "omitting ground motions in turn (jackknife) if the table states the ground motions of several "
+    "runs; otherwise they follow from the information matrix."
+)
+
+
+# ---- Incremental dynamic analysis
+
+
+def ida_page(
+    study: IdaStudy, settings: IdaSettings, told: Told, units: OutputUnits, *, damping: float
+) -> bytes:
+    """Return the report of an incremental dynamic analysis.
+
+    Parameters
+    ----------
+    study : IdaStudy
+        Curves of the building, in the units of the report (`IdaStudy.in_units`).
+    settings : IdaSettings
+        Settings of the levels and runs.
+    told : Told
+        Warnings, head and inputs of the report.
+    units : OutputUnits
+        Units of the report.
+    damping : float
+        Damping ratio of spectral intensity measures.
+    """
+    units = page_units(units)
+    measure, unit = measure_words(study.im_name), study.measure.unit
+    runs = sum(len(curve.runs) for curve in study.curves)
+    functions, failures = _fits(study)
+    states = study.states
+    motions = _counted(study)
+    fits: list[Part] = []
+    if functions:
+        fits = [_LOGNORMAL, fit_table_of(functions, damaged=len(states) > 1), *failures]
+    capacities, more = _capacities(study)
+    chapters = [
+        Chapter(
+            "Result",
+            (
+                [_curves_text(study)],
+                Picture(
+                    lambda: figures.collapse.ida_picture(study),
+                    f"Maximum drift ratio over {measure}: curves, fractiles, capacities",
+                ),
+            ),
+        ),
+        Chapter("Fractiles of the capacities over the ground motions", (_fractile_table(study),)),
+        Chapter("Fitted fragility functions", fits),
+        Chapter(f"Capacities of the ground motions, {measure} ({unit})", (capacities, more)),
+        model_chapter(study.model, units),
+        motion_chapter([[(curve.record, 1.0) for curve in states[0].curves]], units),
+        Chapter("Methods and assumptions", (_ida_points(study, settings, damping),)),
+    ]
+    about = (
+        f"Incremental dynamic analysis of {study.model.name}: {motions}, {how_many(runs, 'run')}."
+    )
+    verdict = [(None, text) for text in _medians(study)]
+    return page(study.model.name, about, chapters, replace(told, verdict=verdict))
+
+
+def _counted(study: IdaStudy) -> str:
+    """Return the number of ground motions of a study; a pair is one motion."""
+    paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
+    return motions_text(len(study.states[0].curves), paired)
+
+
+def _curves_text(study: IdaStudy) -> str:
+    """Return a sentence on the runs of a study."""
+    collapses = sum(not curve.collapse.censored for curve in study.motion_curves)
+    text = (
+        f"The building collapses under {collapses} of "
+        f"{how_many(len(study.motion_curves), 'motion')} (a drift ratio above "
+        f"{100.0 * study.model.collapse_drift:g} %, or loss of resistance)"
+    )
+    again = sum(curve.resurrection for curve in study.motion_curves)
+    if again:
+        text += f"; under {again}, it does not collapse at a level above its first collapse"
+    return f"{text}."
+
+
+def _medians(study: IdaStudy) -> list[str]:
+    """Return a sentence on the median capacity against collapse for each state of damage."""
+    texts, unit = [], study.measure.unit
+    for state in study.states:
+        curves = state.motion_curves
+        low, middle, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+        damage = curves[0].damage
+        name = f", damaged to {100.0 * damage:g} %" if damage else ""
+        text = f"Median capacity against collapse{name}: "
+        text += (
+            f"{measure_words(study.im_name)} = {number_text(middle)} {unit}"
+            if math.isfinite(middle)
+            else "above the largest intensity"
+        )
+        if len(curves) > 1 and math.isfinite(low) and math.isfinite(high):
+            text += f"; 16 % and 84 % fractiles {number_text(low)} and {number_text(high)} {unit}"
+        texts.append(f"{text}.")
+    return texts
+
+
+def _fractile_table(study: IdaStudy) -> Table:
+    """Return fractiles of the capacities for each drift ratio and state of damage."""
+    unit, several = study.measure.unit, len(study.states) > 1
+    columns = (*(("state",) * several), "drift_ratio", "fractile_16", "median", "fractile_84")
+    columns = (*columns, "motions", "censored")
+    rows: list[tuple[Cell, ...]] = []
+    for state in study.states:
+        curves = state.motion_curves
+        values = fractiles(curves, np.array(study.thresholds), _FRACTILES).T.tolist()
+        for threshold, row in zip(study.thresholds, values, strict=True):
+            censored = sum(curve.capacity(threshold).censored for curve in curves)
+            named = (_state(curves[0].damage),) * several
+            rows.append((*named, threshold, *row, len(curves), censored))
+    meanings = {name: {"meaning": "", "unit": unit} for name in columns[-5:-2]}
+    meanings |= {name: {"meaning": "", "unit": "1"} for name in ("drift_ratio", *columns[-2:])}
+    return Table(columns, rows, meanings)
+
+
+def _state(damage: float) -> str:
+    """Return the state of a building with a drift ratio of previous damage."""
+    return f"damaged to {100.0 * damage:g} %" if damage else "intact"
+
+
+def _capacities(study: IdaStudy) -> tuple[Table, str]:
+    """Return the capacities of each motion at the largest drift ratios, and a remark."""
+    several, unit = len(study.states) > 1, study.measure.unit
+    thresholds = study.thresholds[-_MOST_THRESHOLDS:]
+    names = [f"at_{100.0 * threshold:g}_%" for threshold in thresholds[:-1]] + ["collapse"]
+    columns = (*(("state",) * several), "record", "component", *names, "collapse_factor", "status")
+    rows: list[tuple[Cell, ...]] = []
+    for source, component, curve in motion_rows(study):
+        limits = [curve.capacity(threshold) for threshold in thresholds]
+        status = "censored" if limits[-1].censored else "collapsed"
+        named = (_state(curve.damage),) * several
+        values = [limit.capacity for limit in limits]
+        rows.append((*named, source, component, *values, _factor(curve, values[-1]), status))
+    meanings = {name: {"meaning": "", "unit": unit} for name in names}
+    meanings["collapse_factor"] = {"meaning": "", "unit": "1"}
+    table = Table(columns, rows[:_MOST_CAPACITIES], meanings)
+    remark = "A censored capacity is the largest level that was run." * any(
+        row[-1] == "censored" for row in rows
+    )
+    if len(rows) > _MOST_CAPACITIES:
+        remark += f" The first {_MOST_CAPACITIES} of {len(rows)}; capacities.csv lists all."
+    return table, remark.strip()
+
+
+def _factor(curve: IdaCurve, capacity: float) -> float:
+    """Return the scale factor of the record at an intensity; nan without a run.
+
+    Between two levels the factor is interpolated on logarithmic axes, on which factor and intensity
+    have a linear relation.
+    """
+    runs = curve.parts[0].runs if isinstance(curve, PairCurve) and curve.parts else curve.runs
+    points = sorted({(run.im, run.scale) for run in runs if math.isfinite(run.scale)})
+    if not points or not math.isfinite(capacity):
+        return math.nan
+    im, scale = np.log(np.array(points)).T
+    if im.size == 1:
+        return float(np.exp(scale[0]))
+    slope = (scale[-1] - scale[0]) / (im[-1] - im[0])
+    return float(np.exp(scale[0] + slope * (math.log(capacity) - im[0])))
+
+
+def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
+    """Return the functions fitted to the capacities, and the reasons for missing functions."""
+    functions, failures = [], []
+    for state in study.states:
+        curves = state.motion_curves
+        for threshold in study.thresholds:
+            limits = [curve.capacity(threshold) for curve in curves]
+            known = [one for one in limits if math.isfinite(one.capacity) and one.capacity > 0.0]
+            try:
+                fitted = fit_capacities(
+                    [one.capacity for one in known], [one.censored for one in known]
+                )
+            except AnalysisError as error:
+                failures.append(f"Drift ratio {100.0 * threshold:g} %: {error}.")
+                continue
+            named = fitted.named(threshold, study.im_name, study.measure.unit)
+            functions.append(replace(named, damage=curves[0].damage))
+    return functions, failures
+
+
+def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[str]:
+    """Return the methods of a study, and the assumptions of its runs."""
+    step = (
+        f"time step {settings.dt:g} s" if settings.dt else "time steps of the model or the records"
+    )
+    spectral = study.measure.unit in ("m/s^2", "g", "cm/s^2", "in/s^2", "ft/s^2")
+    of_damping = f", {100.0 * damping:g} % damping" * spectral
+    points = [
+        "Levels (Vamvatsikos and Cornell 2002, Earthquake Engineering and Structural Dynamics 31, "
+        "491-514): each record is scaled up until the building collapses, the collapse capacity is "
+        f"bracketed within {100.0 * settings.precision:g} %, and the curve is filled between the "
+        "levels.",
+        f"Intensity measure: {measure_words(study.im_name)}{of_damping}; each ground motion is "
+        "scaled by one factor.",
+        f"Time integration: {method_text(study.method)}, {step}; a run without a result is "
+        "repeated with half the time step, up to three times.",
+        "Fractiles are computed by rank over the ground motions for each drift ratio.",
+        f"Fit of {_SOURCES[IDA]}.",
+        _INTERVALS,
+    ]
+    if study.partners:
+        points.append(
+            f"Pairs of horizontal components: {describe_demand(study.pair_demand)} (pair_demand: "
+            f"{study.pair_demand})."
+        )
+    if not settings.check:
+        points.append(
+            "The error of the time integration was not estimated (--check); the energy balance of "
+            "each run was checked."
+        )
+    if any(curve.damage for curve in study.curves):
+        points.append(
+            "The building is damaged by a main shock and at rest before each motion; drifts are "
+            "relative to the undeformed position."
+        )
+    return [*points, *simplifications()]
+
+
+# ---- Fragility functions
+
+
+def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Table:
+    """Return the fitted parameters of fragility functions with their 95 % intervals.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions; their thresholds are drift ratios or other demands.
+    damaged : bool
+        True to list the state of the building before the motion.
+    """
+    unit = functions[0].unit or "1"
+    total = any(function.modeling_dispersion for function in functions)
+    typed = any(function.type for function in functions)
+    numbers = ("theta", "theta_low", "theta_high", "beta", "beta_low", "beta_high")
+    columns = (*(("type", "damage_state") * typed), *(("state",) * damaged), "threshold", *numbers)
+    columns = (*columns, *(("total_beta",) * total), "motions", "censored")
+    rows: list[tuple[Cell, ...]] = []
+    for function in functions:
+        factor = math.exp(_TWO_SIDED * function.theta_error)
+        half = _TWO_SIDED * function.beta_error
+        rows.append(
+            (
+                *((function.type, function.state) * typed),
+                *((_state(function.damage),) * damaged),
+                number_text(function.threshold) if math.isfinite(function.threshold) else "",
+                function.theta,
+                function.theta / factor,
+                function.theta * factor,
+                function.beta,
+                max(function.beta - half, 0.0),
+                function.beta + half,
+                *((function.beta_total,) * total),
+                function.records,
+                function.censored,
+            )
+        )
+    meanings = {name: {"meaning": "", "unit": unit} for name in numbers[:3]}
+    counts = (*numbers[3:], "total_beta", "motions", "censored")
+    return Table(columns, rows, meanings | {name: {"meaning": "", "unit": "1"} for name in counts})
+
+
+def fragility_page(
+    functions: Sequence[Fragility], draw: Callable[[], Figure], source: str, told: Told
+) -> bytes:
+    """Return the report of fragility functions.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions of one fit; at least one.
+    draw : callable
+        Function that draws the figure.
+    source : str
+        Table or directory with the observations.
+    told : Told
+        Warnings, notes (`said`), inputs and head of the report.
+    """
+    measure = measure_words(functions[0].im) or "intensity measure"
+    fits = list(dict.fromkeys(function.fit for function in functions))
+    pairs = functions[0].pair_demand
+    counted = f" Pairs: {describe_demand(pairs)} (pair_demand: {pairs})." if pairs else ""
+    # The headline states the functions, unless there are too many for a headline.
+    verdict: list[tuple[bool | None, str]] = []
+    if len(functions) <= _MOST_THRESHOLDS:
+        verdict = [(None, _median_text(function)) for function in functions]
+    fitted = fit_table_of(functions, damaged=_damaged(functions))
+    chapters = [
+        Chapter(
+            "Result",
+            (list(told.said), Picture(draw, f"Probability of exceedance over {measure}")),
+        ),
+        Chapter("Fitted parameters", (_LOGNORMAL, fitted)),
+        Chapter("Numbers of exceedances and fitted function", _counts(functions)),
+        Chapter("Observations", (*_observations(functions), *_study(Path(source)))),
+        Chapter(
+            "Methods and assumptions",
+            (
+                [
+                    *(f"Fit of {_SOURCES[fit]}." for fit in fits),
+                    _INTERVALS,
+                    f"Intensity measure: {measure}.{counted}",
+                    *_dispersion(functions),
+                ],
+            ),
+        ),
+    ]
+    about = f"Fragility functions fitted to {source}: {how_many(len(functions), 'function')}."
+    return page("Fragility functions", about, chapters, replace(told, verdict=verdict))
+
+
+def _damaged(functions: Sequence[Fragility]) -> bool:
+    """Return True if the functions are for several states of previous damage."""
+    return len({function.damage for function in functions if function.damage >= 0.0}) > 1
+
+
+def _median_text(function: Fragility) -> str:
+    """Return a sentence on the median and the dispersion of a function."""
+    parts = [f"{function.type}, {function.state}"] if function.type else []
+    if math.isfinite(function.threshold):
+        parts.append(f"threshold {number_text(function.threshold)}")
+    if function.damage >= 0.0:
+        parts.append(_state(function.damage))
+    name = f"{', '.join(parts)}: " if parts else ""
+    unit = f" {function.unit}" if function.unit else ""
+    text = f"{name}median {measure_words(function.im) or 'intensity'} "
+    text += f"{number_text(function.theta)}{unit}"
+    if math.isfinite(function.theta_error):
+        factor = math.exp(_TWO_SIDED * function.theta_error)
+        ends = (number_text(function.theta / factor), number_text(function.theta * factor))
+        text += f" (95 %: {ends[0]} to {ends[1]}{unit})"
+    elif function.extrapolated:
+        text += " (extrapolated)"
+    text = f"{text}, beta {number_text(function.beta, 3)}."
+    return f"{text[0].upper()}{text[1:]}"
+
+
+def _dispersion(functions: Sequence[Fragility]) -> list[str]:
+    """Return a statement on the dispersion due to the uncertainty of the model."""
+    modeling = functions[0].modeling_dispersion
+    if not modeling:
+        return [
+            "beta is the record-to-record dispersion; the uncertainty of the model is not included."
+        ]
+    return [
+        f"total beta includes a modeling dispersion of {number_text(modeling, 3)}: the root of the "
+        "sum of squares."
+    ]
+
+
+def _counts(functions: Sequence[Fragility]) -> tuple[Part, ...]:
+    """Return a table that compares the functions with the counts in bins; empty without counts."""
+    rows: list[tuple[Cell, ...]] = []
+    for function in functions:
+        if counted := function.counted:
+            for i in range(len(counted.im)):
+                values = (counted.im[i], counted.runs[i], counted.share[i], counted.fitted[i])
+                rows.append((function.exceeded, *map(float, values)))
+    columns = ("function", "intensity", "runs", "counted", "fitted")
+    unit = functions[0].unit or "1"
+    meanings = {name: {"meaning": "", "unit": "1"} for name in columns[2:]}
+    meanings |= {"intensity": {"meaning": "", "unit": unit}, "function": {"unit": TEXT}}
+    return (Table(columns, rows[:_MOST_CAPACITIES], meanings),) if rows else ()
+
+
+_MOST_RECORDS = 60
+"""Maximum number of records in the table of a study."""
+
+_SUMMARIES = ("ida.json", "summary.json")
+"""Names of the summaries in the directory of a study and of a campaign."""
+
+
+def _study(source: Path) -> tuple[Part, ...]:
+    """Return building, method and records of a study; empty for a table outside of a study."""
+    folder = source if source.is_dir() else source.parent
+    summaries = (told_of(folder / name) for name in _SUMMARIES)
+    content: dict[str, Any] = next(filter(None, summaries), {})
+    if not content.get("records"):
+        return ()
+    settings = content.get("settings", {})
+    facts = []
+    if isinstance(model := settings.get("model"), dict):
+        facts.append(f"Building: {model['file']} (SHA-256 {model['sha256'][:16]}...).")
+    elif content.get("name"):
+        facts.append(f"Campaign: {content['name']}.")
+    if isinstance(method := settings.get("method"), str):
+        facts.append(f"Time integration: {method_text(method)}.")
+    columns = ("record", "component", "dt_s", "samples", "pga_m_s2")
+    rows = [
+        tuple(record["file" if name == "record" else name] for name in columns)
+        for record in content["records"]
+    ]
+    units = {"dt_s": "s", "samples": "1", "pga_m_s2": "m/s^2"}
+    meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}
+    table = Table(columns, rows[:_MOST_RECORDS], meanings).in_units(SI.in_pictures)
+    more = f"The first {_MOST_RECORDS} of {len(rows)} records." * (len(rows) > _MOST_RECORDS)
+    return (facts, "Records of the study, unscaled:", table, more)
+
+
+def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
+    """Return the number and the range of the observations of each fit."""
+    points = []
+    for function in dict.fromkeys((one.fit, one.records, one.censored) for one in functions):
+        fit, records, censored = function
+        kind = "runs" if fit == CLOUD else "ground motions"
+        points.append(f"{fit}: {records} {kind}, {censored} censored")
+    failed = max(function.failed for function in functions)
+    if failed:
+        points.append(f"{how_many(failed, 'run')} without a result are omitted")
+    return ([f"{text[0].upper()}{text[1:]}." for text in points],)
