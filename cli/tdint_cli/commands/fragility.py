@@ -20,10 +20,9 @@ from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import Failures, note, say, warn
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from tdint.campaign.fragility.fit_table import FragilityResult
     from tdint.campaign.fragility.fits import Fragility
+    from tdint.output.figures.style import Figure
 
 _FITS = ("stripes", "ida", "cloud")
 _FIT = Mode(
