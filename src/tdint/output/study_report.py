@@ -297,9 +297,11 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
     unit = functions[0].unit or "1"
     total = any(function.modeling_dispersion for function in functions)
     typed = any(function.type for function in functions)
+    # The number of runs is a column only if ground motions have several runs.
+    repeated = any(function.motions and function.runs != function.motions for function in functions)
     numbers = ("theta", "theta_low", "theta_high", "beta", "beta_low", "beta_high")
     columns = (*(("type", "damage_state") * typed), *(("state",) * damaged), "threshold", *numbers)
-    columns = (*columns, *(("total_beta",) * total), "motions", "censored")
+    columns = (*columns, *(("total_beta",) * total), "motions", *(("runs",) * repeated), "censored")
     rows: list[tuple[Cell, ...]] = []
     for function in functions:
         factor = math.exp(_TWO_SIDED * function.theta_error)
@@ -316,12 +318,13 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
                 max(function.beta - half, 0.0),
                 function.beta + half,
                 *((function.beta_total,) * total),
-                function.records,
+                function.motions or function.runs,
+                *((function.runs,) * repeated),
                 function.censored,
             )
         )
     meanings = {name: {"meaning": "", "unit": unit} for name in numbers[:3]}
-    counts = (*numbers[3:], "total_beta", "motions", "censored")
+    counts = (*numbers[3:], "total_beta", "motions", "runs", "censored")
     return Table(columns, rows, meanings | {name: {"meaning": "", "unit": "1"} for name in counts})
 
 
@@ -465,10 +468,11 @@ def _study(source: Path) -> tuple[Part, ...]:
 def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     """Return the number and the range of the observations of each fit."""
     points = []
-    for function in dict.fromkeys((one.fit, one.records, one.censored) for one in functions):
-        fit, records, censored = function
-        kind = "runs" if fit == CLOUD else "ground motions"
-        points.append(f"{fit}: {records} {kind}, {censored} censored")
+    for fit, runs, motions, censored in dict.fromkeys(
+        (one.fit, one.runs, one.motions, one.censored) for one in functions
+    ):
+        under = f" under {how_many(motions, 'ground motion')}" if motions else ""
+        points.append(f"{fit}: {how_many(runs, 'observation')}{under}, {censored} censored")
     failed = max(function.failed for function in functions)
     if failed:
         points.append(f"{how_many(failed, 'run')} without a result are omitted")
