@@ -244,13 +244,14 @@ def limit_table(
     """
     rows: list[tuple[Cell, ...]] = []
     named = any(checks_by_name)
+    leveled = any(check.level for checks in checks_by_name.values() for check in checks)
     for name, checks in checks_by_name.items():
         for level, of_level in by_level(checks).items():
             for check in of_level:
                 quantity = QUANTITIES[check.quantity]
                 row = [name] if named else []
+                row += [level or "-"] if leveled else []
                 row += [
-                    level or "-",
                     quantity.text,
                     f"{quantity.place} {check.story}",
                     _demand(check, units),
@@ -262,7 +263,8 @@ def limit_table(
                     row += [_text(check, check.largest, units), check.motion]
                 rows.append(tuple(row))
     columns = ["building"] if named else []
-    columns += ["level", "quantity", "place", "mean demand" if mean else "demand", "limit"]
+    columns += ["level"] if leveled else []
+    columns += ["quantity", "place", "mean demand" if mean else "demand", "limit"]
     columns += ["demand/limit", "result"]
     if mean:
         columns += ["largest", "motion"]
