@@ -186,3 +186,51 @@ def test_a_draw_out_of_range_keeps_its_row():
     assert np.isfinite(runs.gradient.peak_drift[0]).all()
     with pytest.raises(UsageError, match="'raise' or 'keep'"):
         tdint.run_many(building, RECORD, errors="ignore")
+
+
+def test_a_derivative_of_the_wrong_sign_has_a_large_error():
+    """At the default method and time step the derivative of story 2 has the wrong sign; its kink is
+    small, and the estimated error is larger than the derivative and covers the true error."""
+    law = {"type": "bilinear", "hardening": 0.05}
+    story_1, story_2 = (
+        {"mass": 1e5, "height": 3.0, "stiffness": k, "law": {**law, "yield_force": force}}
+        for k, force in ((1.32e8, 4.15e5), (1.96e8, 4.33e5))
+    )
+    building = {"stories": [story_1, story_2], "damping": "2%"}
+    motion = 3.0 * np.random.default_rng(50).standard_normal(300)
+    record = tdint.make_record(motion, dt=0.02, units="m/s^2")
+    gradient = tdint.run(building, record, gradient="record.scale").gradient
+    true = tdint.run(building, record, gradient="record.scale", dt=0.02 / 32, check=False).gradient
+    assert true.errors is None and "errors not estimated" in repr(true)
+    found, wanted = gradient.peak_drift[0], true.peak_drift[0]
+    assert wanted[1] < 0.0 < found[1]
+    assert gradient.errors.peak_drift[0, 1] > abs(found[1]) > 100.0 * gradient.kink.peak_drift[0, 1]
+    assert np.all(np.abs(found - wanted) < gradient.errors.peak_drift[0])
+
+
+@pytest.mark.parametrize("method", ["impulse4", "newmark-average"])
+def test_errors_of_derivatives_are_those_of_two_calls(method):
+    """The estimate follows from a call with half the time step of impulse4; many runs agree."""
+    building = ten_bilinear(ModalDamping((0.05,)))
+    names = ("record.scale", "mass_factor")
+    gradient = tdint.run(building, RECORD, method=method, gradient=names).gradient
+    half = tdint.run(
+        building, RECORD, method="impulse4", dt=0.005, gradient=names, check=False
+    ).gradient
+    off = 4.0 / 3.0 * np.abs(gradient.peak_drift - half.peak_drift)
+    common = 0.2 * np.sqrt(np.mean(off**2, axis=1, keepdims=True))
+    wanted = np.maximum(np.maximum(off, common), 1e-5 * np.abs(gradient.peak_drift))
+    np.testing.assert_allclose(gradient.errors.peak_drift, wanted, rtol=1e-12)
+    many = tdint.run_many(
+        [building, model([story(1e5, 1e7)], damping=ModalDamping((0.05,)))],
+        RECORD,
+        method=method,
+        gradient=names,
+        check=True,
+    )
+    np.testing.assert_array_equal(
+        many.gradient.of_run(0).errors.peak_drift, gradient.errors.peak_drift
+    )
+    assert np.all(np.isnan(many.gradient.errors.peak_drift[1, :, 1:]))
+    assert np.all(np.isfinite(many.gradient.errors.peak_drift[1, :, 0]))
+    assert tdint.run_many(building, RECORD, gradient=names).gradient.errors is None

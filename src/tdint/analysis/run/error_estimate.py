@@ -49,12 +49,12 @@ REFERENCE, _EXACT = parse(DEFAULT_METHOD), parse("exact")
 """Method of the additional run that estimates the errors, and the method that is its own reference.
 """
 
-_OF_DIFFERENCE = 4.0 / 3.0
+OF_DIFFERENCE = 4.0 / 3.0
 """Dimensionless. Error divided by the difference from a run with half the time step, at second
 order: 1 / (1 - 2^-2).
 """
 
-_COMMON = 0.2
+COMMON = 0.2
 """Dimensionless. Minimum relative error of a story divided by the root mean square of the relative
 errors of all stories. In 100 random buildings with eight methods, 0.1 % of the estimated errors of
 drifts and 0.3 % of those of damper forces are less than half the true error, and 2 to 6 % per
@@ -62,7 +62,7 @@ column are more than ten times the true error. With a factor of 1 these shares a
 and 7 to 20 %; with a factor of 0, the first two are 0.26 % and 0.35 %.
 """
 
-_FLOOR = 1e-5
+FLOOR = 1e-5
 """Dimensionless. Minimum error estimate divided by the peak. Smaller errors include the tolerances
 of iterations and the errors between time steps that both runs have in common.
 """
@@ -166,7 +166,7 @@ def with_error_estimate(
 
 
 def story_errors(
-    response: Response | Shock, other: Response | Shock, of_difference: float = _OF_DIFFERENCE
+    response: Response | Shock, other: Response | Shock, of_difference: float = OF_DIFFERENCE
 ) -> StoryErrors:
     """Estimate the errors of the peaks of a run, or of an event of a sequence, from another run.
 
@@ -184,7 +184,7 @@ def story_errors(
     def errors(name: str) -> Array:
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
         off = of_difference * np.abs(getattr(response.stories, name) - getattr(other.stories, name))
-        error: Array = np.maximum(off, np.maximum(_COMMON * common(off, size), _FLOOR * size))
+        error: Array = np.maximum(off, np.maximum(COMMON * common(off, size), FLOOR * size))
         # Possible excess of a peak between time steps, or change of a drift after the requested
         # time
         bound: Array = getattr(response.interstep_bound, name)
@@ -211,7 +211,7 @@ def ended_at_rest(response: Response) -> Response:
         return response
     moving = np.maximum(
         response.residual_oscillation,
-        _COMMON * common(response.residual_oscillation, response.stories.peak_drift),
+        COMMON * common(response.residual_oscillation, response.stories.peak_drift),
     )
     errors = response.check.errors
     errors = replace(errors, residual_drift=errors.residual_drift + moving)

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from tdint.analysis.run.error_estimate import COMMON, FLOOR, OF_DIFFERENCE
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.model.definition import (
@@ -54,6 +55,30 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
     )
     derivative = (slope_1 * second - slope_2 * first) / (second - first)
     return derivative, 0.5 * np.abs(slope_2 - slope_1)
+
+
+def slope_errors(derivatives: Array, others: Array) -> Array:
+    """Estimate the errors of derivatives from those of a run with half the time step.
+
+    The terms are those of the error estimates of peaks (`tdint.analysis.run.error_estimate`). The
+    term that all stories have in common is absolute, because derivatives have zeros.
+
+    Parameters
+    ----------
+    derivatives : ndarray, shape (..., n)
+        Derivatives whose errors are estimated; the last axis is the story.
+    others : ndarray, shape (..., n)
+        The same derivatives with half the time step.
+    """
+    errors = OF_DIFFERENCE * np.abs(derivatives - others)
+    known = np.isfinite(errors)
+    squares = np.sum(np.where(known, errors, 0.0) ** 2, axis=-1, keepdims=True)
+    common = np.sqrt(squares / np.maximum(np.sum(known, axis=-1, keepdims=True), 1))
+    return np.where(
+        known,
+        np.maximum(errors, np.maximum(COMMON * common, FLOOR * np.abs(derivatives))),
+        math.nan,
+    )
 
 
 def number_at(model: Model, name: str) -> float:

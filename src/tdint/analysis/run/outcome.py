@@ -156,7 +156,7 @@ class StoryErrors(StoryValues):
 
 
 @dataclass(frozen=True, repr=False)
-class Gradient(StoryValues):
+class Gradient(Tabular, StoryValues):
     """Derivatives of the peaks of the same names, in their units divided by those of the
     parameters.
 
@@ -176,6 +176,10 @@ class Gradient(StoryValues):
         Derivatives of the histories that were kept.
     by : str
         Method of differentiation.
+    errors : StoryErrors or None
+        Estimated discretization errors of the derivatives of the same names, from one additional
+        set of runs with half the time step. None if error estimates were omitted (`check=False`);
+        nan without an estimate.
     """
 
     parameters: tuple[str, ...]
@@ -183,18 +187,28 @@ class Gradient(StoryValues):
     kink: StoryErrors
     history: dict[str, NDArray[np.floating[Any]]]
     by: str = "central differences"
+    errors: StoryErrors | None = None
 
-    def __repr__(self) -> str:
-        return f"<Gradient by {how_many(len(self.parameters), 'parameter')}: {self.by}>"
+    def _headline(self) -> str:
+        parameters = f"of peaks by {how_many(len(self.parameters), 'parameter')}: {self.by}"
+        if self.errors is None:
+            return f"{parameters}, errors not estimated"
+        size = np.nanmax(np.abs(self.peak_drift), axis=-1)
+        errors = np.nanmax(self.errors.peak_drift, axis=-1)
+        worst = np.nanmax(np.divide(errors, size, out=np.zeros_like(size), where=size > 0.0))
+        return f"{parameters}, errors of drift derivatives up to {worst:.2g} of the largest"
 
     def of_run(self, number: int) -> Gradient:
         """Return the derivatives of one of many runs."""
         kept = {name: array[number] for name, array in self.history.items()}
-        peaks, kink = (
+        peaks, kink, errors = (
             {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
-            for source in (self, self.kink)
+            if source
+            else None
+            for source in (self, self.kink, self.errors)
         )
-        both: dict[str, Any] = {**peaks, "kink": StoryErrors(**kink)}
+        both: dict[str, Any] = {**(peaks or {}), "kink": StoryErrors(**(kink or {}))}
+        both["errors"] = StoryErrors(**errors) if errors else None
         return replace(self, **both, values=self.values[number], history=kept)
 
 

@@ -133,7 +133,8 @@ def run(
         `record.scale`. `Response.gradient` contains the derivatives of the peaks, and of the
         history if it is kept, with respect to these parameters; factors have the value 1. Each
         derivative is the difference between two neighboring runs. All neighboring runs are
-        integrated in one batch.
+        integrated in one batch. An additional set of runs with half the time step estimates the
+        errors of the derivatives (`Gradient.errors`), unless `check` is False.
 
     Returns
     -------

@@ -28,7 +28,8 @@ from tdint.analysis.given import (
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.batch import Subject, run_batch, run_sampled
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slopes
+from tdint.analysis.run.error_estimate import reference
+from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
 from tdint.analysis.run.many_results import KEPT, Runs
 from tdint.analysis.run.outcome import (
     Gradient,
@@ -39,7 +40,7 @@ from tdint.analysis.run.outcome import (
     StoryValues,
 )
 from tdint.analysis.run.prepared import BatchResult, Motions
-from tdint.analysis.time_steps import Steps
+from tdint.analysis.time_steps import Steps, finer
 from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.record import JoinedRecord, Record
@@ -211,7 +212,8 @@ def run_many(
     gradient : str or sequence of str
         Names as in `vary`: parameters for derivatives of the peaks, and of the histories that are
         kept, of each run at its own sample (`Runs.gradient`); factors have the value 1. Each name
-        needs two additional runs per run.
+        needs two additional runs per run. With `check`, an additional set of runs with half the
+        time step estimates the errors of the derivatives (`Gradient.errors`).
     errors : str, default "raise"
         `raise`, or `keep`: a sample that is out of range keeps its row without values, with the
         status `out-of-range`.
@@ -311,7 +313,7 @@ def run_many(
     if names := [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient)):
         runs = replace(
             runs,
-            gradient=_differentiated(work, plan, runs.stories, runs.history, every, names, threads),
+            gradient=_gradient(work, plan, runs.stories, runs.history, every, names, threads),
         )
     if file:
         runs.to_parquet(file)
@@ -712,7 +714,8 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
     label, dt = case.method.label, response.dt
     record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
     subject = Subject(case.model, label)
-    work = _RunsRequest((subject,), (label,), (record,), None, None, False, {})
+    check = response.check is not None
+    work = _RunsRequest((subject,), (label,), (record,), None, None, check, {})
     plan = [_Run(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
     peaks = StoryPeaks(
         **{one.name: getattr(response.stories, one.name)[None] for one in fields(StoryPeaks)}
@@ -722,7 +725,55 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
         if response.history
         else {}
     )
-    return _differentiated(work, plan, peaks, kept, 1, names, processors()).of_run(0)
+    return _gradient(work, plan, peaks, kept, 1, names, processors()).of_run(0)
+
+
+def _gradient(
+    work: _RunsRequest,
+    plan: Sequence[_Run],
+    peaks: StoryPeaks,
+    history: Mapping[str, NDArray[np.floating[Any]]],
+    every: int,
+    names: Sequence[str],
+    threads: int,
+) -> Gradient:
+    """Return the derivatives of completed runs, with error estimates if `work.check` is true.
+
+    The errors are those of the differences from a second set of runs with half the time step, of
+    the method that estimates the errors of peaks.
+
+    Parameters
+    ----------
+    work, plan, peaks, history, every, names, threads
+        As for `_differentiated`.
+    """
+    gradient = _differentiated(work, plan, peaks, history, every, names, threads)
+    if not work.check:
+        return gradient
+    subjects = tuple(
+        Subject(subject.model, reference(subject.case(None)).method.label)
+        for subject in work.subjects
+    )
+    labels = tuple(subject.method for subject in subjects)
+    other_work = replace(work, subjects=subjects, methods=labels, check=False)
+    others = [run._replace(number=i, steps=finer(run.steps)) for i, run in enumerate(plan)]
+    base = _unfilled(other_work, others, 1, {})
+    _march_all(other_work, base, others, threads)
+    other = _differentiated(other_work, others, base.stories, {}, 1, names, threads)
+    errors, rows = {}, [run.number for run in plan]
+    for one in fields(StoryErrors):
+        derivatives = getattr(gradient, one.name)
+        errors[one.name] = np.full_like(derivatives, math.nan)
+        errors[one.name][rows] = slope_errors(derivatives[rows], getattr(other, one.name))
+    return replace(gradient, errors=StoryErrors(**errors))
+
+
+def _march_all(work: _RunsRequest, result: Runs, plan: Sequence[_Run], threads: int) -> None:
+    """Integrate all runs of a plan on threads, and write them to the result."""
+    size = max(1, min(_AT_ONCE, math.ceil(len(plan) / threads)))
+    parts = [plan[first : first + size] for first in range(0, len(plan), size)]
+    for _ in on_threads(partial(_march, work, result), parts, threads):
+        pass
 
 
 def _differentiated(
@@ -788,10 +839,7 @@ def _differentiated(
         around.append(run._replace(number=len(around), draw=draw, scale=run.scale * factor))
     of_near = replace(work, vary=columns, check=False)
     result = _unfilled(of_near, around, every, _room(of_near, around, tuple(history), every, None))
-    size = max(1, min(_AT_ONCE, math.ceil(len(around) / threads)))
-    parts = [around[first : first + size] for first in range(0, len(around), size)]
-    for _ in on_threads(partial(_march, of_near, result), parts, threads):
-        pass
+    _march_all(of_near, result, around, threads)
 
     # Rows of runs that were not made remain nan.
     rows = [run.number for run in plan]
