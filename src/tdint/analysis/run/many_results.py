@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +13,10 @@ from numpy.typing import NDArray
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.outcome import STORY, Gradient, History, StoryErrors, StoryPeaks
 from tdint.arrays import Array
+from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
+from tdint.system import available_memory
 from tdint.tabular import Tabular
 from tdint.units import quantities
 from tdint.written_numbers import how_many, warned_first
@@ -137,3 +141,60 @@ class Runs(Tabular):
         lost = f", {len(self.failures)} without a result" if self.failures else ""
         first = warned_first(self.warnings)
         return f"{len(self.model)} of {buildings} under {records}{kept}{lost}{first}"
+
+
+def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
+    """Return the requested quantities of the history without duplicates; all of them for True."""
+    if isinstance(history, bool | np.bool_):
+        return tuple(KEPT) if history else ()
+    names = (history,) if isinstance(history, str) else tuple(history)
+    for name in names:
+        if name not in KEPT:
+            raise UsageError(
+                f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: "
+                f"{', '.join(KEPT)})"
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def history_arrays(
+    shape: tuple[int, int, int], kept: tuple[str, ...], out: Any
+) -> dict[str, NDArray[np.floating[Any]]]:
+    """Return the arrays for the histories: those of the caller, or new arrays.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Number of runs, of rows of the longest run, and of stories of the tallest building.
+    kept : tuple of str
+        Quantities.
+    out : object
+        Arrays of the caller, or None.
+    """
+    if out is None:
+        needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
+        if needed > free:
+            raise AnalysisError(
+                f"the histories of {shape[0]} runs need {needed / 1e9:.3g} GB of memory, "
+                f"{free / 1e9:.3g} GB are free; keep fewer steps by every=, or pass arrays by out= "
+                "(float32 or memory-mapped files)"
+            )
+        return {name: np.full(shape, math.nan) for name in kept}
+    given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
+    if tuple(sorted(given)) != tuple(sorted(kept)) or not kept:
+        raise UsageError(
+            "out must contain one array for each quantity of the history: "
+            f"{', '.join(kept) or 'no history is requested'}"
+        )
+    for name, array in given.items():
+        if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
+            kind = (
+                f"{array.dtype} {array.shape}"
+                if isinstance(array, np.ndarray)
+                else type(array).__name__
+            )
+            raise UsageError(
+                f"out of {name} must be an array of floating-point numbers, shape {shape}, got "
+                f"{kind}"
+            )
+    return given

@@ -30,7 +30,7 @@ from tdint.analysis.run.batch import Subject, run_batch, run_sampled
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import reference
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
-from tdint.analysis.run.many_results import KEPT, Runs
+from tdint.analysis.run.many_results import KEPT, Runs, history_arrays, kept_quantities
 from tdint.analysis.run.outcome import (
     Gradient,
     History,
@@ -42,14 +42,14 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.prepared import BatchResult, Motions
 from tdint.analysis.time_steps import Steps, finer
 from tdint.arrays import Array, Numbers, cached_property
-from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
+from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.kernels.building.sources import CODE
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import draw_buildings
 from tdint.model.definition import changes_of, check_parameter, check_value, damped_by
 from tdint.model.plausibility import on_plausibility
-from tdint.system import available_memory, on_threads, processors
+from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, optional, told_progress
 
 if TYPE_CHECKING:
@@ -266,7 +266,7 @@ def run_many(
         raise UsageError(f"errors must be 'raise' or 'keep', got {errors!r:.60}")
     lost = work.out_of_range() if errors == "keep" else {}
     plan = _planned(work, scales, zip_records, {draw for _, draw in lost})
-    kept = _kept(history)
+    kept = kept_quantities(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
     threads = processors() if jobs is None else jobs
@@ -277,7 +277,9 @@ def run_many(
         raise UsageError(f"out: the file name must end with .parquet, got {str(out)!r:.60}")
     if file:
         optional("pyarrow", "a Parquet file", "parquet")
-    result = _unfilled(work, plan, every, _room(work, plan, kept, every, None if file else out))
+    result = _unfilled(
+        work, plan, every, history_arrays(_shape(work, plan, every), kept, None if file else out)
+    )
     for run in plan if lost else ():
         if (run.model, run.draw) in lost:
             result.status[run.number], result.failures[run.number] = (
@@ -519,54 +521,9 @@ def _planned(
     return plan
 
 
-def _kept(history: bool | str | Sequence[str]) -> tuple[str, ...]:
-    """Return the requested quantities of the history without duplicates; all of them for True."""
-    if isinstance(history, bool | np.bool_):
-        return tuple(KEPT) if history else ()
-    names = (history,) if isinstance(history, str) else tuple(history)
-    for name in names:
-        if name not in KEPT:
-            raise UsageError(
-                f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: "
-                f"{', '.join(KEPT)})"
-            )
-    return tuple(dict.fromkeys(names))
-
-
-def _room(
-    work: _RunsRequest, plan: Sequence[_Run], kept: tuple[str, ...], every: int, out: Any
-) -> dict[str, NDArray[np.floating[Any]]]:
-    """Return the arrays for the histories: those of the caller, or new arrays."""
-    # The longest run determines the rows, the tallest building the stories.
-    rows = max(run.steps.count for run in plan) // every + 1
-    shape = (len(plan), rows, work.stories)
-    if out is None:
-        needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
-        if needed > free:
-            raise AnalysisError(
-                f"the histories of {len(plan)} runs need {needed / 1e9:.3g} GB of memory, "
-                f"{free / 1e9:.3g} GB are free; keep fewer steps by every=, or pass arrays by out= "
-                "(float32 or memory-mapped files)"
-            )
-        return {name: np.full(shape, math.nan) for name in kept}
-    given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
-    if tuple(sorted(given)) != tuple(sorted(kept)) or not kept:
-        raise UsageError(
-            "out must contain one array for each quantity of the history: "
-            f"{', '.join(kept) or 'no history is requested'}"
-        )
-    for name, array in given.items():
-        if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
-            kind = (
-                f"{array.dtype} {array.shape}"
-                if isinstance(array, np.ndarray)
-                else type(array).__name__
-            )
-            raise UsageError(
-                f"out of {name} must be an array of floating-point numbers, shape {shape}, got "
-                f"{kind}"
-            )
-    return given
+def _shape(work: _RunsRequest, plan: Sequence[_Run], every: int) -> tuple[int, int, int]:
+    """Return the shape of the histories: runs, rows of the longest run, stories of the tallest."""
+    return len(plan), max(run.steps.count for run in plan) // every + 1, work.stories
 
 
 def _unfilled(
@@ -838,7 +795,9 @@ def _differentiated(
         draw = draws[site, i, side]
         around.append(run._replace(number=len(around), draw=draw, scale=run.scale * factor))
     of_near = replace(work, vary=columns, check=False)
-    result = _unfilled(of_near, around, every, _room(of_near, around, tuple(history), every, None))
+    result = _unfilled(
+        of_near, around, every, history_arrays(_shape(of_near, around, every), tuple(history), None)
+    )
     _march_all(of_near, result, around, threads)
 
     # Rows of runs that were not made remain nan.
