@@ -38,7 +38,7 @@ RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
 
 def test_histories_that_the_memory_cannot_hold_are_refused_with_their_size(monkeypatch):
     """Three runs of 150 rows of 2 stories, 8 bytes a number."""
-    monkeypatch.setattr("tdint.analysis.run.run_many.available_memory", lambda: 1e3)
+    monkeypatch.setattr("tdint.analysis.run.many_results.available_memory", lambda: 1e3)
     with pytest.raises(
         AnalysisError,
         match=r"the histories of 3 runs need 7\.2e-06 GB of memory, 1e-06 GB are free",
