@@ -1,0 +1,127 @@
+"""Numbers of a suite of pairs, computed without tdint: python tests/studies/pairs.py MOTIONS OUT.
+
+MOTIONS is a folder of matched motions in AT2 format (`tdint match --format at2`), OUT the folder
+of their runs. The script prints the RotD100 of each pair and the mean drift ratio over pairs under
+each rule for the demand of a pair. `annual_losses` computes average annual losses from the runs of a
+campaign with events. Only numpy and scipy are used.
+"""
+
+import csv
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import cont2discrete, lfilter
+from scipy.stats import norm
+
+RULES = ("larger", "mean", "separate")
+GRAVITY = 9.80665  # m/s^2
+PERIODS = (0.2, 0.3, 0.5)  # s
+FALLEN = ("collapsed", "failed-story")
+
+
+def read_at2(path):
+    """Acceleration, m/s^2, and time step, s, of an AT2 file."""
+    lines = path.read_text("utf-8").splitlines()
+    step = float(lines[3].upper().split("DT=")[1].split()[0].rstrip(","))
+    return GRAVITY * np.array(" ".join(lines[4:]).split(), float), step
+
+
+def displacement(acceleration, dt, period, damping=0.05):
+    """Relative displacement of an oscillator, exact for acceleration that is linear between the
+    samples (discretization of the state equation with a first-order hold)."""
+    omega = 2.0 * math.pi / period
+    state = np.array([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]])
+    system = (state, np.array([[0.0], [-1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
+    a, b, c, d, _ = cont2discrete(system, dt, method="foh")
+    # The transfer function of a system with two states.
+    denominator = np.poly(a)
+    numerator = np.poly(a - b @ c) + (d[0, 0] - 1.0) * denominator
+    # The motion is zero before its first sample.
+    return lfilter(numerator, denominator, np.concatenate([[0.0], acceleration]))
+
+
+def rotd100(first, second, period):
+    """Pseudo-acceleration in the direction in which it is largest: the largest distance of the
+    displacement from the origin."""
+    (one, dt), (two, _) = read_at2(first), read_at2(second)
+    size = min(one.size, two.size)
+    paths = [displacement(motion[:size], dt, period) for motion in (one, two)]
+    return (2.0 * math.pi / period) ** 2 * float(np.max(np.hypot(*paths)))
+
+
+def table(path):
+    """Rows of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def pairs_of(runs, *keys):
+    """Runs of both components of each pair, which follow each other in a table of runs."""
+    groups = {}
+    for run in runs:
+        groups.setdefault(tuple(run[key] for key in keys), []).append(run)
+    return [
+        (key, of[start : start + 2]) for key, of in groups.items() for start in range(0, len(of), 2)
+    ]
+
+
+def combined(values, rule):
+    """Demands that a pair contributes under a rule: one, or those of both components."""
+    return {"larger": [max(values)], "mean": [sum(values) / 2.0], "separate": list(values)}[rule]
+
+
+def mean_drift(runs, rule):
+    """Mean of the peak drift ratio over the pairs of one building that did not collapse."""
+    values = [
+        value
+        for _, pair in pairs_of(runs, "building")
+        for value in combined([float(run["peak_drift_ratio"]) for run in pair], rule)
+    ]
+    return sum(values) / len(values)
+
+
+def loss_ratio(drift, states):
+    """Mean loss ratio of a demand: the sum over the states of the probability that it is reached or
+    exceeded times the increase of the loss."""
+    reached = [
+        float(norm.cdf(math.log(drift / median) / states["dispersion"]))
+        for median in states["medians"]
+    ]
+    return float(np.dot(reached, np.diff([0.0, *states["losses"][: len(reached)]])))
+
+
+def annual_losses(damage, rule, rates, states, worth):
+    """Average annual loss of each building: rates times mean losses of the events.
+
+    `damage` has a row per run, `rates` and `worth` the annual rate of each event and the value of
+    each building, and `states` medians, dispersion and losses of the damage states.
+    """
+    losses = {}
+    for (building, event), pair in pairs_of(damage, "building", "event"):
+        # A pair under which the building collapses has the loss of a collapse.
+        drifts = [
+            math.inf if run["status"] in FALLEN else float(run["drift_ratio"]) for run in pair
+        ]
+        values = [
+            states["losses"][-1] if drift == math.inf else loss_ratio(drift, states)
+            for drift in combined(drifts, rule)
+        ]
+        annual = rates[event] * worth[building] * sum(values) / len(values)
+        losses[building] = losses.get(building, 0.0) + annual
+    return losses
+
+
+def main(motions, out):
+    files = sorted(Path(motions).glob("*.at2")) or sorted(Path(motions).glob("*.AT2"))
+    for first, second in zip(files[::2], files[1::2], strict=True):
+        values = ", ".join(f"{rotd100(first, second, period) / GRAVITY:.4f}" for period in PERIODS)
+        print(f"{first.stem}: RotD100 {values} g at {PERIODS} s")
+    runs = table(Path(out) / "runs.csv")
+    for rule in RULES:
+        print(f"mean drift ratio, {rule}: {mean_drift(runs, rule):.6g}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
