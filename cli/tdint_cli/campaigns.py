@@ -410,10 +410,13 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
     ------
     UsageError
         --pair-demand is specified, but the records contain no pairs.
+    RecordError
+        Two records are a pair by their names, but differ in sampling interval, length or event.
     """
-    from tdint.campaign.pairs import PairRule
+    from tdint.campaign.pairs import PairRule, check_pairs
 
     rule = PairRule.of_motions(plan.motions, plan.pair_demand)
+    check_pairs(plan.motions, rule)
     if request.pair_demand is not None and not rule.pairs:
         raise UsageError(
             f"--pair-demand {request.pair_demand}: there are no pairs of horizontal components "

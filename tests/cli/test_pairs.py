@@ -56,6 +56,45 @@ def test_components_of_different_events_are_refused(folder, tdint):
     assert all(name in result.stderr for name in ("GIL067.AT2", "GIL337.AT2", "Kobe"))
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("DT= .0100", "DT= .0200", "the components are sampled at 0.01 and 0.02 s"),
+        ("Loma Prieta", "Kobe", "the components are of different events"),
+        ("NPTS= 600", "NPTS= 500", "the components have 600 and 500 samples"),
+    ],
+)
+def test_components_that_do_not_belong_together_are_refused(folder, tdint, old, new, message):
+    """By every command that counts them as one motion; as separate motions they are run."""
+    (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
+    (folder / "in").mkdir()
+    write_pair(folder / "in")
+    file = folder / "in" / "RSN1_EQ_GIL337.AT2"
+    lines = file.read_text().replace(old, new).splitlines()
+    file.write_text("\n".join(lines[:504] if "500" in new else lines) + "\n", encoding="utf-8")
+    (folder / "study.yaml").write_text("buildings: {models: [one.yaml]}\nrecords: {files: [in]}\n")
+    for call in (
+        ("run", "one.yaml", "in", "-o", "out"),
+        ("campaign", "study.yaml", "-o", "out"),
+        ("scale", "in", "--pairs", "rotd100", "--sa", "1g", "--at", "0.3"),
+        ("ida", "one.yaml", "in", "--pairs", "geometric-mean"),
+        ("match", "in", "--pairs", "rotd100", *TARGET.split(), "-o", "m"),
+    ):
+        result = tdint.refused(message, *call, code=4)
+        assert all(f"in/RSN1_EQ_GIL{of}.AT2" in result.stderr for of in ("067", "337"))
+    tdint("run", "one.yaml", "in", "--pair-demand", "separate", code=0)
+
+
+def test_a_missing_component_is_named(folder, tdint):
+    write_pair(folder)
+    (folder / "RSN1_EQ_GIL337.AT2").unlink()
+    tdint.refused(
+        "RSN1_EQ_GIL067.AT2: has a single horizontal component, 67; name the file of the other",
+        *("scale", "RSN1_EQ_GIL067.AT2", "--pairs", "rotd100", "--sa", "1g", "--at", "0.3"),
+        code=4,
+    )
+
+
 def drift_means(runs, combine):
     """Return the mean over motions of `combine` of the drift ratios of each motion, from the rows
     of a table of runs (one story) in which the components of a pair follow each other."""

@@ -2,8 +2,8 @@
 
 MOTIONS is a folder of matched motions in AT2 format (`tdint match --format at2`), OUT the folder
 of their runs. The script prints the RotD100 of each pair and the mean drift ratio over pairs under
-each rule for the demand of a pair. `annual_losses` computes average annual losses from the runs of a
-campaign with events. Only numpy and scipy are used.
+each rule for the demand of a pair. `annual_losses` computes average annual losses from the runs of
+a campaign with events. Only numpy and scipy are used.
 """
 
 import csv

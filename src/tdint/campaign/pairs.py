@@ -24,7 +24,12 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles, find_horizontals, motion_names
+from tdint.ground_motion.horizontals import (
+    at_right_angles,
+    check_components,
+    find_horizontals,
+    motion_names,
+)
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import how_many
 
@@ -153,6 +158,22 @@ class PairRule:
     def note(self) -> str:
         """Return one line that reports the default choice; empty without pairs."""
         return note(self.pairs, self.demand) if self.pairs else ""
+
+
+def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
+    """Refuse components that count as one motion by their names, but are not of one recording.
+
+    Raises
+    ------
+    RecordError
+        Sampling intervals, lengths or events are different.
+    """
+    if rule.demand == SEPARATE:
+        return
+    for second, first in rule.partners.items():
+        # The pairs of `pairs: true` have been checked when they were read.
+        if motions[second].direction != 2:
+            check_components(motions[first].record, motions[second].record)
 
 
 def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:

@@ -126,20 +126,13 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         )
 
     # The components must have the same time step, station, event and start, but different samples.
-    if not isclose(first.dt, second.dt, rel_tol=1e-6):
-        raise RecordError(
-            f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s"
-        )
+    _refuse_steps(first, second, source)
     stations = [".".join(record.id.split(".")[:2]).strip(".") for record in (first, second)]
     if all(stations) and stations[0] != stations[1]:
         raise RecordError(
             f"{source}: the components are of different stations, {stations[0]} and {stations[1]}"
         )
-    events = parse_event(first.event), parse_event(second.event)
-    if all(event.is_known for event in events) and not is_same_event(*events):
-        raise RecordError(
-            f"{source}: the components are of different events, {first.event} and {second.event}"
-        )
+    _refuse_events(first, second, source)
     if first.start and second.start:
         late = (
             datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)
@@ -160,6 +153,47 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
     if ahead is not None and behind is not None and (behind - ahead) % 360.0 > 180.0:
         first, second = second, first
     return Horizontals(first, second, (*notes, *cut))
+
+
+def check_components(first: Record, second: Record) -> None:
+    """Refuse two components that are one recording by their names, but not by their contents.
+
+    Raises
+    ------
+    RecordError
+        Sampling intervals, lengths or events are different. The message names both files.
+    """
+    source = "+".join(dict.fromkeys((first.source, second.source)))
+    _refuse_steps(first, second, source)
+    _refuse_events(first, second, source)
+    _refuse_lengths(first, second, source)
+
+
+def _refuse_steps(first: Record, second: Record, source: str) -> None:
+    """Raise RecordError if the sampling intervals of two components are different."""
+    if not isclose(first.dt, second.dt, rel_tol=1e-6):
+        raise RecordError(
+            f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s"
+        )
+
+
+def _refuse_events(first: Record, second: Record, source: str) -> None:
+    """Raise RecordError if two components are of different events."""
+    events = parse_event(first.event), parse_event(second.event)
+    if all(event.is_known for event in events) and not is_same_event(*events):
+        raise RecordError(
+            f"{source}: the components are of different events, {first.event} and {second.event}"
+        )
+
+
+def _refuse_lengths(first: Record, second: Record, source: str) -> None:
+    """Raise RecordError if two components differ in length by more than a few samples."""
+    sizes = first.acceleration.size, second.acceleration.size
+    if abs(sizes[0] - sizes[1]) > _LONGER * max(sizes):
+        raise RecordError(
+            f"{source}: the components have {sizes[0]} and {sizes[1]} samples; cut them to equal "
+            "length"
+        )
 
 
 def is_vertical(component: str) -> bool:
@@ -207,11 +241,7 @@ def _of_equal_length(
     if sizes[0] == sizes[1]:
         return first, second, []
     size, excess = min(sizes), abs(sizes[0] - sizes[1])
-    if excess > _LONGER * max(sizes):
-        raise RecordError(
-            f"{source}: the components have {sizes[0]} and {sizes[1]} samples; cut them to equal "
-            "length"
-        )
+    _refuse_lengths(first, second, source)
     longer = first if sizes[0] > size else second
     first, second = (
         replace(record, acceleration=record.acceleration[:size]) for record in (first, second)
