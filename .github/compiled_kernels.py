@@ -1,11 +1,11 @@
-"""Compiled kernels in the wheel, for the processors that TDINT_WHEEL_TARGETS names as `tdint
-compile --target` does.
+"""Build hook that adds compiled kernels to the wheel, for the processors of TDINT_WHEEL_TARGETS.
 
     TDINT_WHEEL_TARGETS=linux-x86-64-v2,linux-x86-64-v3 python -m build --wheel
 
-They are of one platform, whose tag the wheel has, so that pip takes the right one. Without the
-variable the wheel has no kernels, is for any platform, and takes a second. Each object is looked
-into before it is taken (`foreign_objects`). `wheels.sh` makes all of them.
+The variable has the values of `tdint compile --target`. All kernels must be for one platform, since
+the wheel has one platform tag, by which pip selects it. Without the variable, the wheel contains no
+kernels and is for all platforms; its build takes a second. `foreign_objects` checks each object.
+`wheels.sh` builds all wheels.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ TAGS = {
     ("darwin", False): "macosx_11_0_arm64",
     ("win32", True): "win_amd64",
 }
-"""By platform, and whether the processor is Intel's. The objects call the C library's mathematics,
-nothing newer."""
+"""Tag of the wheel by platform; the second key is True for x86-64. The objects call only the
+mathematical functions of the C library, so these old versions of the systems are sufficient."""
 
 
 class KernelHook(BuildHookInterface):
@@ -41,7 +41,7 @@ class KernelHook(BuildHookInterface):
         return os.environ.get("TDINT_WHEEL_TARGETS", "")
 
     def dependencies(self) -> list[str]:
-        """What compiling needs, beside what reads objects of other systems."""
+        """Return the packages that are required to compile kernels and to check them."""
         return [*self.metadata.core.dependencies, "lief>=0.17"] if self._targets else []
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:

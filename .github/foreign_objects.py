@@ -47,12 +47,11 @@ LIBRARY = {
 FURTHER = {
     "linux": {"sincos"},
     "darwin": {"__sincos_stret", "bzero", "__bzero"},
-    "win32": {"_fltused"},  # a mark that floating-point numbers are used; nothing refers to it
+    "win32": {"_fltused"},  # marks the use of floating-point numbers and is not called
 }
 
 NEAR = {"AMD64_ADDR32NB", "AMD64_ADDR32", "X86_64_32", "X86_64_32S"}
-"""Relocations that hold only if all parts of an object come to lie within 4 GB, or low in
-memory."""
+"""Relocations that are valid only if an object is loaded within 4 GB, or at low addresses."""
 
 _EXTERNAL, _TYPE = 0x01, 0x0E  # bits of the type of a symbol in Mach-O
 
@@ -63,39 +62,44 @@ def check(code: bytes, about: Mapping[str, Any]) -> None:
     Raises
     ------
     ValueError
-        It needs more than the C library's mathematics, or relocations that may not reach.
+        If the object requires more than the mathematical functions of the C library, or contains
+        relocations whose range may be too short.
     """
-    left, kinds = left_open(code, about["platform"])
-    wrong = [*sorted(left - LIBRARY - FURTHER[about["platform"]]), *sorted(kinds & NEAR)]
-    if wrong:
+    undefined, relocations = undefined_symbols(code, about["platform"])
+    refused = [
+        *sorted(undefined - LIBRARY - FURTHER[about["platform"]]),
+        *sorted(relocations & NEAR),
+    ]
+    if refused:
         raise ValueError(
-            f"{about['kernel']} for {about['target']} on {about['platform']}: {', '.join(wrong)}"
+            f"{about['kernel']} for {about['target']} on {about['platform']}: {', '.join(refused)}"
         )
 
 
-def left_open(code: bytes, platform: str) -> tuple[set[str], set[str]]:
+def undefined_symbols(code: bytes, platform: str) -> tuple[set[str], set[str]]:
     """Return the undefined symbols of an object and the types of its relocations."""
     if platform == "win32":
         coff = lief.COFF.parse(list(code))
         external = lief.COFF.Symbol.STORAGE_CLASS.EXTERNAL
-        left = {
-            one.name
-            for one in coff.symbols
-            if not one.section_idx and one.storage_class == external
+        undefined = {
+            symbol.name
+            for symbol in coff.symbols
+            if not symbol.section_idx and symbol.storage_class == external
         }
-        return left, _kinds(coff.sections)
+        return undefined, _relocation_types(coff.sections)
     if platform == "darwin":
         macho = lief.MachO.parse(list(code)).at(0)
-        left = {
-            one.name.removeprefix("_")
-            for one in macho.symbols
-            if one.raw_type & (_TYPE | _EXTERNAL) == _EXTERNAL
+        undefined = {
+            symbol.name.removeprefix("_")
+            for symbol in macho.symbols
+            if symbol.raw_type & (_TYPE | _EXTERNAL) == _EXTERNAL
         }
-        return left, _kinds(macho.sections)
+        return undefined, _relocation_types(macho.sections)
     elf = lief.ELF.parse(list(code))
-    kinds = {one.type.name for one in elf.relocations}
-    return {one.name for one in elf.symbols if not one.shndx and one.name}, kinds
+    types = {relocation.type.name for relocation in elf.relocations}
+    return {symbol.name for symbol in elf.symbols if not symbol.shndx and symbol.name}, types
 
 
-def _kinds(sections: Any) -> set[str]:
-    return {one.type.name for section in sections for one in section.relocations}
+def _relocation_types(sections: Any) -> set[str]:
+    """Return the types of all relocations of the sections of an object."""
+    return {relocation.type.name for section in sections for relocation in section.relocations}

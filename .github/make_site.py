@@ -1,10 +1,9 @@
-"""The site: python .github/make_site.py [FOLDER] builds it in FOLDER/site, build/site where none is
-named.
+"""Build the site: python .github/make_site.py [DIR] writes DIR/site, by default build/site.
 
-Its pages are the READMEs, the glossary and the changelog as they stand, and pages that the program
-writes: one a command (what `--help-all` says), one a method (equations, parameters, figure of
-stability, publications), one a file that a README leads to. `pip install '.[site]'` brings the
-generator; `.github/site.yml` says how the site looks.
+Its pages are sections of the READMEs, arranged by task (`page_sections.py`), the glossary and the
+changelog, and generated pages: one for each command (`--help-all`), for each method (equations,
+parameters, figure of stability, publications), and for each file to which a README links.
+`pip install '.[site]'` installs the generator; `.github/site.yml` contains its settings.
 """
 
 from __future__ import annotations
@@ -60,17 +59,17 @@ python3 -m venv .venv && . .venv/bin/activate
 _COEFFICIENTS = re.compile(r"^# Coefficients.*\n((?:[A-Z]\w* = \d+.*\n)+)", re.MULTILINE)
 
 STEPS = np.geomspace(1e-3, 1e3, 400)
-"""dt/T of the figures: as `tdint stability` has them."""
+"""dt/T of the figures: the default of `tdint stability`."""
 
-BESIDE = "newmark-average"
-"""What every method is drawn beside: the one that most programs have."""
+REFERENCE_METHOD = "newmark-average"
+"""Method that is drawn in the figure of each method: most programs have it."""
 
 
 # ---- Pages that stand in the repository
 
 
 def readmes() -> list[Path]:
-    """The pages that people write."""
+    """Return the pages that are written by hand."""
     folders = (ROOT / name for name in ("cli", "configs", "records", "src", "tests"))
     return [
         ROOT / "README.md",
@@ -80,8 +79,7 @@ def readmes() -> list[Path]:
 
 
 def links(page: str, text: str) -> Iterator[str]:
-    """What a page leads to within the repository, as paths from its root; what stands in code is
-    none."""
+    """Yield the targets of links within the repository, as paths from its root."""
     for part in FENCE.split(text)[::2]:
         for target, _ in _LINK.findall(part):
             yield posixpath.normpath(posixpath.join(posixpath.dirname(page), target))
@@ -101,19 +99,21 @@ def page_of_file(name: str) -> str:
 
 
 def is_shown(file: Path) -> bool:
-    """Whether a file gets a page of its own, which shows its text."""
+    """Return True if a file has a separate page, which shows its text."""
     return file.suffix not in {".md", *PICTURES}
 
 
 def shown(name: str) -> str:
-    """The page of a file: its text."""
+    """Return the page of a file, which shows its text."""
     file = ROOT / name
     return f"# {file.name}\n\n`{name}`\n\n````{_LANGUAGES.get(file.suffix, 'text')}\n{file.read_text('utf-8')}````\n"  # noqa: E501
 
 
 def with_links_to_methods(text: str) -> str:
-    """The table of methods with a link to each one's page, which has its parameters, in place of
-    their column."""
+    """Return the table of methods with a link to the page of each method.
+
+    The column of parameters is removed, since these pages contain the parameters.
+    """
     begin, table, rest = re.split(
         r"^<!-- (?:generated: methods|end: methods) -->\n", text, flags=re.MULTILINE
     )
@@ -158,15 +158,14 @@ def addresses() -> dict[str, str]:
 
 
 def escaped(text: str) -> str:
-    """Words of the program as Markdown that says the same; what stands in backticks stays."""
+    """Escape the characters of Markdown outside backticks."""
     parts = re.split(r"(`[^`]*`)", text)
     parts[::2] = [re.sub(r"([*_\[\]])", r"\\\1", part.replace("<", "&lt;")) for part in parts[::2]]
     return "".join(parts)
 
 
 def paragraphs(text: str) -> str:
-    """A docstring as Markdown: its formulas, which are indented, as they stand, all else as
-    prose."""
+    """Return a docstring as Markdown: indented formulas as code, all other text as prose."""
     blocks = re.split(r"\n\n+", inspect.cleandoc(text))
     return "\n\n".join(
         block if block.startswith("    ") else escaped(" ".join(block.split())) for block in blocks
@@ -174,7 +173,7 @@ def paragraphs(text: str) -> str:
 
 
 def command_page(name: str) -> str:
-    """What `tdint NAME --help-all` says."""
+    """Return the page of a command: the text of `tdint NAME --help-all`."""
     command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
     assert isinstance(command, Command)
     context = click.Context(
@@ -206,8 +205,7 @@ def command_page(name: str) -> str:
 
 
 def method_page(name: str) -> str:
-    """A method of the catalogue: what it is, its equations, its figure of stability, where it was
-    published."""
+    """Return the page of a method: properties, equations, figure of stability, publications."""
     integrator = parse(name)
     method = integrator.method
     step = method.family.step.function
@@ -221,7 +219,7 @@ def method_page(name: str) -> str:
     parts += [
         "## Stability and accuracy",
         picture,
-        f"    tdint stability --method {name},{BESIDE} --plot=stability.png",
+        f"    tdint stability --method {name},{REFERENCE_METHOD} --plot=stability.png",
     ]
     if publications := references_of(method):
         parts += ["## Publications", "\n".join(f"- {escaped(one.text)}" for one in publications)]
@@ -230,12 +228,11 @@ def method_page(name: str) -> str:
 
 
 def facts(integrator: Integrator) -> str:
-    """Parameters, order and limits, a line each; numbers at the defaults."""
+    """Return a list of parameters, order and limits, for the default parameters."""
     method = integrator.method
     named = zip(method.parameters, integrator.values, strict=True)
     lines = [
-        f"parameter `{one.name}`, in {one.range}: {value:.6g} unless said otherwise"
-        for one, value in named
+        f"parameter `{one.name}`, in {one.range}: {value:.6g} by default" for one, value in named
     ]
     limit = integrator.stability_limit
     lines += [f"order {integrator.order} for a smooth load"]
@@ -253,8 +250,7 @@ def facts(integrator: Integrator) -> str:
 
 
 def coefficients(integrator: Integrator, source: str) -> str:
-    """The coefficients of a family's step by the names that the module gives them, at the
-    defaults."""
+    """Return the coefficients of a step by their names in the module, for default parameters."""
     found = _COEFFICIENTS.search(source)
     values = integrator.method.coefficients(*integrator.values)
     if found is None or not values:
@@ -272,13 +268,13 @@ def coefficients(integrator: Integrator, source: str) -> str:
 
 
 def picture_of(name: str) -> str:
-    """The file of a method's figure, beside its page."""
+    """Return the file name of the figure of a method, in the directory of its page."""
     return f"{name}-stability.png"
 
 
 def draw(name: str, file: Path) -> None:
-    """A method's figure of stability, average acceleration beside it."""
-    curves = [tdint.stability(one, STEPS) for one in dict.fromkeys((name, BESIDE))]
+    """Draw the figure of stability of a method, with the reference method for comparison."""
+    curves = [tdint.stability(one, STEPS) for one in dict.fromkeys((name, REFERENCE_METHOD))]
     tdint.plot(curves, file=file)
 
 
@@ -304,7 +300,7 @@ def pages() -> dict[str, str]:
 
 
 def pictures() -> list[str]:
-    """The pictures that READMEs show, as paths from the root."""
+    """Return the pictures of READMEs, as paths from the root."""
     texts = ((file.relative_to(ROOT).as_posix(), file.read_text("utf-8")) for file in readmes())
     return sorted(
         {one for page, text in texts for one in links(page, text) if Path(one).suffix in PICTURES}
@@ -312,8 +308,7 @@ def pictures() -> list[str]:
 
 
 def settings(names: Iterable[str]) -> dict[str, Any]:
-    """The settings of the generator, with the pages of commands, methods and models where these are
-    listed."""
+    """Return the settings of the generator, with the lists of pages filled in."""
     found: dict[str, Any] = yaml.safe_load(SETTINGS.read_text("utf-8"))
     del found["pages"]
     models = (name for name in names if re.fullmatch(r"configs/[\w-]+\.yaml\.md", name))
@@ -368,8 +363,7 @@ def write(folder: Path) -> None:
 
 
 def build(folder: Path) -> int:
-    """Build the site in folder/site; links that lead nowhere are errors. The generator's exit
-    code."""
+    """Build the site in folder/site and return the exit code; a broken link is an error."""
     write(folder)
     generator = [sys.executable, "-m", "zensical", "build", "--strict", "--clean"]
     return subprocess.run([*generator, "--config-file", folder / SETTINGS.name]).returncode

@@ -1,8 +1,8 @@
-"""Make the ground motions of this folder: python records/make_records.py [FOLDER] [--geonet FOLDER]
+"""Create the ground motions of this directory: python records/make_records.py [DIR] [--geonet DIR]
 
-The artificial ones are computed from the seeds below. Those of Kaikoura are recorded: with --geonet
-they are taken from GeoNet's own files, which lie in that folder, with their numbers unchanged. See
-README.md for what the motions are.
+The artificial motions are computed from the seeds below. The motions of Kaikoura are recorded: with
+--geonet they are converted from the files of GeoNet in the directory, with unchanged numbers.
+README.md describes the motions.
 """
 
 from __future__ import annotations
@@ -32,10 +32,9 @@ NETWORK = "TD"
 
 @dataclass(frozen=True)
 class Soil:
-    """The Kanai-Tajimi filter of a soil layer and the Clough-Penzien filter that takes off the long
-    periods.
+    """Kanai-Tajimi filter of a soil layer, and Clough-Penzien filter that removes long periods.
 
-    Circular frequencies in rad/s, damping ratios as parts of critical.
+    Circular frequencies are in rad/s, damping ratios are fractions of critical damping.
     """
 
     layer: float
@@ -46,15 +45,15 @@ class Soil:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Amplitude over time: a parabola up to 1 at `rise` (s), 1 up to `hold` (s), then fading with
-    `decay` (1/s)."""
+    """Amplitude over time: a parabola up to 1 at `rise` (s), 1 up to `hold` (s), and an exponential
+    decrease with the rate `decay` (1/s)."""
 
     rise: float
     hold: float
     decay: float
 
     def at(self, time: Array) -> Array:
-        """The amplitude at `time` (s), between 0 and 1."""
+        """Return the amplitude at `time` (s), between 0 and 1."""
         fading = np.exp(-self.decay * (time - self.hold))
         return np.where(
             time < self.rise, (time / self.rise) ** 2, np.where(time < self.hold, 1.0, fading)
@@ -66,12 +65,12 @@ SOFT = Soil(layer=np.pi, layer_damping=0.12, high_pass=0.6, high_pass_damping=0.
 
 
 def sample_times(duration: float, dt: float) -> Array:
-    """Times of the samples from 0 to `duration`, s."""
+    """Return the times of the samples from 0 to `duration`, s."""
     return np.arange(round(duration / dt) + 1) * dt
 
 
 def filtered_noise(time: Array, soil: Soil, envelope: Envelope, seed: int, peak: float) -> Array:
-    """White noise through the filters of a soil, with an envelope, scaled to a peak.
+    """Return white noise, filtered by a soil, times an envelope, scaled to a peak.
 
     Kanai (1957), Tajimi (1960): the soil layer; Clough and Penzien (1975), section 28-2: the second
     filter.
@@ -106,7 +105,7 @@ def filtered_noise(time: Array, soil: Soil, envelope: Envelope, seed: int, peak:
 
 
 def pulse(time: Array, period: float, cycles: float, velocity: float, center: float) -> Array:
-    """Acceleration of a near-fault velocity pulse.
+    """Return the acceleration of a near-fault velocity pulse.
 
     Mavroeidis and Papageorgiou (2003), equation 4, with a phase of 90 degrees: velocity and
     displacement are zero before and after.
@@ -138,7 +137,7 @@ def pulse(time: Array, period: float, cycles: float, velocity: float, center: fl
 
 
 def without_final_velocity(acceleration: Array, shape: Array) -> Array:
-    """Take off so much of `shape` (n,) that the velocity ends at zero (trapezoidal rule)."""
+    """Subtract a multiple of `shape` (n,) so that the final velocity is zero (trapezoidal rule)."""
 
     def area(values: Array) -> float:
         return float(values.sum() - 0.5 * (values[0] + values[-1]))
@@ -147,7 +146,7 @@ def without_final_velocity(acceleration: Array, shape: Array) -> Array:
 
 
 def firm_soil() -> list[Array]:
-    """Two components of 40 s on firm soil, 0.4 g and 0.32 g."""
+    """Return two components of 40 s on firm soil, 0.4 g and 0.32 g."""
     time, envelope = sample_times(40.0, 0.01), Envelope(rise=4.0, hold=20.0, decay=0.15)
     return [
         filtered_noise(time, FIRM, envelope, seed=20240101, peak=0.4 * G),
@@ -156,8 +155,10 @@ def firm_soil() -> list[Array]:
 
 
 def near_fault() -> list[Array]:
-    """Two components of 30 s near a fault: a pulse of 2 s across it (HN1), a small part of it along
-    it (HN2)."""
+    """Return two components of 30 s near a fault.
+
+    HN1, normal to the fault, contains a pulse of 2 s, and HN2, parallel to the fault, a small pulse.
+    """
     time, envelope = sample_times(30.0, 0.01), Envelope(rise=3.0, hold=12.0, decay=0.3)
     components = []
     for seed, peak, velocity in ((20240201, 0.25 * G, 1.25), (20240202, 0.22 * G, 0.2)):
@@ -170,7 +171,7 @@ def near_fault() -> list[Array]:
 
 
 def soft_soil() -> list[Array]:
-    """Two components of 110 s on soft soil that sways at 2 s, 0.15 g and 0.12 g."""
+    """Return two components of 110 s on soft soil with a period of 2 s, 0.15 g and 0.12 g."""
     time, envelope = sample_times(110.0, 0.01), Envelope(rise=20.0, hold=55.0, decay=0.06)
     components = []
     for seed, peak in ((20240301, 0.15 * G), (20240302, 0.12 * G)):
@@ -184,14 +185,12 @@ RECORDS = {
     "near-fault": ("FAULT", near_fault),
     "soft-soil": ("SOFT", soft_soil),
 }
-"""File name: station code and the function that makes its components HN1 and HN2, m/s^2 at 0.01
-s."""
+"""Station code, and function that returns components HN1 and HN2 (m/s^2 at 0.01 s), by file."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording of GeoNet: its file there, the SHA-256 of it, and the azimuths of its horizontal
-    components."""
+    """File of GeoNet, its SHA-256, and the azimuths of its horizontal components."""
 
     file: str
     sha256: str
@@ -210,7 +209,7 @@ KAIKOURA = {
         ("N10E", "N80W"),
     ),
 }
-"""The recordings in the folder kaikoura by their stations."""
+"""Recordings in the directory kaikoura by station."""
 
 
 def write_records(folder: Path) -> None:
@@ -225,16 +224,15 @@ def write_records(folder: Path) -> None:
 
 
 def write_recordings(folder: Path, geonet: Path) -> None:
-    """Write those of Kaikoura, from GeoNet's files in the folder `geonet`: mm/s^2 there, m/s^2
-    here.
+    """Write the recordings of Kaikoura in m/s^2, from GeoNet files in mm/s^2.
 
-    tdint is to be installed: it is what lets ObsPy read GeoNet's format.
+    tdint must be installed, since it adds the format of GeoNet to ObsPy.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for station, recording in KAIKOURA.items():
         path = geonet / recording.file
         if hashlib.sha256(path.read_bytes()).hexdigest() != recording.sha256:
-            raise SystemExit(f"{path} is not the file that these motions were made from")
+            raise SystemExit(f"{path} is not the file from which these motions were created")
         codes = dict(zip((*recording.azimuths, "UP"), ("HN1", "HN2", "HNZ"), strict=True))
         traces = [trace for trace in read(str(path)) if trace.stats.channel in codes]
         for trace in traces:
@@ -254,8 +252,8 @@ if __name__ == "__main__":
     here = Path(__file__).parent
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", nargs="?", type=Path, default=here)
-    parser.add_argument("--geonet", type=Path, help="the folder of GeoNet's files")
-    asked = parser.parse_args()
-    write_records(asked.folder)
-    if asked.geonet:
-        write_recordings(asked.folder / "kaikoura", asked.geonet)
+    parser.add_argument("--geonet", type=Path, help="directory of the GeoNet files")
+    arguments = parser.parse_args()
+    write_records(arguments.folder)
+    if arguments.geonet:
+        write_recordings(arguments.folder / "kaikoura", arguments.geonet)

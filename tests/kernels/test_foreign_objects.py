@@ -80,7 +80,7 @@ def test_an_object_needs_the_mathematics_of_the_library_and_no_more(objects, nam
     assert code.startswith(MAGIC[target.platform])
     about = {"kernel": "weighed", "target": target.text, "platform": target.platform}
     checks().check(code, about)
-    left, kinds = checks().left_open(code, target.platform)
+    left, kinds = checks().undefined_symbols(code, target.platform)
     assert {"exp", "tanh", "pow"} <= left
     assert kinds
     assert not any("chkstk" in symbol for symbol in left)
