@@ -157,7 +157,7 @@ def firm_soil() -> list[Array]:
 def near_fault() -> list[Array]:
     """Return two components of 30 s near a fault.
 
-    HN1, normal to the fault, contains a pulse of 2 s, and HN2, parallel to the fault, a small pulse.
+    HN1 (normal to the fault) contains a pulse of 2 s, and HN2 (parallel) a small pulse.
     """
     time, envelope = sample_times(30.0, 0.01), Envelope(rise=3.0, hold=12.0, decay=0.3)
     components = []

@@ -131,6 +131,6 @@ def test_kaikoura_has_the_numbers_of_geonet(station, component, pga):
 def test_kaikoura_is_made_of_the_files_that_are_meant(maker, tmp_path):
     for recording in maker.KAIKOURA.values():
         (tmp_path / recording.file).write_text("another file\n")
-    with pytest.raises(SystemExit, match="is not the file that these motions were made from"):
+    with pytest.raises(SystemExit, match="is not the file from which these motions were created"):
         maker.write_recordings(tmp_path / "out", tmp_path)
     assert not list((tmp_path / "out").iterdir())
