@@ -279,6 +279,11 @@ def _page(
             (not failures, f"Required of every floor: {limits}. {'; '.join(failures) or 'Met'}.")
         ]
     sentences = [_driven(item, units) for item in comparisons]
+    sentences += [f"The values were fitted in {how_many(fitted.runs, 'run')}."] if fitted else []
+    # The notes of the terminal: removed offsets, disabled checks.
+    notes = [text for item in comparisons for text in (*item.event.notes, *item.response.notes)]
+    notes += fitted.notes if fitted else ()
+    sentences += [f"Note: {text}." for text in dict.fromkeys(notes)]
     warnings = [
         text
         for item in comparisons

@@ -117,8 +117,10 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
         from tdint.output.report import modal_page
         from tdint.output.summary import files_read
 
-        said = [_peak_words(result, page_units(of_page)), f"{noted[0].upper()}{noted[1:]}."]
-        return modal_page(result, Told(said, warnings, model.page_head, files_read()), of_page)
+        verdict = [(None, _peak_words(result, page_units(of_page)))]
+        said = [f"{noted[0].upper()}{noted[1:]}."]
+        told = Told(said, warnings, model.page_head, files_read(), verdict)
+        return modal_page(result, told, of_page)
 
     modes = tables.buildings.modal_share_table(result).in_units(units)
     outputs.deliver(

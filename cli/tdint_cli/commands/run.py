@@ -391,7 +391,12 @@ def _files(
             warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
         table = limit_table({"": checks}, page, mean=False) if len(checks) > 1 else None
         told = Told(
-            said=_paragraph(response, page, page=True).splitlines(),
+            # The verdict is not repeated below itself.
+            said=[
+                line
+                for line in _paragraph(response, page, page=True).splitlines()
+                if line not in [text for _, text in verdict]
+            ],
             verdict=[*collapse, *verdict],
             warnings=[*warnings, *response.warnings],
             head=model.page_head,

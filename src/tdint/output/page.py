@@ -63,6 +63,8 @@ _PARAGRAPH, _HEADING, _ROW, _FIGURE = (
 _KEPT = 34.0  # minimum height below a heading; otherwise the heading moves to the next page
 _WHITE = 52.0  # maximum height left blank before a figure; less than a quarter of a page
 _LEAST_PART = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
+_LEAST_LAST, _MOST_BLANK = 0.33, 0.2
+"""Fractions of a page: least content of the last page and most blank area on other pages."""
 _SURE = 1.5 * _PAGE  # distance from a fixed break up to which estimated positions are reliable
 _TALLEST, _USUAL = 195.0, 110.0  # maximum heights of the first figure and of later figures
 
@@ -137,11 +139,19 @@ class _Flow:
     blank areas and to reduce figures to the available space.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, scale: float = 1.0) -> None:
+        self.scale = scale  # factor of the heights of figures
+        self.blank = 0.0  # largest blank area at the end of a page, mm
         self.body: list[str] = []
         self.down = 0.0
         self.since = 0.0  # mm since the last page break whose position is known
         self.waiting: list[tuple[str, str, float]] = []
+
+    @property
+    def cost(self) -> float:
+        """Measure of blank areas and of reduced figures; 0 for a page without either."""
+        last = max(_LEAST_LAST - self.down / _PAGE, 0.0)
+        return 10.0 * (last + max(self.blank / _PAGE - _MOST_BLANK, 0.0)) + 1.0 - self.scale
 
     def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
         """Add a paragraph.
@@ -175,6 +185,7 @@ class _Flow:
         """
         if _PAGE - self.down >= height:
             return ""
+        self.blank = max(self.blank, _PAGE - self.down)
         sure, self.down = self.since < _SURE, 0.0
         self.since = 0.0 if sure else self.since
         return ' class="n"' if sure else ""
@@ -200,7 +211,7 @@ class _Flow:
         """
         first = not any(text.startswith("<figure") for text in self.body)
         full, room = (
-            min(_WIDTH * ratio, _TALLEST if first else _USUAL),
+            self.scale * min(_WIDTH * ratio, _TALLEST if first else _USUAL),
             _PAGE - self.down - _FIGURE,
         )
         large = full <= room
@@ -246,7 +257,55 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
         f"plug-in {name}": digest[:16] for name, digest in packages.pop("plugins", {}).items()
     }
     made = ", ".join(f"{name} {number}" for name, number in (packages | plugins).items() if number)
-    flow = _Flow()
+    title_text, listed = title, list(chapters)
+    drawn: dict[int, tuple[str, float]] = {}
+
+    def laid_out(scale: float) -> _Flow:
+        """Return all parts with figures of this scale."""
+        return _laid_out(title_text, about, listed, told, made, _Flow(scale), drawn)
+
+    # Figures are reduced until neither the last page nor another page is nearly blank.
+    flow = min(map(laid_out, _SCALES), key=lambda found: found.cost)
+    text = (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(flow.body)
+    )
+    return (text + "\n</body>\n</html>\n").encode("utf-8", "replace")
+
+
+_SCALES = tuple(1.0 - 0.04 * step for step in range(9))
+"""Factors of the heights of figures that are tried; smaller figures are hard to read."""
+
+
+def _laid_out(
+    title: str,
+    about: str,
+    chapters: Sequence[Chapter],
+    told: Told,
+    made: str,
+    flow: _Flow,
+    drawn: dict[int, tuple[str, float]],
+) -> _Flow:
+    """Return the flow with all parts of a page.
+
+    Parameters
+    ----------
+    title, about : str
+        Title and introduction.
+    chapters : sequence of Chapter
+        Chapters.
+    told : Told
+        Verdict, warnings, lines of the head and input files.
+    made : str
+        Versions of the software.
+    flow : _Flow
+        Empty flow with its scale of figures.
+    drawn : dict
+        Attributes of the HTML image and ratio of height to width of each figure that is already
+        drawn.
+    """
     flow.text("h1", escape(title), height=_LINE)
     if told.head:
         lines = (f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in told.head)
@@ -268,16 +327,10 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
             flow.place()
             flow.heading(chapter.title)
             for part in parts:
-                _add(flow, part)
+                _add(flow, part, drawn)
     flow.place(last=True)
     flow.text("p", f"Made by {escape(made)}.")
-    text = (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
-        + "\n".join(flow.body)
-    )
-    return (text + "\n</body>\n</html>\n").encode("utf-8", "replace")
+    return flow
 
 
 def _has(part: Part) -> bool:
@@ -285,16 +338,20 @@ def _has(part: Part) -> bool:
     return bool(part.rows) if isinstance(part, Table) else bool(part)
 
 
-def _add(flow: _Flow, part: Part) -> None:
-    """Add a part to the page."""
+def _add(flow: _Flow, part: Part, drawn: dict[int, tuple[str, float]]) -> None:
+    """Add a part to the page; `drawn` has the figures that are already drawn."""
     if isinstance(part, str):
         flow.text("p", _said(part), more=' class="k"' if part.endswith(":") else "")
     elif isinstance(part, Table):
         _add_table(flow, part)
     elif isinstance(part, Picture):
-        kind, content, (wide, high) = _drawn(part)
-        data, caption = base64.b64encode(content).decode("ascii"), escape(part.caption)
-        flow.picture(f'alt="{caption}" src="data:image/{kind};base64,{data}"', caption, high / wide)
+        caption = escape(part.caption)
+        if id(part) not in drawn:
+            kind, content, (wide, high) = _drawn(part)
+            data = base64.b64encode(content).decode("ascii")
+            source = f'alt="{caption}" src="data:image/{kind};base64,{data}"'
+            drawn[id(part)] = source, high / wide
+        flow.picture(drawn[id(part)][0], caption, drawn[id(part)][1])
     else:
         lines = sum(-(-len(point) // _LETTERS) for point in part)
         flow.body.append("<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>")

@@ -94,6 +94,11 @@ def model_chapter(
     return Chapter(f"Building: {model.name}", (facts, buildings.model_table(model, units)))
 
 
+def first_period(model: Model) -> float:
+    """Return the first period, s, with the initial stiffness."""
+    return 2.0 * math.pi / assemble(model).first_mode()[0]
+
+
 def _secant_period(model: Model, peaks: StoryPeaks) -> float:
     """Return the first period, s, with the secant stiffness of the isolators at peak drift."""
     stories = tuple(
@@ -230,7 +235,11 @@ def run_page(
         ),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
-        motion_chapter([[(response.record, 1.0)]] if response.record else [], units),
+        motion_chapter(
+            [[(response.record, 1.0)]] if response.record else [],
+            units,
+            period=first_period(model),
+        ),
         _assumptions(
             f"{method_text(response.method)}, {how_many(response.steps, 'time step')} of "
             f"{response.dt:.6g} s",
@@ -384,7 +393,12 @@ def suite_page(
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(item.model, units) for item in models),
-        motion_chapter(_as_run(plan, store), units, scaled),
+        motion_chapter(
+            _as_run(plan, store),
+            units,
+            scaled,
+            first_period(models[0].model) if len(models) == 1 else math.nan,
+        ),
         _assumptions(step, [*free_vibration, *_of_pairs(store), _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
     ]
@@ -584,6 +598,7 @@ def motion_chapter(
     levels: Sequence[Sequence[tuple[Record, float]]],
     units: OutputUnits,
     scaled: Sequence[Part] = (),
+    period: float = math.nan,
 ) -> Chapter:
     """Return the chapter of the ground motions of each level, with their response spectra.
 
@@ -595,6 +610,8 @@ def motion_chapter(
         Units of the report.
     scaled : sequence of Part
         Description of the scaling. If it contains a figure, the spectra are not drawn again.
+    period : float
+        First period of the building, s, which the spectra mark; nan by default for no mark.
     """
     parts: list[Part] = list(scaled)
     drawn = any(isinstance(part, Picture) for part in scaled)
@@ -610,7 +627,7 @@ def motion_chapter(
         if len(records) <= _MOST_MOTIONS and not drawn:
             periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
             spectra = [spectrum(record, periods) for record in records]
-            draw = partial(figures.spectrum_curves.low_picture, spectra, units)
+            draw = partial(figures.spectrum_curves.low_picture, spectra, units, period)
             if len(spectra) > _NAMED_SPECTRA:
                 draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
             parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))

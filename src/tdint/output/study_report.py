@@ -17,7 +17,13 @@ from tdint.errors import AnalysisError
 from tdint.output import figures
 from tdint.output.figures.collapse import measure_words
 from tdint.output.page import Chapter, Part, Picture, Told, page, page_units
-from tdint.output.report import method_text, model_chapter, motion_chapter, simplifications
+from tdint.output.report import (
+    first_period,
+    method_text,
+    model_chapter,
+    motion_chapter,
+    simplifications,
+)
 from tdint.output.summary import told_of
 from tdint.output.tables.studies import motion_rows
 from tdint.output.tables.table import TEXT, Cell, Table
@@ -109,7 +115,11 @@ def ida_page(
         Chapter("Fitted fragility functions", fits),
         Chapter(f"Capacities of the ground motions, {measure} ({unit})", (capacities, more)),
         model_chapter(study.model, units),
-        motion_chapter([[(curve.record, 1.0) for curve in states[0].curves]], units),
+        motion_chapter(
+            [[(curve.record, 1.0) for curve in states[0].curves]],
+            units,
+            period=first_period(study.model),
+        ),
         Chapter("Methods and assumptions", (_ida_points(study, settings, damping),)),
     ]
     about = (

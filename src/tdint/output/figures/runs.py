@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -165,7 +166,9 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     """Draw dissipated, viscous, strain and kinetic energy as layers below the input energy."""
     energy = history.energy
     given = response.energy.initial + energy.input
-    factor, unit = scaled_unit(float(np.max(np.abs(given))), "J", units)
+    # Nobody states energies in kN mm: with mm they are in kN m or N m.
+    shown = replace(units, length="m") if units.length in ("mm", "cm") else units
+    factor, unit = scaled_unit(float(np.max(np.abs(given))), "J", shown)
     layers = (
         (energy.hysteretic, "dissipated by stories", "0.35", None),
         (energy.viscous, "damping", "0.62", None),

@@ -20,7 +20,9 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.output.figures.collapse import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output.figures.style import (
     COLORS,
+    DASHES,
     LIGHT,
+    MARK,
     add_legend,
     changed,
     line_look,
@@ -32,7 +34,7 @@ from tdint.output.figures.style import (
 )
 from tdint.output.spectrum_text import spectrum_text
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, number_text
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
@@ -484,10 +486,33 @@ def spectrum_picture(
     )
 
 
-def low_picture(spectra: Sequence[Spectrum], units: OutputUnits = SI) -> Figure:
-    """Draw only pseudo-accelerations, in a low figure for reports that keeps text legible."""
+def low_picture(
+    spectra: Sequence[Spectrum], units: OutputUnits = SI, period: float = math.nan
+) -> Figure:
+    """Draw only pseudo-accelerations, in a low figure for reports that keeps text legible.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Response spectra.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    period : float
+        First period of the building, s, which is marked; nan by default for no mark.
+    """
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
-    draw_accelerations(figure.subplots(), spectra, units.in_pictures)
+    axes = figure.subplots()
+    draw_accelerations(axes, spectra, units.in_pictures)
+    low, high = axes.get_xlim()
+    if low <= period <= high:
+        axes.axvline(period, color=MARK, linewidth=0.8, linestyle=DASHES[1])
+        place: dict[str, Any] = {
+            "xycoords": ("data", "axes fraction"),
+            "textcoords": "offset points",
+            "xytext": (3, -9),
+        }
+        text = f"T1 = {number_text(period)} s"
+        axes.annotate(text, (period, 1.0), fontsize=8.0, color=MARK, **place)
     return figure
 
 
