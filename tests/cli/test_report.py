@@ -454,7 +454,14 @@ def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
     assert sum(mode["base_shear_share"] for mode in modes) == pytest.approx(1.0)
     srss = sum(mode["base_shear_N"] ** 2 for mode in modes) ** 0.5
     assert srss == pytest.approx(float(peaks[0]["shear_srss_N"]))
-    tdint.refused("add --target", *asked[:2], "--report", "other.html")
+
+
+def test_the_page_of_modes_needs_no_target(folder: Path, tdint: Command) -> None:
+    table = rows(tdint("modes", "shaken.yaml", "--report", "page.html", code=0).stdout)
+    found = page("page.html")
+    periods = [f"{float(row['period_s']):.4g}" for row in table]
+    assert [row["period (s)"] for row in table_with(found, "period (s)")] == periods
+    assert f"First period {periods[0]} s" in found.text and len(found.sources) == 1
 
 
 def test_the_page_of_a_comparison_says_what_was_required(folder: Path, tdint: Command) -> None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tdint.errors import UsageError
 from tdint.output import figures, tables
 from tdint.output.spectrum_text import spectrum_text
 from tdint_cli import options
@@ -16,6 +15,7 @@ from tdint_cli.terminal import note, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.spectra.modal import ModalResponse
     from tdint.model.definition import Model
+    from tdint.output.figures.style import Figure
     from tdint.units import OutputUnits
     from tdint_cli.options.output import Outputs
 
@@ -58,8 +58,6 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     forces and overturning moments. The JSON file next to -o contains the contribution of each mode.
     """
     refuse_idle(_OF_BUILDING if target is None else _PEAKS, MODES)
-    if outputs.report and target is None:
-        raise UsageError("--report is the page of a response spectrum analysis: add --target")
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
@@ -68,21 +66,38 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     if target is not None:
         _peaks(loaded, target, outputs)
         return
-    outputs = outputs.else_in(loaded.output_units)
+    of_page, outputs = outputs.units or loaded.page_units, outputs.else_in(loaded.output_units)
     building = assemble(loaded)
     modes = building.modes()
     matrix = building.damping_matrix()
-    outputs.deliver(
-        tables.buildings.mode_table(modes, modes.own_damping(matrix), shapes),
-        lambda: figures.comparison.mode_picture(modes, name=loaded.name, norm=shapes or "roof"),
-    )
+    table = tables.buildings.mode_table(modes, modes.own_damping(matrix), shapes)
+    notes = []
     if modes.damping_ratios(matrix) is None:
-        note("damping couples the modes; each damping ratio is for the uncoupled mode")
+        notes.append("damping couples the modes; each damping ratio is for the uncoupled mode")
     if building.isolators:
-        note(
+        notes.append(
             "the modes are for the initial stiffness of the isolators; `tdint run --report` states "
             "the period at their peak drift"
         )
+
+    def draw() -> Figure:
+        """Return the figure of the shapes of the first modes."""
+        return figures.comparison.mode_picture(modes, name=loaded.name, norm=shapes or "roof")
+
+    def page() -> bytes:
+        """Return the page of --report."""
+        from tdint.output.page import Told
+        from tdint.output.report import mode_page
+        from tdint.output.summary import files_read
+
+        said = [f"{text[0].upper()}{text[1:]}." for text in notes]
+        told = Told(said=said, head=loaded.page_head, inputs=files_read())
+        # The shapes are in the figure.
+        listed = tables.buildings.mode_table(modes, modes.own_damping(matrix))
+        return mode_page(loaded, listed, draw, told, of_page)
+
+    outputs.deliver(table, draw, page=page)
+    note(*notes)
 
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:

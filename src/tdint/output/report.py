@@ -35,7 +35,7 @@ from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits, suffix
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, number_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -760,6 +760,47 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
         chapters,
         told,
     )
+
+
+_MOST_MODES = 20
+"""Maximum number of modes in a report; the table of the command lists all."""
+
+
+def mode_page(
+    model: Model, table: Table, draw: Callable[[], Figure], told: Told, units: OutputUnits = SI
+) -> bytes:
+    """Return the report of the natural modes of a building.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    table : Table
+        Modes, longest period first (`mode_table`).
+    draw : callable
+        Function that draws the shapes.
+    told : Told
+        Notes and inputs of the report.
+    units : OutputUnits
+        Units of the report; SI by default.
+    """
+    period, damping = first_period(model), assemble(model).first_mode()[1]
+    verdict = (
+        f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping."
+    )
+    shown = replace(table, rows=table.rows[:_MOST_MODES])
+    more = f"The first {_MOST_MODES} of {how_many(len(table.rows), 'mode')}."
+    chapters = [
+        Chapter("Modes", (list(told.said), Picture(draw, "Shapes of the first modes"), shown)),
+        Chapter("Further modes", (more,) if len(table.rows) > _MOST_MODES else ()),
+        model_chapter(model, page_units(units)),
+        Chapter(
+            "Assumptions",
+            (("Undamped modes with the initial stiffness.", *simplifications()),),
+        ),
+    ]
+    told = replace(told, verdict=[(None, verdict)])
+    return page(model.name, f"Natural modes of {model.name}.", chapters, told)
 
 
 _MODAL = (
