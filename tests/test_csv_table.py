@@ -146,7 +146,7 @@ def test_cells_out_of_all_proportion(tmp_path, reader, cell):
         reader,
         tmp_path,
         ending_in(cell, reader),
-        rf"got '{cell}'; its size must lie between 1e-60 and 1e\+60",
+        rf"got '{cell}'; the absolute value must be between 1e-60 and 1e\+60",
     )
 
 

@@ -1,4 +1,4 @@
-"""`python -m tdint`: the command `tdint`, which is a package of its own beside this one."""
+"""Run the command `tdint` with `python -m tdint`. The command is in the package `tdint_cli`."""
 
 import runpy
 

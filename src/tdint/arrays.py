@@ -1,4 +1,4 @@
-"""The type of arrays of numbers, how an interval is halved, and values that are found once."""
+"""Type of arrays, bisection, and properties that are computed once."""
 
 from __future__ import annotations
 
@@ -35,13 +35,22 @@ Numbers: TypeAlias = Sequence[float] | HasArray
 def halved(
     below: Callable[[float], bool], low: float, high: float, times: int
 ) -> tuple[float, float]:
-    """Both ends of the interval in which something ceases to hold, halved so many times or down to
-    the last digit.
+    """Bisect an interval at the end of which a condition is no longer true.
 
     Parameters
     ----------
     below : callable
-        Whether it holds: at `low` it does, at `high` it does not.
+        The condition: True at `low`, False at `high`.
+    low, high : float
+        Endpoints of the interval.
+    times : int
+        Maximum number of bisections. The bisection stops earlier if the endpoints are adjacent
+        floating-point numbers.
+
+    Returns
+    -------
+    tuple of float
+        Endpoints of the final interval; the condition is True at the first and False at the second.
     """
     for _ in range(times):
         middle = 0.5 * (low + high)
@@ -55,10 +64,12 @@ if TYPE_CHECKING:
     from functools import cached_property as cached_property
 else:
 
-    class cached_property(functools.cached_property):  # noqa: N801  it stands for that of Python
-        """Without the lock that Python before 3.12 has for it: a child that is forked while another
-        thread holds it would wait for ever. Two threads may both find a value; the values are the
-        same."""
+    class cached_property(functools.cached_property):  # noqa: N801  same name as in functools
+        """Property that is computed once, without the lock that Python before 3.12 uses.
+
+        A child process that is forked while another thread has acquired the lock would wait
+        forever. Without the lock, two threads may both compute the value; the values are equal.
+        """
 
         def __get__(self, instance, owner=None):
             if instance is None:

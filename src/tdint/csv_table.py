@@ -1,5 +1,7 @@
-"""Tables given as CSV files with a header: columns by their names, one set of checks, every fault
-with its line."""
+"""Input tables: CSV files with a header.
+
+Columns are accessed by name. The same checks apply to all tables, and errors state the line.
+"""
 
 from __future__ import annotations
 
@@ -21,40 +23,48 @@ from tdint.written_numbers import LARGEST, SMALLEST, how_many, number_or_nan
 if TYPE_CHECKING:
     from tdint.arrays import Array
 
-_END = "end"  # a last row of our own
+_END = "end"
+"""Content of a row that is appended to each file. It is missing from the parsed rows if a quotation
+mark is not closed.
+"""
+
 _OF_A_TABLE = re.compile(r"'[=+@-]")
-"""What tables put before a text that a spreadsheet would take for a formula."""
+"""Start of a text that tdint protected from interpretation as a formula by a spreadsheet program:
+an apostrophe before the text.
+"""
 
 BLOCK = 500
-"""Rows of a large table that are turned into columns together: fewer lists than wake Python's
-collector (700)."""
+"""Number of rows of a large table that are converted to columns together. It is below the number of
+new lists (700) that starts Python's garbage collector.
+"""
 
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
 
 
 @dataclass(frozen=True)
 class CsvTable:
-    """A CSV file with a header; the names of its columns are compared without regard to case.
+    """CSV file with a header. Upper and lower case in the names of columns are equivalent.
 
-    Whoever asks for a column learns what is wrong with the table, as its `error`: there is no such
-    column, there are no rows, or rows have more cells than the header has names.
+    The methods that return a column raise `error` if the table is invalid: the column is missing,
+    there are no rows, or a row has more cells than the header has names.
 
     Attributes
     ----------
     source : str
-        The file as the user named it.
+        Name of the file as the user wrote it.
     header : tuple of str
-        The columns' names, in lower case.
+        Names of the columns in lower case.
     titles : tuple of str
-        The same as they are written.
+        Names of the columns as in the file.
     header_line : int
-        Where they stand.
+        Line number of the header.
     rows : tuple of (int, list of str)
-        Line and cells of each row. There may be fewer cells than columns: the others are empty.
+        Line number and cells of each row. If a row has fewer cells than the header has names, the
+        missing cells are empty.
     needs : str
-        What the file must be, for messages.
+        Description of a valid file, for messages.
     error : type
-        Of what is raised.
+        Type of the exceptions that the methods raise.
     """
 
     source: str
@@ -66,11 +76,11 @@ class CsvTable:
     error: type[TdintError]
 
     def has(self, *names: str) -> bool:
-        """Whether there are columns of all these names."""
+        """Return True if the table has columns with all these names."""
         return all(name.lower() in self.header for name in names)
 
     def need(self, *names: str) -> None:
-        """Raise an error that names all of these columns that are missing."""
+        """Raise an error that lists the missing ones of these columns, if columns are missing."""
         missing = [name for name in names if not self.has(name)]
         if missing:
             near = nearest(missing[0], self.header)
@@ -81,21 +91,21 @@ class CsvTable:
             )
 
     def texts(self, name: str, *, empty: bool = True) -> list[str]:
-        """The cells of a column; without `empty` none of them may be."""
+        """Return the cells of a column as texts; `empty=False` refuses empty cells."""
         self.need(name)
         if not self.rows:
             raise self.error(f"{self.source}: has no rows below its header; {self.needs}")
         place = self.header.index(name.lower())
         texts = []
         for line, cells in self.rows:
-            # A decimal comma, or a name with a comma in it, would shift all cells behind it.
+            # A decimal comma, or a comma in a name, would shift the following cells.
             if self.overfull(cells):
                 raise self.error(
                     f"{self.source}:{line}: {how_many(len(cells), 'cell')} under "
                     f"{how_many(len(self.header), 'column')}"
                 )
-            # Empty cells at the end of a row may be left out; our own tables put an apostrophe
-            # before a formula.
+            # Empty cells at the end of a row may be omitted. The tables of tdint have an apostrophe
+            # before a text that looks like a formula.
             text = cells[place].strip() if place < len(cells) else ""
             text = text[1:] if _OF_A_TABLE.match(text) else text
             if not text and not empty:
@@ -104,7 +114,7 @@ class CsvTable:
         return texts
 
     def numbers(self, name: str, *, empty: bool = False, positive: bool = False) -> list[float]:
-        """The cells of a column as finite numbers; with `empty` nan for a cell without one."""
+        """Return the cells of a column as finite numbers; nan for empty cells with `empty=True`."""
         expected = "a positive number" if positive else "a number"
         numbers = []
         for line, text in self.lines(name, empty=empty):
@@ -115,7 +125,7 @@ class CsvTable:
         return numbers
 
     def truths(self, name: str) -> list[bool]:
-        """The cells of a column of true and false; false where there is no such column."""
+        """Return the cells of a column as bool; False for all rows if the column does not exist."""
         if not self.has(name):
             return [False] * len(self.rows)
         for line, text in self.lines(name):
@@ -126,7 +136,9 @@ class CsvTable:
         return [text.lower() in _TRUE for text in self.texts(name)]
 
     def only(self, name: str) -> str:
-        """What stands in all rows of a column; nothing where there is no such column."""
+        """Return the value that is the same in all rows of a column; an empty text if the column
+        does not exist.
+        """
         if not self.has(name):
             return ""
         values = list(dict.fromkeys(self.texts(name)))
@@ -138,32 +150,42 @@ class CsvTable:
         return values[0]
 
     def check(self, name: str, sound: Iterable[bool], must: str) -> None:
-        """Raise an error for the first row whose cell is not sound."""
+        """Raise an error for the first row with an invalid cell.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        sound : iterable of bool
+            For each row, True if the cell is valid.
+        must : str
+            Requirement for the message, such as `must be positive`.
+        """
         for is_sound, (line, text) in zip(sound, self.lines(name), strict=True):
             if not is_sound:
                 raise self.error(f"{self.source}:{line}: {name} {must}, got {text[:40]!r}")
 
     def lines(self, name: str, *, empty: bool = True) -> Iterator[tuple[int, str]]:
-        """The lines of a column's cells, and the cells."""
+        """Return the line number and the text of each cell of a column."""
         return zip((line for line, _ in self.rows), self.texts(name, empty=empty), strict=True)
 
     def overfull(self, cells: list[str]) -> bool:
-        """Whether something stands in cells of a row that no column is above."""
+        """Return True if a row has non-empty cells to the right of the last column."""
         return any(cell.strip() for cell in cells[len(self.header) :])
 
 
 def number(text: str) -> float:
-    """A cell as a number that can be computed with; nan if it is none."""
+    """Return a cell as a number between the limits for input; nan if it is not such a number."""
     value = _float(text)
     return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan
 
 
 def numbers_in(texts: Sequence[str]) -> Array:
-    """The same of many cells."""
-    import numpy as np  # a model file is read without
+    """Return many cells as numbers; nan for each cell that is not a number between the limits."""
+    import numpy as np  # Imported here, because commands that read only model files do not need it.
 
     together, values = "".join(texts), np.empty(0)
-    # Words are rare: of numbers alone many are read at once.
+    # Cells with text are rare. Without them, all cells are converted together, which is faster.
     with suppress(ValueError):
         if together.isascii() and "_" not in together:
             values = np.array(
@@ -179,10 +201,10 @@ def numbers_in(texts: Sequence[str]) -> Array:
 
 
 def no_number(text: str, expected: str) -> str:
-    """What a cell must be that is no such number, as the end of a message."""
-    # Only of a finite number the size can be what is wrong with it.
+    """Return the end of a message about an invalid number: the requirement and the value."""
+    # The limits are stated only for finite numbers, because other texts are not numbers.
     limits = (
-        f"; its size must lie between {SMALLEST:g} and {LARGEST:g}"
+        f"; the absolute value must be between {SMALLEST:g} and {LARGEST:g}"
         if math.isfinite(_float(text))
         else ""
     )
@@ -190,8 +212,10 @@ def no_number(text: str, expected: str) -> str:
 
 
 def _float(text: str) -> float:
-    """As Python writes numbers, but for its underscores and other alphabets' digits; nan for
-    words."""
+    """Return a text as float; nan if it is not a number.
+
+    Underscores and digits of other alphabets, which Python accepts, are refused.
+    """
     return number_or_nan(text) if text.isascii() and "_" not in text else math.nan
 
 
@@ -208,22 +232,24 @@ def read_table(
     Parameters
     ----------
     source : str
-        The file; `-` is standard input.
+        Name of the file; `-` is standard input.
     needs : str
-        What it must be, for messages: `a target spectrum is a CSV file with the columns ...`.
+        Description of a valid file, for messages: `a target spectrum is a CSV file with the columns
+        ...`.
     columns : collection of str, optional
-        Those that will be asked for, no two of one name; all if it is not given.
+        Names of the columns that will be read; they must be unique in the file. By default, all
+        names must be unique.
     comment : str
-        What a line above the header begins with that is none, as in OpenQuake's files; nothing for
-        no such lines.
+        First characters of comment lines above the header, as in files of OpenQuake; empty if such
+        lines are not allowed.
     error : type
-        The error of this kind of file; by default the one of models.
+        Type of the exceptions for this type of file; by default `ModelError`.
 
     Raises
     ------
     TdintError
-        Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one
-        name.
+        The file cannot be read, is not a CSV file in UTF-8, is empty, or has two columns with the
+        same name. The type is `error`.
     """
     table, rows = stream_table(
         source, needs, columns=columns, comment=comment, error=error, whole=True
@@ -240,16 +266,34 @@ def stream_table(
     error: type[TdintError] = ModelError,
     whole: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
-    """The same of a table of millions of rows, which are read as they are asked for: the table
-    without its rows, and these with their lines. Errors are those of `read_table`, of the rows when
-    these are read; with `whole`, of a file that is too large at once."""
-    # A pipe can be read once only: its digest is that of what was read.
+    """Read a CSV file with millions of rows without storing them.
+
+    Parameters
+    ----------
+    source, needs, columns, comment, error
+        Parameters of `read_table`.
+    whole : bool
+        Read the complete file first, with a limit on its size.
+
+    Returns
+    -------
+    CsvTable
+        The table without rows.
+    iterator of (int, list of str)
+        Line number and cells of each row, read on demand.
+
+    Raises
+    ------
+    TdintError
+        As for `read_table`. Errors in rows are raised when the row is read.
+    """
+    # A pipe can be read only once, so that the digest is computed from the data that were read.
     if whole or source == STDIN or not is_file(source):
         rows = _rows(source, io.StringIO(_text(source, needs, error), newline=""), error)
     else:
         note_input(source, lambda: digest_of(Path(source)))
         rows = _streamed(source, error)
-    # The header, and what stands above it, are taken from the rows.
+    # The comments and the header are the first rows.
     header_line, header = next(rows, (0, []))
     while comment and header and header[0].lstrip().startswith(comment):
         header_line, header = next(rows, (0, []))
@@ -264,7 +308,7 @@ def stream_table(
 
 
 def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
-    """The rows of a file."""
+    """Read the rows of a file one by one."""
     with Path(source).open(encoding="utf-8-sig", newline="") as file:
 
         def lines() -> Iterator[str]:
@@ -283,10 +327,10 @@ def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[
 def _rows(
     source: str, lines: Iterable[str], error: type[TdintError]
 ) -> Iterator[tuple[int, list[str]]]:
-    """The rows that are not blank, and their lines.
+    """Return the line number and the cells of each row that is not blank.
 
-    A quotation mark that is never closed would take all rows below it into one cell: the last row
-    tells.
+    A quotation mark that is not closed would join all following rows in a cell. In this case the
+    appended last row is missing, and an error is raised.
     """
     reader, above, closed = (
         csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True),
@@ -307,6 +351,7 @@ def _rows(
 
 
 def _text(source: str, needs: str, error: type[TdintError]) -> str:
+    """Read a complete file as UTF-8 text and register it as an input."""
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(
         source, error, {FileNotFoundError: f"no such file; {needs}"}, large, MOST_BYTES

@@ -1,5 +1,8 @@
-"""The errors of tdint. Each says what, where and what to do, and carries the exit code of its
-kind."""
+"""Exceptions of tdint.
+
+The message of each exception states the error, its location and the remedy. The class determines
+the exit code of the command.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,21 @@ from dataclasses import dataclass
 from typing import Any
 
 _LONGEST, _HEAD, _TAIL = 1000, 700, 250
-"""Characters of a line of a message, and what is kept of the beginning and the end of a longer
-one."""
+"""Maximum number of characters of a line of a message, and the number of characters that are kept
+at the beginning and at the end of a longer line. A long line quotes a long input; 1000 characters
+are ten lines on a terminal.
+"""
 
 
 class TdintError(Exception):
-    """Base of all errors that a user can cause and mend. `exit_code` is the command's exit code.
+    """Base class of all errors that a user can cause and correct.
 
-    A message may quote what the user wrote; of lines that grow too long by it the middle is left
-    out.
+    The middle of long lines of the message, which may quote the input, is omitted.
+
+    Attributes
+    ----------
+    exit_code : int
+        Exit code of the command.
     """
 
     exit_code = 1
@@ -25,8 +34,8 @@ class TdintError(Exception):
         super().__init__(abridged(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Not by `__init__`, which may take something else: where an error cannot be read a pool
-        # waits for ever.
+        # Subclasses may have other arguments of `__init__`, so that unpickling bypasses it. A
+        # process pool would wait forever for an error that cannot be unpickled.
         return _again, (type(self), self.args), vars(self)
 
 
@@ -35,16 +44,25 @@ def _again(kind: type[TdintError], arguments: tuple[Any, ...]) -> TdintError:
 
 
 class UsageError(TdintError):
-    """A wrong argument: an unknown method, a parameter out of range, a step that does not fit."""
+    """Invalid argument: an unknown method, a parameter out of range, an invalid time step."""
 
     exit_code = 2
 
 
 @dataclass(frozen=True)
 class ModelFault:
-    """One fault of a model file: where it stands and what is wrong with it.
+    """Error in a model file.
 
-    Line and column count from 1; both are 0 in a model that has no file.
+    Attributes
+    ----------
+    source : str
+        Name of the file.
+    line, column : int
+        Position, starting from 1; both are 0 for a model without a file.
+    key : str
+        Key of the model with the error, such as `stories[2].mass`.
+    message : str
+        Description of the error.
     """
 
     source: str
@@ -59,8 +77,13 @@ class ModelFault:
 
 
 class ModelError(TdintError):
-    """A model file that cannot be used; `faults` holds all faults that were found, in file
-    order."""
+    """Invalid model file.
+
+    Attributes
+    ----------
+    faults : tuple of ModelFault
+        All errors of the file, in the order of their position.
+    """
 
     exit_code = 3
 
@@ -70,26 +93,27 @@ class ModelError(TdintError):
 
 
 class RecordError(TdintError):
-    """A ground-motion record that cannot be used as it is."""
+    """Ground-motion record that is invalid or incomplete."""
 
     exit_code = 4
 
 
 class AnalysisError(TdintError):
-    """An analysis without a result: not converged, diverged, or a step beyond the method's
-    limit."""
+    """Analysis without a result: not converged, diverged, or with a time step above the stability
+    limit.
+    """
 
     exit_code = 5
 
 
 class OutputError(TdintError):
-    """An output that cannot be written."""
+    """Output that cannot be written."""
 
     exit_code = 6
 
 
 def abridged(text: str) -> str:
-    """Text whose long lines have lost their middle."""
+    """Return a text without the middle part of its long lines."""
     if len(text) <= _LONGEST:
         return text
     return "\n".join(
@@ -99,11 +123,20 @@ def abridged(text: str) -> str:
 
 
 def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The known name that someone may have meant, whatever its case; None if none is as alike as
-    `cutoff` (of 1)."""
+    """Return the most similar of the valid names, or None if the similarity of all is too small.
+
+    Parameters
+    ----------
+    name : str
+        The unknown name. Upper and lower case are equivalent.
+    names : iterable of str
+        The valid names.
+    cutoff : float
+        Minimum similarity, between 0 and 1, of `difflib.get_close_matches`.
+    """
     from difflib import get_close_matches
 
-    # Of a long text the first letters: the search takes the square of its length.
+    # Only the first 100 characters are compared, because the time is quadratic in the length.
     by_lower = {candidate.lower(): candidate for candidate in names}
     return next(
         (
@@ -115,6 +148,6 @@ def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
 
 
 def did_you_mean(name: str, names: Iterable[str], cutoff: float = 0.6) -> str:
-    """The end of a message about an unknown name: the nearest one, or nothing."""
+    """Return the end of a message about an unknown name: the most similar valid name, if any."""
     near = nearest(name, names, cutoff)
     return f"; did you mean {near!r}?" if near else ""

@@ -1,4 +1,4 @@
-"""Units of measure that model files, records and the command line may use, as factors to SI."""
+"""Units of measure in model files, records and on the command line, as factors to SI."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ ACCELERATION = {
 }
 VELOCITY = {f"{unit}/s": factor for unit, factor in LENGTH.items()}
 GROUND_MOTION = {"acceleration": ACCELERATION, "velocity": VELOCITY, "displacement": LENGTH}
-"""Quantities that the samples of a record may be, and their units."""
+"""Quantities that the samples of a record may represent, and the units of each quantity."""
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a ground motion as someone wrote them.
+    """Units of a ground motion.
 
     Attributes
     ----------
     text : str
-        As it was written.
+        Text as the user wrote it.
     scale : float
         Value of one sample in SI units.
     has_factor : bool
-        Whether a number stood before the unit, so that even a count has a value.
+        True if the text has a number before the unit, which converts counts to the unit.
     quantity : str
-        A key of `GROUND_MOTION`.
+        Quantity of the samples, a key of `GROUND_MOTION`.
     """
 
     text: str
@@ -67,12 +67,11 @@ class Units:
 
 
 def parse_units(text: str) -> Units:
-    """Understand units of a ground motion with an optional factor before them: `gal`, `cm/s^2`,
-    `2.38e-6 m/s^2`.
+    """Parse the units of a ground motion, with an optional factor before the unit.
 
-    Case, blanks and the way of writing the square of the second (s^2, s2, s**2, s/s, sec^2) are
-    free; `g` is the standard gravity. A velocity's or a displacement's unit (`cm/s`, `cm`) says
-    that the samples are one.
+    Examples are `gal`, `cm/s^2` and `2.38e-6 m/s^2`. Upper and lower case, blanks, and the notation
+    of the squared second (s^2, s2, s**2, s/s, sec^2) are equivalent; `g` is the standard gravity.
+    With a unit of velocity or displacement (`cm/s`, `cm`), the samples are of this quantity.
 
     Raises
     ------
@@ -87,7 +86,8 @@ def parse_units(text: str) -> Units:
     unit = canonical(words[number.end() :] if number else words)
     quantity = next((name for name, units in GROUND_MOTION.items() if unit in units), None)
     if quantity is None:
-        # Accelerations alone are offered: that is what most records are.
+        # The message lists the units of acceleration only, because most records contain
+        # accelerations.
         hint = did_you_mean(unit, ACCELERATION, cutoff=0.75)
         allowed = ", ".join(ACCELERATION)
         raise UsageError(
@@ -100,16 +100,17 @@ def parse_units(text: str) -> Units:
 
 @dataclass(frozen=True)
 class DriftSize:
-    """A drift as someone wrote it.
+    """Drift on the command line or in a file.
 
     Attributes
     ----------
     text : str
-        As it was written.
+        Text as the user wrote it.
     value : float
-        The number, positive; of a length in m.
+        Positive number; in m if `kind` is `length`.
     kind : str
-        What it is a number of: `ratio` (drift over story height), `length`, or `yield drift`.
+        Meaning of the number: `ratio` (drift divided by story height), `length`, or `yield drift`
+        (multiple of the yield drift).
     """
 
     text: str
@@ -128,13 +129,13 @@ _MIN_DRIFT, _MAX_DRIFT = 1e-60, 1e60
 
 
 def parse_drift(text: str) -> DriftSize:
-    """Understand a drift: a drift ratio (`0.02`, `2%`), a length (`20mm`), or a multiple of the
-    yield drift (`4dy`).
+    """Parse a drift: a drift ratio (`0.02`, `2%`), a length (`20mm`), or a multiple of the yield
+    drift (`4dy`).
 
     Raises
     ------
     UsageError
-        Neither of these, not positive, or a drift ratio above 1.
+        The text has another form, the number is not positive, or a drift ratio is larger than 1.
     """
     words = "".join(text.split())
     number = _NUMBER.match(words)
@@ -152,14 +153,14 @@ def parse_drift(text: str) -> DriftSize:
             f"drift {text!r}: must be a positive number between {_MIN_DRIFT:g} and {_MAX_DRIFT:g}"
         )
     if kind == "ratio" and value > 1.0:
-        # 2 for 2 % is the usual slip.
+        # A usual mistake is 2 instead of 2%.
         hint = "" if unit else f"; a number without a unit is one, did you mean {words}%?"
         raise UsageError(f"drift {text!r}: a drift ratio is 1 at most{hint}")
     return DriftSize(words, value, kind)
 
 
 def canonical(name: str) -> str:
-    """The spelling that `GROUND_MOTION` uses, if there is one."""
+    """Return a unit in the spelling of `GROUND_MOTION`; an unknown unit in lower case."""
     plain = (
         "".join(name.split())
         .lower()
@@ -173,18 +174,23 @@ def canonical(name: str) -> str:
 
 
 def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> float:
-    """A number with its unit, of a quantity of `GROUND_MOTION`, in SI units; one without a unit is
-    refused.
+    """Return the value in SI units of a number with a unit. A number without a unit is refused.
 
     Parameters
     ----------
-    example, key : str
-        How it is written and what it is called, for messages.
+    text : str
+        Number and unit, such as `0.3 g`.
+    quantity : str
+        Quantity of the unit, a key of `GROUND_MOTION`.
+    example : str
+        Valid text, for the message.
+    key : str
+        Name of the option or the key, for the message.
 
     Raises
     ------
     UsageError
-        It is none.
+        The text is not a number with a unit of the quantity.
     """
     try:
         units = parse_units(text)
@@ -197,39 +203,41 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
     return units.scale
 
 
-# ---- What a number of a result is: its unit, its meaning and where it comes from, declared once,
-# where its field is
+# ---- Declaration of the values of a result: unit, meaning and source, at the field of the class
 
 _SHORT = {"1": "", "text": "", "degree": "_deg", "Hz": "_hz"}
 
 
 def suffix(unit: str) -> str:
-    """The end of a name that says a unit: `_m_s2` for m/s^2, `_kipin` for kip*in; none for a number
-    without a unit and for words (`text`)."""
+    """Return the suffix of a column name for a unit: `_m_s2` for m/s^2, `_kipin` for kip*in.
+
+    The suffix is empty for dimensionless numbers (`1`) and for texts (`text`).
+    """
     return _SHORT.get(unit, "_" + unit.replace("*", "").replace("^", "").replace("/", "_"))
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number of a result, or an array of them, as the annotation of its field.
+    """Declaration of a value of a result, or of an array of values, in the annotation of its field.
 
     Attributes
     ----------
     unit : str
-        In SI; 1 for a number without a unit, `text` for words.
+        SI unit; `1` for a dimensionless number, `text` for a text.
     meaning : str
-        What it is, for people.
+        Description for users.
     value : callable or None
-        What gives it from what the class that declares it says; None where it is just put there.
+        Function that computes the value from the arguments that the declaring class documents; None
+        if the value is assigned directly.
     shown : tuple of str
-        Where it appears, in words of that class.
+        Outputs that contain the value, by the names that the declaring class documents.
     called : str
-        Its name in columns and keys, where these say more than the field.
+        Name in columns and keys if it differs from the name of the field.
     name : str
-        Of the field; filled in by `quantities`.
+        Name of the field; set by `quantities`.
     kind : type
-        Of a value: float, int or str; told where it does not follow from the field's annotation, an
-        array.
+        Type of a value: float, int or str. It is stated if the annotation of the field does not
+        determine it, as for an array.
     """
 
     unit: str
@@ -242,14 +250,17 @@ class Quantity:
 
     @property
     def column(self) -> str:
-        """Its name with its unit, as in the header of a table."""
+        """Name with the suffix of the unit, as in the header of a table."""
         return (self.called or self.name) + suffix(self.unit)
 
 
 def quantities(declaring: type) -> tuple[Quantity, ...]:
-    """The quantities among the fields and properties of a class, in the order of its `columns`, if
-    it has those, else in that in which they stand."""
-    # Functions in annotations look for names in the modules where they stand, and not in the class.
+    """Return the quantities that the fields and properties of a class declare.
+
+    They are in the order of the attribute `columns` of the class if it exists, otherwise in the
+    order of declaration.
+    """
+    # The names in an annotation are resolved in the module of the class, not in the class itself.
     place: dict[str, Any] = {}
     hints: dict[str, Any] = {}
     for base in reversed(declaring.__mro__):
@@ -272,8 +283,7 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
     return tuple(declared)
 
 
-# ---- Units that results are written in, in place of SI: how names of columns and keys, and
-# numbers, change with them
+# ---- Output units: conversion of values and of the names of columns and keys
 
 _MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
 """Unit of mass in texts and reports for a unit of force. Default: kg."""
@@ -296,10 +306,14 @@ _UNITS = {unit: quantity for quantity, units in _QUANTITIES.items() for unit in 
 
 @dataclass(frozen=True)
 class OutputUnits:
-    """Units of lengths, forces, masses, velocities and accelerations; what has none here stays in
-    SI.
+    """Units of the output. Quantities without an output unit remain in SI units.
 
-    A velocity or an acceleration without a unit of its own is in that of the length per s or s^2.
+    Attributes
+    ----------
+    length, force, mass : str
+        Units of lengths, forces and masses.
+    velocity, acceleration : str
+        Units of velocities and accelerations; if empty, the unit of length divided by s or s^2.
     """
 
     length: str = "m"
@@ -314,8 +328,10 @@ class OutputUnits:
         )
 
     def unit(self, si: str) -> tuple[str, float]:
-        """The unit that stands for an SI unit, and its value in SI: `unit("m/s^2")` is `("g",
-        9.80665)`."""
+        """Return the output unit that replaces an SI unit, and its value in SI units.
+
+        With accelerations in g, `unit("m/s^2")` is `("g", 9.80665)`.
+        """
         length, force = LENGTH[self.length], FORCE[self.force]
         chosen = {
             "m": (self.length, length),
@@ -330,13 +346,13 @@ class OutputUnits:
             "J": (f"{self.force}*{self.length}", force * length),
             "N*m": (f"{self.force}*{self.length}", force * length),
         }
-        # Nobody writes N*m for an energy.
+        # The usual unit of energy in SI is J, not N*m.
         if (self.force, self.length) == ("N", "m"):
             chosen["J"] = ("J", 1.0)
         return chosen.get(si, (si, 1.0))
 
     def of(self, value: Any, si: str) -> Any:
-        """A number or an array that is given in an SI unit, in the unit that stands for it."""
+        """Convert a number or an array from an SI unit to the output unit."""
         return value / self.unit(si)[1]
 
     def text(self, value: float, si: str) -> str:
@@ -355,22 +371,28 @@ class OutputUnits:
         return mass_beside(self.force, self.length) if self.mass == "kg" else self.mass
 
     def label(self, si: str) -> str:
-        """The unit that stands for an SI unit, as an axis of a picture has it: m/s², kip·in."""
+        """Return the output unit for the axis of a figure, such as m/s² or kip·in."""
         return self.unit(si)[0].replace("^2", "²").replace("*", "·")
 
     @property
     def in_pictures(self) -> OutputUnits:
-        """The units that pictures are drawn in: accelerations in g, as people think of them, unless
-        a unit is named."""
+        """Units of figures: accelerations are in g unless another unit was requested."""
         return self if self.acceleration else replace(self, acceleration="g")
 
     def column(self, name: str, unit: str) -> tuple[str, float]:
-        """The name of a column or key in an SI unit with the unit that it has here, and the value
-        of that unit in SI.
+        """Return the name of a column or key with its output unit, and the value of this unit in SI
+        units.
 
-        `column("peak_shear_N", "N")` is `("peak_shear_kip", 4448.22...)`. A product of units is
-        written without a sign: an energy in kip*in ends in `kipin`, a stiffness in kip/in in
-        `kip_in`. A name that does not say its unit stays.
+        With forces in kip, `column("peak_shear_N", "N")` is `("peak_shear_kip", 4448.22...)`. The
+        suffix of a product of units has no separator: an energy in kip*in ends in `kipin`, a
+        stiffness in kip/in ends in `kip_in`. A name without the suffix of its unit is not changed.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column or key in SI units.
+        unit : str
+            SI unit.
         """
         shown, factor = self.unit(unit)
         error = "_error" * name.endswith("_error")
@@ -384,17 +406,23 @@ SI = OutputUnits()
 
 
 def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
-    """Understand units of the output, with commas between them: `kip,in,g`, `kN,mm`; `others` stand
-    for what is not named.
+    """Parse a list of output units separated by commas, such as `kip,in,g` or `kN,mm`.
+
+    Parameters
+    ----------
+    text : str
+        The list.
+    others : OutputUnits
+        Units of the quantities that the list does not contain.
 
     Raises
     ------
     UsageError
-        An unknown unit, or two of one quantity.
+        A unit is unknown, or the list contains two units of a quantity.
     """
     units: dict[str, str] = {}
     for word in (part.strip() for part in text.split(",")):
-        # As it is written first: other spellings are those of ground motions.
+        # The exact spelling is tried first, because `canonical` is for units of ground motions.
         unit = word if word in _UNITS else canonical(word)
         if unit not in _UNITS:
             hint = did_you_mean(word, _UNITS) or f"; known: {', '.join(_UNITS)}"

@@ -1,5 +1,8 @@
-"""What computes the cases: motions that are known exactly, tables of textbooks, and results that
-other programs print for models that can be written down in full."""
+"""Validation cases of `tdint validate` and the functions that compute them.
+
+The reference values are closed-form solutions, tables of textbooks, and printed results of other
+programs for models with complete input.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.tabular import ResultList
 
-# ---- A case: something that is known from elsewhere, and how this program computes it
+# ---- A case: reference values, and the function that computes the same values
 
 ROUNDING = "rounding of the source"
 NUMERICAL = "numerical error"
@@ -35,32 +38,33 @@ MODEL = "model error"
 
 @dataclass(frozen=True)
 class ValidationCase:
-    """What is known, from where, and how it is computed here.
+    """Reference values with their source, and the function that computes the same values.
 
     Attributes
     ----------
     name : str
-        Short, as in tables.
+        Short name for tables.
     title : str
-        What it shows, in a sentence.
+        Description of the case in a sentence.
     source : str
-        Author, year, table or equation.
+        Author, year, and table or equation.
     unit : str
-        Of the numbers; "1" for none.
+        Unit of the values; "1" for dimensionless values.
     quantities : tuple of str
-        What the numbers are, each.
+        Name of each value.
     published : tuple of float
-        The known numbers.
+        Reference values.
     computed : callable
-        Computes as many numbers with the installed program.
+        Function without arguments that returns the same number of values, computed by the installed
+        program.
     tolerance : float
-        Largest difference that the case allows, in the unit; relative if `relative`.
+        Maximum permitted difference, in `unit`; dimensionless if `relative` is True.
     difference_is : str
-        `ROUNDING`, `NUMERICAL` or `MODEL`: what the difference is made of.
+        Cause of the difference: `ROUNDING`, `NUMERICAL` or `MODEL`.
     relative : bool
-        Differences are taken over the published numbers.
+        True if differences are divided by the reference values.
     remark : str
-        What a reader should know of the difference.
+        Explanation of the difference.
     """
 
     name: str
@@ -79,8 +83,16 @@ class ValidationCase:
 def cases_of(
     group: str, answers: Mapping[str, tuple[Callable[[], Array], tuple[float, ...]]]
 ) -> tuple[ValidationCase, ...]:
-    """The cases of a group of `cases.toml`: by their names what computes them, and the numbers that
-    a formula gives."""
+    """Return the cases of a group of `validation_cases.toml`.
+
+    Parameters
+    ----------
+    group : str
+        Name of the group in the file.
+    answers : mapping of str to tuple
+        For each name of a case, the function that computes the values, and the reference values of
+        a closed-form solution (empty if the file contains published values).
+    """
     text = (files("tdint") / "validation_cases.toml").read_text(encoding="utf-8")
     cases = []
     for case in tomllib.loads(text)[group]:
@@ -95,12 +107,16 @@ def cases_of(
 
 @dataclass(frozen=True)
 class ValidationResult:
-    """A case and what came of it.
+    """Result of a validation case.
 
     Attributes
     ----------
-    computed, differences : ndarray
-        Numbers, and computed less published (over published where the case is relative).
+    case : ValidationCase
+        The case.
+    computed : ndarray
+        Computed values.
+    differences : ndarray
+        Computed minus published values, divided by the published values for a relative case.
     """
 
     case: ValidationCase
@@ -109,17 +125,17 @@ class ValidationResult:
 
     @property
     def largest(self) -> float:
-        """The largest difference; infinite if a number is not finite."""
+        """Maximum absolute difference; infinite if a value is not finite."""
         sizes = np.abs(self.differences)
         return float(np.max(sizes)) if np.all(np.isfinite(sizes)) else float("inf")
 
     @property
     def within(self) -> bool:
-        """Whether every number is within the tolerance."""
+        """True if all differences are within the tolerance."""
         return self.largest <= self.case.tolerance
 
 
-def carry_out(case: ValidationCase) -> ValidationResult:
+def compute_case(case: ValidationCase) -> ValidationResult:
     """Compute a case.
 
     Raises
@@ -128,10 +144,12 @@ def carry_out(case: ValidationCase) -> ValidationResult:
         A run that the case needs failed.
     """
     computed = np.asarray(case.computed(), float)
-    # Numbers that do not answer one another are a fault of the case, not of the program.
+    # Different numbers of values are an error in the definition of the case, not in the program.
     published = np.asarray(case.published, float)
     if computed.shape != published.shape:
-        raise ValueError(f"{case.name}: {computed.size} numbers for {published.size}")
+        raise ValueError(
+            f"{case.name}: {computed.size} computed values for {published.size} published values"
+        )
     differences = computed - published
     return ValidationResult(
         case, computed, differences / np.abs(published) if case.relative else differences
@@ -141,21 +159,32 @@ def carry_out(case: ValidationCase) -> ValidationResult:
 # ---- Cases
 
 _OMEGA = 2.0 * math.pi
-_XI = 0.05  # damping ratio of the closed forms
+_XI = 0.05
+"""Damping ratio of the closed-form solutions, dimensionless."""
 
 
 def _history(model: Mapping[str, Any], *record: Record, method: str | None = None) -> History:
-    """What a model, as a file says it, does."""
+    """Run a model given as the content of a model file, and return its response history."""
     history = run(load_model(model), *record, method=method, history=True, check=False).history
     assert history is not None
     return history
 
 
-def _oscillator(method: str, dt: float, duration: float, **said: Any) -> History:
-    """Motion of an oscillator of 1 kg, of period 1 s unless it has another law."""
-    story = {"mass": 1.0} | (said.pop("story", None) or {"stiffness": _OMEGA**2})
+def _oscillator(method: str, dt: float, duration: float, **keys: Any) -> History:
+    """Return the response history of an oscillator with a mass of 1 kg and a period of 1 s.
+
+    Parameters
+    ----------
+    method : str
+        Time-integration method.
+    dt, duration : float
+        Time step and duration, s.
+    **keys
+        Further keys of the model file; `story` replaces the stiffness of the story.
+    """
+    story = {"mass": 1.0} | (keys.pop("story", None) or {"stiffness": _OMEGA**2})
     return _history(
-        {"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | said
+        {"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | keys
     )
 
 
@@ -164,15 +193,16 @@ def _last(history: History) -> float:
 
 
 def _free_vibration() -> Array:
-    """Displacement at 1.3 s of a damped oscillator let go at 1 m."""
+    """Return the displacement (m) at 1.3 s of a damped oscillator released at 1 m."""
     start = {"displacement": [1.0], "velocity": [0.0]}
     damped = {"damping": {"modal": _XI}, "initial": start}
     return np.array([_last(_oscillator("exact", 0.1, 1.3, **damped))])
 
 
 def _resonance() -> Array:
-    """Displacement at 4.9 s under a force of 1 N at the natural frequency, from rest, without
-    damping."""
+    """Return the displacement (m) at 4.9 s of an undamped oscillator, initially at rest, under a
+    force of 1 N at its natural frequency.
+    """
     force = {
         "excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}
     }
@@ -182,8 +212,9 @@ def _resonance() -> Array:
 
 
 def _sudden_step() -> Array:
-    """Largest displacement of oscillators under a suddenly constant ground acceleration of 1
-    m/s^2."""
+    """Return the maximum displacements (m) of oscillators under a ground acceleration that is
+    constant, 1 m/s^2, from the start.
+    """
     record = make_record(np.ones(1001), dt=0.01, units="m/s^2")
     return np.asarray(spectrum(record, np.array([0.3, 1.0, 3.0]), damping=0.0).sd).ravel()
 
@@ -195,13 +226,13 @@ _DUFFING = {
 
 
 def _duffing_frequency() -> tuple[float, float]:
-    """Circular frequency of the elliptic cosine, and its parameter m."""
+    """Return the circular frequency (rad/s) and the parameter m of the elliptic cosine."""
     square = 100.0 + 1000.0 * 1.5**2
     return math.sqrt(square), 1000.0 * 1.5**2 / (2.0 * square)
 
 
 def _duffing() -> Array:
-    """Displacement after 13.3 periods in steps of a 300th of one."""
+    """Return the displacement (m) after 13.3 periods, with a time step of 1/300 period."""
     omega, m = _duffing_frequency()
     period = 4.0 * float(ellipk(m)) / omega
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
@@ -214,27 +245,31 @@ def _duffing() -> Array:
 
 
 def _energy_kept() -> Array:
-    """Largest change of the Duffing oscillator's energy over the energy at the start, 200 steps of
-    `moment4`."""
+    """Return the maximum change of the energy of the Duffing oscillator divided by its initial
+    energy, over 200 steps of `moment4`.
+    """
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
     history = _oscillator("moment4", 0.05, 10.0, **start)
-    # Kinetic energy, and the potential of 100 u + 1000 u^3.
+    # The sum of the kinetic energy and the potential energy of the force 100 u + 1000 u^3.
     u, v = history.displacement[:, 0], history.velocity[:, 0]
     energy = 0.5 * v**2 + 50.0 * u**2 + 250.0 * u**4
     return np.array([np.max(np.abs(energy / energy[0] - 1.0))])
 
 
 def _bilinear_loop() -> Array:
-    """Work of a bilinear story over a whole cycle, J: 4 (1 - a) Fy (D - dy)."""
+    """Return the hysteretic energy (J) of a bilinear story in a complete cycle.
+
+    The closed form is 4 (1 - a) Fy (D - dy).
+    """
     law = {"type": "bilinear", "yield_force": 10.0, "hardening": 0.05}
     model = load_model({"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 1000.0, "law": law}]})
     return np.array([cyclic_test(model, 1, ["1%", "1%"], points=100).cycles[1].hysteretic_energy])
 
 
 def closed_form_cases() -> tuple[ValidationCase, ...]:
-    """Motions that are known exactly."""
-    # Let go at 1 m; in resonance for 4.9 s from rest; twice the static displacement; the elliptic
-    # cosine.
+    """Return the cases with closed-form solutions."""
+    # Free vibration from 1 m; resonance for 4.9 s from rest; twice the static displacement; the
+    # elliptic cosine of the Duffing oscillator.
     damped, decay = _OMEGA * math.sqrt(1.0 - _XI**2), math.exp(-_XI * _OMEGA * 1.3)
     free = decay * (math.cos(damped * 1.3) + _XI / math.sqrt(1.0 - _XI**2) * math.sin(damped * 1.3))
     angle = _OMEGA * 4.9
@@ -253,12 +288,22 @@ def closed_form_cases() -> tuple[ValidationCase, ...]:
     return cases_of("closed-form", answers)
 
 
-INCH = 0.0254  # m, of the published example
+INCH = 0.0254
+"""Inch in m, by definition. The published examples are in inches."""
 
 
 def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10) -> Array:
-    """Displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5 after each of so many
-    steps of 0.1 s."""
+    """Return the displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5.
+
+    Parameters
+    ----------
+    method : str
+        Time-integration method.
+    law : mapping, optional
+        Hysteretic law of the story; linear by default.
+    steps : int
+        Number of time steps of 0.1 s; one displacement for each step.
+    """
     model = {
         "units": {"length": "in", "force": "kip", "mass": "kip*s^2/in"},
         "stories": [{"mass": 0.2533, "stiffness": 10.0} | ({"law": dict(law)} if law else {})],
@@ -273,10 +318,10 @@ _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
 
 
 def _bathe(method: str) -> Array:
-    """Both displacements at 3.36 s of Bathe's two masses between walls, 12 steps of 0.28 s."""
+    """Return the displacements at 3.36 s of Bathe's two masses between walls (12 steps)."""
     model = {
-        # The spring from the second mass to the wall is a story under a mass that stays where it
-        # is.
+        # The spring from the second mass to the wall is a story below a mass that is so large that
+        # it does not move.
         "stories": [
             {"mass": 2, "stiffness": 4},
             {"mass": 1, "stiffness": 2},
@@ -289,7 +334,7 @@ def _bathe(method: str) -> Array:
 
 
 def _five_yielding_stories() -> Array:
-    """Roof displacement at 2 s, m (Chopra, example 16.4, as StructDyn computes it)."""
+    """Return the roof displacement (m) at 2 s (Chopra, example 16.4, as computed by StructDyn)."""
     law = {"type": "bilinear", "yield_force": 125, "hardening": 0.05 / 1.05}
     model = {
         "units": {"length": "m", "force": "kN", "mass": "t"},
@@ -315,14 +360,18 @@ def _eigenvalues_of_three_masses() -> Array:
 
 
 def _frequencies_of_eight_masses() -> Array:
-    """Frequencies (Hz) of eight masses between walls; that of the wall, which is a mass, is left
-    out."""
+    """Return the natural frequencies (Hz) of eight masses between walls.
+
+    The upper wall is modeled as a mass; its frequency, the lowest, is omitted.
+    """
     masses, wall = {"repeat": 8, "mass": 10, "stiffness": 1e5}, {"mass": 1e13, "stiffness": 1e5}
     return _circular_frequencies(masses, wall)[1:] / (2.0 * math.pi)
 
 
 def _forced_by_a_sine() -> Array:
-    """Natural frequency (Hz) and displacement (m) at 1 s of code_aster's SDLD106."""
+    """Return the natural frequency (Hz) and the displacement (m) at 1 s of case SDLD106 of
+    code_aster.
+    """
     model = {
         "stories": [{"mass": 100, "stiffness": 100.0 * (0.2 * math.pi) ** 2}],
         "excitation": {"forces": [{"floor": 1, "amplitude": 1, "omega": 1, "phase": "sin"}]},
@@ -367,22 +416,22 @@ _TEXTBOOKS: dict[str, Callable[[], Array]] = {
 
 
 def textbook_cases() -> tuple[ValidationCase, ...]:
-    """Tables of textbooks and printed results of other programs."""
+    """Return the cases with tables of textbooks and printed results of other programs."""
     return cases_of("textbook", {name: (computed, ()) for name, computed in _TEXTBOOKS.items()})
 
 
 def validate() -> ResultList[ValidationResult]:
-    """Closed forms, tables of textbooks and printed results of other programs beside those of this
-    installation.
+    """Compare closed-form solutions, tables of textbooks and printed results of other programs with
+    the values that this installation computes.
 
     Returns
     -------
     ResultList of ValidationResult
-        For each case the largest difference, and whether it is within what the case allows.
+        For each case, the maximum difference, and True if it is within the tolerance of the case.
 
     Raises
     ------
     AnalysisError
         A case cannot be run.
     """
-    return ResultList([carry_out(case) for case in (*closed_form_cases(), *textbook_cases())])
+    return ResultList([compute_case(case) for case in (*closed_form_cases(), *textbook_cases())])

@@ -1,4 +1,4 @@
-"""Numbers as people write them on a command line or in a file: ratios and grids."""
+"""Parsing of numbers, ratios, grids and named parameters on the command line and in files."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-MOST_POINTS = 1_000_000  # of a grid: beyond it a mistaken number
+MOST_POINTS = 1_000_000
+"""Maximum number of points of a grid. A larger number is probably a typing error."""
 
 SMALLEST, LARGEST = 1e-60, 1e60
-"""Sizes of numbers in files, in SI units: products and squares of them stay within what floats
-hold."""
+"""Limits of the absolute value of numbers in files, in SI units. Products and squares of numbers
+between these limits neither underflow nor overflow in double precision.
+"""
 
 
 def how_many(count: int, thing: str) -> str:
-    """A number of things: 1 run, 2 runs, 3 stories."""
+    """Return a count with its noun in the singular or the plural: 1 run, 2 runs, 3 stories."""
     several = f"{thing[:-1]}ies" if thing.endswith("y") else f"{thing}s"
     return f"{count} {thing if count == 1 else several}"
 
@@ -82,30 +84,35 @@ def table_number(value: float, largest: float | None = None) -> str:
 
 
 def first_few(names: Sequence[str], most: int) -> str:
-    """Names with commas between them: of many the first ones, and how many more there are."""
+    """Return a list of names; after the first `most` names, only the number of further names."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:
-    """Names and texts of the lines at the top of a page: `Project: Bridge 7; Author: A. B.`.
+    """Parse the lines at the top of a report, such as `Project: Bridge 7; Author: A. B.`.
+
+    Returns
+    -------
+    tuple of (str, str)
+        Name and text of each line.
 
     Raises
     ------
     UsageError
-        A part without a name or without a text.
+        A part has no name or no text.
     """
     parts = [part.partition(":") for part in text.split(";") if part.strip()]
-    if not parts or not all(name.strip() and told.strip() for name, _, told in parts):
+    if not parts or not all(name.strip() and value.strip() for name, _, value in parts):
         raise UsageError(
             f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. "
             "B.'"
         )
-    return tuple((name.strip(), told.strip()) for name, _, told in parts)
+    return tuple((name.strip(), value.strip()) for name, _, value in parts)
 
 
 def number_or_nan(text: str) -> float:
-    """A number as Python writes it; nan for another text."""
+    """Return a text as float; nan if it is not a number."""
     try:
         return float(text)
     except ValueError:
@@ -113,12 +120,12 @@ def number_or_nan(text: str) -> float:
 
 
 def parse_ratio(text: str) -> float:
-    """A ratio: a number such as `0.05`, or a percentage such as `5%`.
+    """Parse a ratio: a number such as `0.05`, or a percentage such as `5%`.
 
     Raises
     ------
     UsageError
-        Neither of these, or not finite.
+        The text has another form, or the number is not finite.
     """
     words = text.strip()
     number = words.removesuffix("%")
@@ -129,12 +136,12 @@ def parse_ratio(text: str) -> float:
 
 
 def parse_positive(name: str, text: str) -> float:
-    """A positive number; `name` is what it is, for the message.
+    """Parse a positive number; `name` is the name of the value in the message.
 
     Raises
     ------
     UsageError
-        It is none, or one that cannot be computed with (`SMALLEST`, `LARGEST`).
+        The text is not a positive number between `SMALLEST` and `LARGEST`.
     """
     number = number_or_nan(text)
     if not SMALLEST <= number <= LARGEST:
@@ -144,7 +151,15 @@ def parse_positive(name: str, text: str) -> float:
 
 @dataclass(frozen=True)
 class Grid:
-    """Numbers in equal ratios, both ends included; a single one if `count` is 1."""
+    """Geometric sequence of numbers.
+
+    Attributes
+    ----------
+    first, last : float
+        First and last number; both are part of the grid.
+    count : int
+        Number of values; 1 if the grid is the single number `first`.
+    """
 
     first: float
     last: float
@@ -154,22 +169,22 @@ class Grid:
         return f"{self.first:.12g}:{self.last:.12g}:{self.count}"
 
     def values(self) -> NDArray[np.float64]:
-        """The numbers, shape (count,)."""
+        """Return the numbers, shape (count,)."""
         import numpy as np
 
         result = np.geomspace(self.first, self.last, self.count)
-        # Both ends to the bit: a period that was asked for is found in the table.
+        # The endpoints are exact, so that a requested period is found in the table.
         result[0], result[-1] = self.first, self.last
         return result
 
 
 def parse_grid(text: str) -> Grid:
-    """A grid: `first:last:count`, such as `0.01:10:200`, or a single number.
+    """Parse a grid `first:last:count`, such as `0.01:10:200`, or a single number.
 
     Raises
     ------
     UsageError
-        The text has another form, a number is not positive, or the numbers make no grid.
+        The text has another form, a number is not positive, or `first` is not less than `last`.
     """
     first, *more = text.split(":")
     try:
@@ -191,21 +206,30 @@ def parse_grid(text: str) -> Grid:
 def parse_named(
     name: str, words: str, parameters: Mapping[str, bool], example: str
 ) -> dict[str, str]:
-    """The parameters of something named, `key=value` with commas between them: texts by their keys.
+    """Parse the parameters of a named object: `key=value` pairs separated by commas.
 
     Parameters
     ----------
+    name : str
+        Name of the object, such as a method or a design spectrum, for messages.
+    words : str
+        The pairs.
     parameters : mapping of str to bool
-        Its parameters, and whether each must be given.
+        Names of the parameters; True if the parameter is required.
     example : str
-        How it is written, for messages.
+        Valid text, for messages.
+
+    Returns
+    -------
+    dict of str to str
+        Texts of the values by name of the parameter.
 
     Raises
     ------
     UsageError
-        A parameter that is missing, unknown or given twice.
+        A parameter is missing, unknown or given twice.
     """
-    given: dict[str, str] = {}
+    values: dict[str, str] = {}
     for part in words.split(","):
         key, equal, value = (word.strip() for word in part.partition("="))
         if not part.strip():
@@ -215,17 +239,19 @@ def parse_named(
                 f"{name} has no parameter {key!r}; it has "
                 f"{', '.join(parameters)}{did_you_mean(key, parameters)}"
             )
-        if key.lower() in given:
+        if key.lower() in values:
             raise UsageError(f"{key} is given twice")
-        given[key.lower()] = value
-    missing = [key for key, needed in parameters.items() if needed and key not in given]
+        values[key.lower()] = value
+    missing = [key for key, needed in parameters.items() if needed and key not in values]
     if missing:
         raise UsageError(f"{name} needs {', '.join(missing)}, such as {example}")
-    return given
+    return values
 
 
 WARNING_LENGTH = 60
-"""Characters of a warning in the one-line description of a result; `warnings` has all of it."""
+"""Maximum number of characters of a warning in the one-line description of a result. The attribute
+`warnings` contains the complete text.
+"""
 
 
 def warned_first(warnings: Sequence[str]) -> str:

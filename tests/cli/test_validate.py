@@ -7,7 +7,7 @@ import io
 import pytest
 
 from tdint import validation as cases
-from tdint.validation import carry_out
+from tdint.validation import compute_case
 
 
 def test_all_cases_hold_here(tdint):
@@ -40,4 +40,4 @@ def test_differences_are_those_of_the_numbers_or_of_their_ratios(relative, wante
     two = dataclasses.replace(
         case, published=(-2.0, 5.0), computed=lambda: (-2.2, 5.1), relative=relative
     )
-    assert carry_out(two).differences == pytest.approx(wanted)
+    assert compute_case(two).differences == pytest.approx(wanted)

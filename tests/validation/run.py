@@ -33,7 +33,7 @@ from tdint.validation import (
     ROUNDING,
     ValidationCase,
     ValidationResult,
-    carry_out,
+    compute_case,
     closed_form_cases,
     textbook_cases,
 )
@@ -103,7 +103,7 @@ def shown(result: ValidationResult) -> str:
 
 def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> str:
     """The cases of a group, carried out."""
-    found = [carry_out(case) for case in group]
+    found = [compute_case(case) for case in group]
     results += found
     return "\n".join(map(shown, found))
 
@@ -305,7 +305,7 @@ def main() -> int:
         groups = [*closed_form_cases(), *textbook_cases(), *kaikoura_cases()]
         groups += el_centro_cases() if SOURCES["elcentro"].here() else ()
         groups += berkeley_cases() if SOURCES["berkeley"].here() else ()
-        results = [carry_out(case) for case in groups]
+        results = [compute_case(case) for case in groups]
     else:
         text, results = page()
         PAGE.write_text(text, encoding="utf-8")

@@ -13,7 +13,7 @@ import pytest
 import run
 from file_cases import kaikoura_cases
 
-from tdint.validation import carry_out, closed_form_cases, textbook_cases
+from tdint.validation import compute_case, closed_form_cases, textbook_cases
 
 CASES = {case.name: case for case in (*closed_form_cases(), *textbook_cases(), *kaikoura_cases())}
 PAGE = run.PAGE.read_text(encoding="utf-8")
@@ -21,7 +21,7 @@ PAGE = run.PAGE.read_text(encoding="utf-8")
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_case_is_within_its_tolerance_and_stands_on_the_page(name):
-    result = carry_out(CASES[name])
+    result = compute_case(CASES[name])
     assert result.within, (result.largest, result.case.tolerance)
     unit = "" if result.case.unit == "1" else f", {result.case.unit}"
     assert f"**{name}**" in PAGE
@@ -40,10 +40,10 @@ def test_a_number_that_is_off_or_missing_is_outside():
     case = CASES["chopra-E5.3"]
     wrong = list(case.published)
     wrong[3] += 2e-4
-    assert not carry_out(dataclasses.replace(case, published=tuple(wrong))).within
-    assert not carry_out(dataclasses.replace(case, computed=lambda: [math.nan] * 10)).within
+    assert not compute_case(dataclasses.replace(case, published=tuple(wrong))).within
+    assert not compute_case(dataclasses.replace(case, computed=lambda: [math.nan] * 10)).within
     with pytest.raises(ValueError, match="9 numbers for 10"):
-        carry_out(dataclasses.replace(case, computed=lambda: [0.0] * 9))
+        compute_case(dataclasses.replace(case, computed=lambda: [0.0] * 9))
 
 
 @pytest.mark.parametrize("law", manufactured.LAWS)

@@ -25,14 +25,14 @@ def command(outputs: Outputs) -> None:
     comparisons with other programs and with recordings.
     """
     from tdint.output.tables.methods import validation_table
-    from tdint.validation import carry_out, closed_form_cases, textbook_cases
+    from tdint.validation import compute_case, closed_form_cases, textbook_cases
 
     cases = (*closed_form_cases(), *textbook_cases())
     results = []
     with progress_bar(to_terminal=outputs.table is None) as progress:
         for done, case in enumerate(cases):
             progress("validating", done / len(cases))
-            results.append(carry_out(case))
+            results.append(compute_case(case))
     # Write the table before raising the error: it shows which cases fail and their differences.
     outputs.deliver(validation_table(results))
     outside = [result for result in results if not result.within]
