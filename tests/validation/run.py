@@ -33,8 +33,8 @@ from tdint.validation import (
     ROUNDING,
     ValidationCase,
     ValidationResult,
-    compute_case,
     closed_form_cases,
+    compute_case,
     textbook_cases,
 )
 

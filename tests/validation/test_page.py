@@ -13,7 +13,7 @@ import pytest
 import run
 from file_cases import kaikoura_cases
 
-from tdint.validation import compute_case, closed_form_cases, textbook_cases
+from tdint.validation import closed_form_cases, compute_case, textbook_cases
 
 CASES = {case.name: case for case in (*closed_form_cases(), *textbook_cases(), *kaikoura_cases())}
 PAGE = run.PAGE.read_text(encoding="utf-8")
@@ -42,7 +42,7 @@ def test_a_number_that_is_off_or_missing_is_outside():
     wrong[3] += 2e-4
     assert not compute_case(dataclasses.replace(case, published=tuple(wrong))).within
     assert not compute_case(dataclasses.replace(case, computed=lambda: [math.nan] * 10)).within
-    with pytest.raises(ValueError, match="9 numbers for 10"):
+    with pytest.raises(ValueError, match="9 computed values for 10"):
         compute_case(dataclasses.replace(case, computed=lambda: [0.0] * 9))
 
 

@@ -25,7 +25,7 @@ def command(outputs: Outputs) -> None:
     comparisons with other programs and with recordings.
     """
     from tdint.output.tables.methods import validation_table
-    from tdint.validation import compute_case, closed_form_cases, textbook_cases
+    from tdint.validation import closed_form_cases, compute_case, textbook_cases
 
     cases = (*closed_form_cases(), *textbook_cases())
     results = []

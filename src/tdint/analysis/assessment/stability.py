@@ -477,7 +477,7 @@ def _nonlinear_overshoot(
     if method.family.linear_only:
         raise UsageError(f"{method.label} integrates linear buildings only; not with the law {law}")
 
-        from tdint.analysis.assessment.failures import problems  # imports the modules for runs
+    from tdint.analysis.assessment.failures import problems  # imports the modules for runs
 
     problem = problems()[law]
     (story,), (displacement,) = problem.model.stories, problem.model.initial.displacement
