@@ -3,9 +3,12 @@ typed."""
 
 import ast
 import builtins
+import functools
 import inspect
 import json
 import os
+import pydoc
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -186,6 +189,40 @@ def test_a_function_says_what_it_takes_gives_and_raises(name):
         parameter.annotation is not parameter.empty for parameter in signature.parameters.values()
     )
     assert signature.return_annotation not in (signature.empty, "Any")
+
+
+@pytest.mark.parametrize("name", ["methods", "campaign"])
+def test_help_of_a_package_that_is_a_function_shows_its_parameters(name):
+    import_module(f"tdint.{name}")
+    text = pydoc.render_doc(getattr(tdint, name), renderer=pydoc.plaintext)
+    function = tdint.__getattr__(name)
+    assert "Parameters" in text and inspect.getdoc(function).splitlines()[0] in text
+    assert all(parameter in text for parameter in inspect.signature(function).parameters)
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in tdint.__all__ if inspect.isclass(getattr(tdint, name))]
+)
+def test_public_classes_and_their_members_have_docstrings(name):
+    """No docstring of the public interface refers to a private name."""
+    kind = getattr(tdint, name)
+    members = {
+        member: getattr(base, member)
+        for base in kind.__mro__
+        if base.__module__.startswith("tdint")
+        for member, value in vars(base).items()
+        if not member.startswith("_")
+        and member not in ("tables", "figures")  # attributes in the docstring of `Tabular`
+        and (inspect.isroutine(value) or isinstance(value, property | functools.cached_property))
+    }
+    texts = {member: inspect.getdoc(value) for member, value in members.items()}
+    assert inspect.getdoc(kind) and not [member for member, text in texts.items() if not text]
+    private = [
+        text
+        for text in (inspect.getdoc(kind), *texts.values())
+        if re.search(r"`(\w+\.)*_[a-z]\w*`", text)
+    ]
+    assert private == []
 
 
 def program() -> str:

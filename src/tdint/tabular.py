@@ -481,6 +481,13 @@ class FunctionPackage(ModuleType):
     def __signature__(self) -> inspect.Signature:
         return inspect.signature(self._function)
 
+    @property
+    def __doc__(self) -> str:  # type: ignore[override]
+        """Signature and docstring of the function, which `help` shows as the description."""
+        function = self._function
+        name = self.__name__.rpartition(".")[2]
+        return f"{name}{inspect.signature(function)}\n\n{inspect.getdoc(function)}"
+
 
 def declared_homes(file: str) -> dict[str, str]:
     """Return the modules of the names that a module imports for type checkers only.

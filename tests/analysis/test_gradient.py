@@ -234,3 +234,23 @@ def test_errors_of_derivatives_are_those_of_two_calls(method):
     assert np.all(np.isnan(many.gradient.errors.peak_drift[1, :, 1:]))
     assert np.all(np.isfinite(many.gradient.errors.peak_drift[1, :, 0]))
     assert tdint.run_many(building, RECORD, gradient=names).gradient.errors is None
+
+
+def test_the_table_of_a_gradient_has_a_row_for_each_parameter_and_story():
+    names = ("record.scale", "mass_factor")
+    building = ten_bilinear(ModalDamping((0.05,)))
+    gradient = tdint.run(building, RECORD, gradient=names).gradient
+    table = gradient.to_dict()
+    assert table["parameter"] == [name for name in names for _ in range(10)]
+    np.testing.assert_array_equal(table["story"], [*range(1, 11)] * 2)
+    np.testing.assert_array_equal(table["peak_drift"], gradient.peak_drift.ravel())
+    np.testing.assert_array_equal(table["peak_drift_error"], gradient.errors.peak_drift.ravel())
+    np.testing.assert_array_equal(table["value"], 1.0)
+    assert "peak_drift_error" in gradient._repr_html_()
+    with pytest.raises(UsageError, match="units cannot be selected"):
+        gradient.to_dict("kip,in,g")
+    many = tdint.run_many(building, RECORD, scales=[1.0, 2.0], gradient=names).gradient
+    table = many.to_dict()
+    np.testing.assert_array_equal(table["run"], [0] * 20 + [1] * 20)
+    np.testing.assert_array_equal(table["peak_shear"], many.peak_shear.ravel())
+    assert "peak_drift_error" not in table
