@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, History
+from tdint.analysis.run.outcome import ENERGY_TERMS, ErrorHistory, Gradient, History
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.output.tables.table import (
     Cell,
@@ -177,3 +177,21 @@ def write_history(
         table += 0.0  # removes the sign of negative zero
         text = line * len(table) % tuple(table.ravel().tolist())
         stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))
+
+
+def gradient_columns(result: Gradient) -> list[Column]:
+    """Return the columns, with one row per run, parameter and story: derivatives, kinks and errors in SI units."""
+    base = np.atleast_3d(result.peak_drift.T).T  # runs, parameters, stories
+    runs, parameters, stories = np.indices(base.shape)
+    names = np.array(result.parameters)[parameters.ravel()]
+    values: list[tuple[str, str, Any]] = [("run", "1", runs.ravel())] if len(base) > 1 else []
+    values += [("parameter", "text", names), ("story", "1", 1 + stories.ravel())]
+    points = np.broadcast_to(np.reshape(result.values, (*base.shape[:2], 1)), base.shape)
+    values.append(("value", "1", points.ravel()))
+    for quantity in STORY_QUANTITIES:
+        for suffix, source in (("", result), ("_kink", result.kink), ("_error", result.errors)):
+            if hasattr(source, quantity.name):
+                cells = getattr(source, quantity.name).ravel()
+                values.append((f"{quantity.name}{suffix}", "1", cells))
+    # The units are those of the peak divided by those of the parameter, so that names have no unit.
+    return [Column(name, unit, cells, name) for name, unit, cells in values]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.analysis.run.demands import DEMANDED, demand_columns, demand_errors
-from tdint.analysis.run.outcome import STORY, Gradient, History
+from tdint.analysis.run.outcome import STORY, History
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
@@ -248,24 +248,6 @@ def _of_runs(result: Runs) -> _Values:
     ]
 
 
-def _of_gradient(result: Gradient) -> _Values:
-    """Return one row per run, parameter and story: derivatives, kinks and errors in SI units."""
-    base = np.atleast_3d(result.peak_drift.T).T  # runs, parameters, stories
-    runs, parameters, stories = np.indices(base.shape)
-    names = np.array(result.parameters)[parameters.ravel()]
-    values: list[tuple[str, str, Any]] = [("run", "1", runs.ravel())] if len(base) > 1 else []
-    values += [("parameter", "text", names), ("story", "1", 1 + stories.ravel())]
-    points = np.broadcast_to(np.reshape(result.values, (*base.shape[:2], 1)), base.shape)
-    values.append(("value", "1", points.ravel()))
-    for quantity in STORY:
-        for suffix, source in (("", result), ("_kink", result.kink), ("_error", result.errors)):
-            if hasattr(source, quantity.name):
-                cells = getattr(source, quantity.name).ravel()
-                values.append((f"{quantity.name}{suffix}", "1", cells))
-    # The units are those of the peak divided by those of the parameter, so that names have no unit.
-    return [(Column(name, unit, cells, name), cells) for name, unit, cells in values]
-
-
 def _estimated(result: Runs) -> _Values:
     """Return the errors of the demands as in runs.csv."""
     if result.errors is None:
@@ -307,7 +289,7 @@ _VALUES: dict[str, Callable[[Any], _Values]] = {
     "FieldChart": _from(methods.profile_table),
     "FloorSpectrum": lambda result: _of([FLOOR], result) + _of(spectra.SPECTRUM, result.spectrum),
     "FragilityResult": _from(lambda result: studies.fragility_table(result.functions)),
-    "Gradient": _of_gradient,
+    "Gradient": lambda result: _of(responses.gradient_columns(result), result),
     "History": _of_history,
     "IdaStudy": _from(studies.ida_table),
     "Match": _from(lambda result: spectra.match_table([result])),
