@@ -180,7 +180,7 @@ def write_history(
 
 
 def gradient_columns(result: Gradient) -> list[Column]:
-    """Return the columns, with one row per run, parameter and story: derivatives, kinks and errors in SI units."""
+    """Return the columns of derivatives, one row per run, parameter and story, SI units."""
     base = np.atleast_3d(result.peak_drift.T).T  # runs, parameters, stories
     runs, parameters, stories = np.indices(base.shape)
     names = np.array(result.parameters)[parameters.ravel()]
