@@ -207,3 +207,102 @@ def test_the_largest_extremum_of_a_cubic(seed):
     inside = values[1:-1][np.diff(np.sign(np.diff(values))) != 0]
     expected = max([p[0], *inside], key=abs)
     assert _cubic_extremum(*p) == pytest.approx(expected, abs=1e-8)
+
+
+QUANTITIES = (
+    rows.PEAK_DRIFT,
+    rows.PEAK_DISPLACEMENT,
+    rows.PEAK_VELOCITY,
+    rows.PEAK_DRIFT_RATE,
+    rows.PEAK_ACCELERATION,
+    rows.PEAK_TOTAL_SHEAR,
+)
+
+
+def peaks_of_one_floor(h, start, end, recorded):
+    """Return the recorded and possible peaks of one floor of 1 kg after a step.
+
+    Parameters
+    ----------
+    h : float
+        Length of the step, s.
+    start, end : tuple of float
+        Displacement, velocity and acceleration at the endpoints.
+    recorded : dict of int to float
+        Peaks before the step by row. The peaks of other rows are so large that they cause no
+        search.
+    """
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, 2))
+    linear_terms[rows.MASS, 0] = linear_terms[rows.INVERSE_MASS, 0] = 1.0
+    law_state, turns = np.zeros((rows.LAW_STATE_ROWS, 2)), np.zeros((1, 2))
+    law_state[rows.DRIFT, 0], law_state[rows.FORCE, 0] = end[0], -end[2]
+    old, state = np.zeros((5, 2)), np.zeros((3, 2))
+    old[:3, 0], state[:, 0] = start, end
+    peaks = np.full((2 * rows.PEAK_ROWS, 1), 1e300)
+    peaks[rows.PEAK_ROWS :] = 0.0
+    for row, value in recorded.items():
+        peaks[row, 0] = value
+    span, building, passage, law_state, _, _, peaks, _ = arguments(
+        Span(h, h, 0.0, 0.0, False, False, False),
+        linear_terms,
+        np.full((3, 2), K),
+        old,
+        state,
+        law_state,
+        turns,
+        peaks,
+    )
+    observer_state = np.zeros((rows.OBSERVER_ROWS, 2))
+    observer_state[rows.U_PREVIOUS : rows.A_EARLIER + 1] = old
+    memory = Memory(state, law_state, np.zeros((0, 0)), np.zeros(rows.STEP_STATUS_SIZE))
+    seen = Seen(
+        observer_state, peaks, np.zeros((3, 1)), np.zeros(rows.TOTALS_SIZE), np.zeros((0, 0))
+    )
+    observe_within_step(observe(building, span, 0.0, memory, seen), building, span, memory, seen)
+    return peaks[:, 0]
+
+
+def test_a_quintic_that_exceeds_the_parabola_is_searched():
+    """With h = 1, u = 0, v = +-0.1 and a = 20 and -20.3, the quintic reaches 0.20. A parabola with
+    these velocities does not exceed 0.10."""
+    start, end = (0.0, 0.1, 20.0), (0.0, -0.1, -20.3)
+    s = np.linspace(0.0, 1.0, 100_001)
+    c3 = np.linalg.solve(
+        [[1.0, 1.0, 1.0], [3.0, 4.0, 5.0], [6.0, 12.0, 20.0]], [-10.1, -20.2, -40.3]
+    )
+    quintic = s * (0.1 + s * (10.0 + s * (c3[0] + s * (c3[1] + s * c3[2]))))
+    largest = np.max(quintic)
+    assert largest == pytest.approx(0.2, abs=0.01)
+    for row in (rows.PEAK_DRIFT, rows.PEAK_DISPLACEMENT):
+        found = peaks_of_one_floor(1.0, start, end, {row: 0.15})
+        assert found[row] == pytest.approx(largest, rel=1e-9)
+
+
+@pytest.mark.parametrize("row", QUANTITIES)
+def test_a_recorded_peak_just_below_an_extremum_is_raised(row):
+    """The search finds the same extremum from a peak just below it as from the endpoint values."""
+    possible = row + rows.PEAK_ROWS
+    rng = np.random.default_rng(row)
+    raised = 0
+    for _ in range(1500):
+        h = 10.0 ** rng.uniform(-3.0, 0.0)
+        v0, v1 = rng.uniform(0.0, 1.0), -rng.uniform(0.0, 1.0)
+        mean = (v1 - v0) / h * rng.uniform(0.6, 1.4)
+        half = abs(mean) * 10.0 ** rng.uniform(-1.0, 2.0) * rng.choice([-1.0, 1.0])
+        u1 = h * rng.normal() * 10.0 ** rng.uniform(-2.0, 0.0)
+        start, end = (0.0, v0, mean - half), (u1, v1, mean + half)
+        values = {
+            rows.PEAK_DRIFT: abs(u1),
+            rows.PEAK_DISPLACEMENT: abs(u1),
+            rows.PEAK_VELOCITY: max(v0, -v1),
+            rows.PEAK_DRIFT_RATE: max(v0, -v1),
+        }
+        at_ends = values.get(row, max(abs(start[2]), abs(end[2])))
+        first = peaks_of_one_floor(h, start, end, {row: at_ends})
+        for found in (row, possible):
+            if first[found] > at_ends * (1.0 + 1e-9):
+                below = at_ends + 0.999 * (first[found] - at_ends)
+                again = peaks_of_one_floor(h, start, end, {row: below})
+                assert again[found] == pytest.approx(first[found], rel=1e-12)
+                raised += 1
+    assert raised > 10

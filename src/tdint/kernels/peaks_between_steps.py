@@ -37,8 +37,15 @@ Only steps that may exceed a recorded peak are searched. The observer
 
     displacement, drift       the velocity or drift rate changes its sign
     velocity, drift rate      the acceleration changes its sign
-    absolute acceleration,    an endpoint value exceeds half the recorded peak
-    total shear
+
+and if a Bezier point of the quantity exceeds the recorded peak. A polynomial does not exceed its
+Bezier points, so no extremum above the peak is left out. The Bezier points of the quintic are
+
+    u0,  u0 + h v0 / 5,  u0 + 2 h v0 / 5 + h^2 a0 / 20,  u1 - 2 h v1 / 5 + h^2 a1 / 20,
+    u1 - h v1 / 5,  u1
+
+Two extrema of a displacement or velocity within a step, without a change of the sign of its rate
+over the step, are not searched.
 
 Unresolved motion
 -----------------
@@ -58,9 +65,7 @@ within a step, the extremum of that parabola is recorded as a regular peak inste
 
 References
 ----------
-Farin, G. (2002). Curves and Surfaces for CAGD, 5th ed.: convex hull property. On [0, 1] a
-polynomial does not exceed its Bezier points, which are used as bounds before the extremum is
-computed.
+Farin, G. (2002). Curves and Surfaces for CAGD, 5th ed.: convex hull property.
 """
 
 from __future__ import annotations
@@ -83,10 +88,6 @@ _MAX_ACCELERATION_DEVIATION = 1.0
 # Dimensionless. Ratio |tilt / bulge| above which both are ignored. They are fully used up to a
 # ratio of 1; the linear transition in between avoids jumps of peaks.
 _MAX_TILT_RATIO = 2.0
-
-# Dimensionless. A parabola with the endpoint velocities v0 and v1 exceeds its endpoint
-# displacements by at most this factor times h (|v0| + |v1|).
-_PARABOLA_EXCURSION = 0.5
 
 _ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # there is no floor above the roof
 _ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without forces on floors
@@ -147,42 +148,132 @@ def raise_peak_at_nodes(scratch, first, column, count, row, i):
 
 
 @inline
-def may_exceed_peaks(span, floor, story, shear, stiffness, peaks, i):
-    """Return True if a displacement, velocity, drift or shear may exceed its recorded peak.
+def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
+    """Return True if a displacement or velocity may exceed its recorded peak.
 
     Both the interior and the end of the step are covered. The function has no branches, because
     the observer calls it for each floor in each step.
 
     Parameters
     ----------
+    h, by_h : float
+        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+    floor : Ends
+        Floor `i`, relative to the ground.
+    peaks : ndarray
+        Recorded peaks, rows `PEAK_...` of `tdint.kernels.layout`.
+    i : int
+        Floor.
+    """
+    v_max = max(abs(floor.v0), abs(floor.v1))
+    a_max = max(abs(floor.a0), abs(floor.a1))
+    reach = max(abs(floor.u0), abs(floor.u1)) + h * (0.5 * v_max + 0.05 * h * a_max)
+    exceeds = reach > peaks[rows.PEAK_DISPLACEMENT, i]
+    inner = abs(_middle_velocity_bezier_point(h, by_h, floor))
+    return exceeds | (max(v_max + 0.25 * h * a_max, inner) > peaks[rows.PEAK_VELOCITY, i])
+
+
+@inline
+def story_reach(span, story, shear, stiffness):
+    """Return upper bounds of the drift (m) and of the shear (N) of a story within a step.
+
+    The bounds exclude the part of the acceleration at the end of the step, which
+    `may_exceed_story_peaks` adds, because the observer does not know it yet.
+
+    Parameters
+    ----------
     span : Span
         Time step.
-    floor : Ends
-        Floor `i`, relative to the ground; u0 is not used.
     story : Ends
-        Story `i` below this floor; only u1, v0 and v1 are used.
+        Story; a1 is not used.
     shear : float
         Restoring force of the story at the end of the step, N.
     stiffness : float
         Initial stiffness of the story, N/m. It converts the drift excursion to a shear.
-    peaks : ndarray
-        Recorded peaks, rows `PEAK_...` of `tdint.kernels.layout`.
-    i : int
-        Floor and story.
     """
-    excursion_time = _PARABOLA_EXCURSION * span.h
-    drift_excursion = excursion_time * (abs(story.v0) + abs(story.v1))
-    exceeds = abs(story.u1) + drift_excursion > peaks[rows.PEAK_DRIFT, i]
-    exceeds |= abs(shear) + stiffness * drift_excursion > peaks[rows.PEAK_SHEAR, i]
-    displacement_excursion = excursion_time * (abs(floor.v0) + abs(floor.v1))
-    exceeds |= abs(floor.u1) + displacement_excursion > peaks[rows.PEAK_DISPLACEMENT, i]
-    return exceeds | may_exceed_velocity_peak(span, floor, peaks[rows.PEAK_VELOCITY, i])
+    v_max = max(abs(story.v0), abs(story.v1))
+    excess = span.h * (0.5 * v_max + 0.05 * span.h * abs(story.a0))
+    excursion = abs(story.u1 - story.u0) + excess
+    excursion = excursion if span.on_path or story.v0 * story.v1 < 0.0 else 0.0
+    return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + stiffness * excursion
 
 
 @inline
-def may_exceed_velocity_peak(span, ends, peak):
-    """Return True if a velocity or drift rate (m/s) may exceed the recorded `peak`."""
-    return abs(ends.v1) + _PARABOLA_EXCURSION * span.h * (abs(ends.a0) + abs(ends.a1)) > peak
+def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
+    """Return True if a drift or shear may exceed its recorded peak.
+
+    Parameters
+    ----------
+    reach : tuple of float
+        Bounds of `story_reach`, m and N.
+    excess : float
+        h^2 / 20 times the absolute value of the drift acceleration at the end of the step, m.
+    stiffness : float
+        Initial stiffness of the story, N/m.
+    peaks : ndarray
+        Recorded peaks, rows `PEAK_...` of `tdint.kernels.layout`.
+    i : int
+        Story.
+    """
+    exceeds = reach[0] + excess > peaks[rows.PEAK_DRIFT, i]
+    return exceeds | (reach[1] + stiffness * excess > peaks[rows.PEAK_SHEAR, i])
+
+
+@inline
+def _displacement_excursion(span, ends):
+    """Return an upper bound of the distance of a displacement or drift from u1 within a step, m.
+
+    The bound is the largest distance of the Bezier points of the quintic, of the cubic Hermite
+    interpolant and of the parabola.
+    """
+    change = abs(ends.u1 - ends.u0)
+    from_start = change + _excess_at_end(span.h, ends.v0, ends.a0)
+    from_end = _excess_at_end(span.h, ends.v1, ends.a1)
+    on_parabola = 0.5 * change + 0.25 * span.h * abs(ends.v1 - ends.v0)
+    return max(from_start, from_end, on_parabola)
+
+
+@inline
+def _excess_at_end(h, v, a):
+    """Return an upper bound of the distance of the Bezier points from the displacement at the
+    endpoint with the velocity `v` and the acceleration `a`, m."""
+    return h * (0.4 * abs(v) + 0.05 * h * abs(a))
+
+
+@inline
+def may_exceed_velocity_peak(h, by_h, ends, peak):
+    """Return True if a velocity or drift rate (m/s) may exceed the recorded `peak`.
+
+    Arguments as for `_max_velocity_bezier_point`.
+    """
+    exceeds = (ends.a0 * ends.a1 < 0.0) & (_max_velocity_bezier_point(h, by_h, ends) > peak)
+    return (abs(ends.v1) > peak) | exceeds
+
+
+@inline
+def _max_velocity_bezier_point(h, by_h, ends):
+    """Return the largest absolute value of the interior Bezier points of the velocity, m/s.
+
+    The points are v0, v0 + h a0 / 4, point_2, v1 - h a1 / 4 and v1. Their mean is the mean velocity
+    (u1 - u0) / h, which determines point_2.
+
+    Parameters
+    ----------
+    h, by_h : float
+        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+    ends : Ends
+        Motion of a floor or story.
+    """
+    point_1 = ends.v0 + 0.25 * h * ends.a0
+    point_3 = ends.v1 - 0.25 * h * ends.a1
+    return max(abs(point_1), abs(point_3), abs(_middle_velocity_bezier_point(h, by_h, ends)))
+
+
+@inline
+def _middle_velocity_bezier_point(h, by_h, ends):
+    """Return point_2 of `_max_velocity_bezier_point`, m/s."""
+    mean = 5.0 * by_h * (ends.u1 - ends.u0)
+    return mean - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
 
 
 @inline
@@ -245,7 +336,7 @@ def find_interstep_peaks(
         Number of stories for which a reversal drift inside the step was stored.
     """
     linear_terms = scene.linear_terms
-    excursion_time = _PARABOLA_EXCURSION * span.h
+    by_h = 1.0 / span.h
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     reversal_count = 0
     n = linear_terms.shape[1] - 1
@@ -264,7 +355,7 @@ def find_interstep_peaks(
             stiffness = scene.law_parameters[rows.STIFFNESS, i]
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
-            drift_excursion = excursion_time * (abs(story.v0) + abs(story.v1))
+            drift_excursion = _displacement_excursion(span, story)
             if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
                 margin = min(drift_margin, shear_margin / stiffness)
                 row = first_peak + rows.PEAK_DRIFT
@@ -274,11 +365,13 @@ def find_interstep_peaks(
                     reversals[reversal_row, i] = reversal
                     reversal_count += 1
         margin = peaks[first_peak + rows.PEAK_DISPLACEMENT, i] - abs(floor.u1)
-        if _has_extremum(span, floor) and excursion_time * (abs(floor.v0) + abs(floor.v1)) > margin:
+        if _has_extremum(span, floor) and _displacement_excursion(span, floor) > margin:
             row = first_peak + rows.PEAK_DISPLACEMENT
             _raise_displacement_peak(span, floor, margin, peaks, row, i)
         velocity_peak = peaks[first_peak + rows.PEAK_VELOCITY, i]
-        if floor.a0 * floor.a1 < 0.0 and may_exceed_velocity_peak(span, floor, velocity_peak):
+        if floor.a0 * floor.a1 < 0.0 and may_exceed_velocity_peak(
+            span.h, by_h, floor, velocity_peak
+        ):
             _raise_velocity_peak(span, floor, peaks, first_peak + rows.PEAK_VELOCITY, i)
         rate_peak = peaks[first_peak + rows.PEAK_DRIFT_RATE, i]
         # DASHPOTS is a compile-time constant: without dashpots this search is not compiled.
@@ -286,7 +379,7 @@ def find_interstep_peaks(
             DASHPOTS
             and has_dashpots
             and story.a0 * story.a1 < 0.0
-            and may_exceed_velocity_peak(span, story, rate_peak)
+            and may_exceed_velocity_peak(span.h, by_h, story, rate_peak)
         ):
             _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
         if not span.cornered:
@@ -479,17 +572,12 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
         Row and column of the peak. The row of possible peaks is raised for unresolved motion.
     """
     h = span.h
-    u0, v0, a0, u1, v1, a1, _, _ = ends
+    _, v0, a0, _, _, a1, _, _ = ends
     c3, c4, c5 = _quintic_coefficients(h, ends)
     bulge, tilt = _bulge_and_tilt(h, ends)
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
-    # The velocity does not exceed its Bezier points v0, point_1, point_2, point_3, v1. Their
-    # mean is the mean velocity (u1 - u0) / h; this condition determines point_2.
-    point_1 = v0 + 0.25 * h * a0
-    point_3 = v1 - 0.25 * h * a1
-    point_2 = 5.0 * (u1 - u0) / h - (v0 + point_1 + point_3 + v1)
-    if max(abs(point_1), abs(point_2), abs(point_3)) > peaks[row, i]:
+    if _max_velocity_bezier_point(h, 1.0 / h, ends) > peaks[row, i]:
         velocity = (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
         raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
 
@@ -522,14 +610,12 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
-    is_candidate = 2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
-    if is_candidate and abs(tilt) < _MAX_TILT_RATIO * abs(bulge):
+    is_candidate = abs(tilt) < _MAX_TILT_RATIO * abs(bulge)
+    if is_candidate:
         weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
         # The forces are known functions of time: their bulge and tilt have no error to weight.
         bulge = bulge * weight - forces[2]
         tilt = tilt * weight - forces[3]
-    else:
-        is_candidate = False
     if is_candidate and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
         scale = abs(absolute_0) + abs(absolute_1)
         is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
@@ -666,11 +752,25 @@ def _quintic_extremum(s, coefficients):
     Parameters
     ----------
     s : float
-        First estimate of the location, improved by three Newton iterations.
+        First estimate of the location, improved by three Newton iterations. If one of seven
+        equidistant points has a more extreme value afterwards, the iterations are repeated from the
+        best of them.
     coefficients : tuple of float
         p0 to p5. The sign of p1 determines the type of the extremum: a maximum if p increases at
         s = 0, a minimum if it decreases.
     """
+    extremum = _nearest_extremum(s, coefficients)
+    s, best = _best_of_samples(coefficients)
+    if (best - extremum) * coefficients[1] > 0.0:
+        extremum = _nearest_extremum(s, coefficients)
+        extremum = best if (best - extremum) * coefficients[1] > 0.0 else extremum
+    return extremum
+
+
+@inline
+def _nearest_extremum(s, coefficients):
+    """Return the value of a quintic after three Newton iterations from `s`; arguments as for
+    `_quintic_extremum`."""
     p0, p1, p2, p3, p4, p5 = coefficients
     for _ in range(3):
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
@@ -678,6 +778,25 @@ def _quintic_extremum(s, coefficients):
         # A curvature of the wrong sign would lead to an extremum of the other type: keep s.
         s -= slope / curvature if curvature * p1 < 0.0 else 0.0
         s = min(max(s, 0.0), 1.0)
+    return _value(s, coefficients)
+
+
+@inline
+def _best_of_samples(coefficients):
+    """Return the point among 1/8, 2/8, ..., 7/8 at which a quintic is most extreme in the direction
+    of its slope at s = 0, and its value; arguments as for `_quintic_extremum`."""
+    s, best = 0.125, _value(0.125, coefficients)
+    for k in range(2, 8):
+        value = _value(0.125 * k, coefficients)
+        if (value - best) * coefficients[1] > 0.0:
+            s, best = 0.125 * k, value
+    return s, best
+
+
+@inline
+def _value(s, coefficients):
+    """Return the value of a polynomial of degree 5 at `s`."""
+    p0, p1, p2, p3, p4, p5 = coefficients
     return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
 
 

@@ -24,9 +24,11 @@ from tdint.kernels.peaks_between_steps import (
     acceleration_bulge,
     find_interstep_peaks,
     may_exceed_acceleration_peak,
-    may_exceed_peaks,
+    may_exceed_floor_peaks,
+    may_exceed_story_peaks,
     may_exceed_velocity_peak,
     raise_peak,
+    story_reach,
 )
 from tdint.kernels.stepping import Ends, Passage
 from tdint.kernels.stories.law_state import (
@@ -110,11 +112,18 @@ def observe(scene, span, slope, memory, seen):
     bulge_above = 0.0
     rate_above = 0.0
     v = state[rows.VELOCITY, n - 1]
+    u_0 = observer_state[rows.U_PREVIOUS, n - 1]
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
+    a_0 = observer_state[rows.A_PREVIOUS, n - 1]
+    # The story above is checked at the floor below it, where its acceleration is known.
+    reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
+    excess = 0.05 * span.h * span.h
     for i in range(n - 1, -1, -1):
-        below = max(i - 1, 0)
+        above, below = min(i + 1, n - 1), max(i - 1, 0)
         v_below = state[rows.VELOCITY, below]
+        u_0_below = observer_state[rows.U_PREVIOUS, below]
         v_0_below = observer_state[rows.V_PREVIOUS, below]
+        a_0_below = observer_state[rows.A_PREVIOUS, below]
         link = linear_terms[rows.LINK, i]
         mass = linear_terms[rows.MASS, i]
         drift = law_state[rows.DRIFT, i]
@@ -135,12 +144,27 @@ def observe(scene, span, slope, memory, seen):
             damped_above += observer_state[rows.MODAL_FORCE, i]
         total = story + damped_above
         observer_state[rows.TOTAL_SHEAR, i] = total
-        a_0 = observer_state[rows.A_PREVIOUS, i]
-        floor_ends = Ends(0.0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
-        story_ends = Ends(0.0, v_0 - link * v_0_below, 0.0, drift, rate, 0.0, 0.0, 0.0)
-        may_exceed |= may_exceed_peaks(
-            span, floor_ends, story_ends, shear, law_parameters[rows.STIFFNESS, i], peaks, i
+        floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
+        may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
+        may_exceed |= may_exceed_story_peaks(
+            reach_above,
+            excess * abs(a_above - link_above * a),
+            law_parameters[rows.STIFFNESS, above],
+            peaks,
+            above,
         )
+        story_ends = Ends(
+            u_0 - link * u_0_below,
+            v_0 - link * v_0_below,
+            a_0 - link * a_0_below,
+            drift,
+            rate,
+            0.0,
+            0.0,
+            0.0,
+        )
+        reach_above = story_reach(span, story_ends, shear, law_parameters[rows.STIFFNESS, i])
+        a_above, link_above = a, link
         bulge = acceleration_bulge(by_h, floor_ends)
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
@@ -162,7 +186,10 @@ def observe(scene, span, slope, memory, seen):
         bulge_above *= link
         rate_above = link * by_story
         v = v_below
-        v_0 = v_0_below
+        u_0, v_0, a_0 = u_0_below, v_0_below, a_0_below
+    # The lowest story stands on the ground, so its drift acceleration is that of its floor.
+    stiffness = law_parameters[rows.STIFFNESS, 0]
+    may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
     if flags[rows.OWN_WORK] == 0.0:
         power = -ground * momentum
         rate = -ground * force
@@ -212,16 +239,27 @@ def _observe_dashpots(span, linear_terms, state, seen):
     observer_state, peaks, _, totals, _ = seen
     h = span.h
     power = power_rate = per_acceleration = 0.0
-    v_below = a_below = a_0_below = 0.0
+    by_h = 1.0 / h if h > 0.0 else 0.0
+    v_below = a_below = u_0_below = v_0_below = a_0_below = u_below = 0.0
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
         v, a = state[rows.VELOCITY, i], observer_state[rows.OBSERVED_ACCELERATION, i]
-        a_0 = observer_state[rows.A_PREVIOUS, i]
+        u, u_0 = state[rows.DISPLACEMENT, i], observer_state[rows.U_PREVIOUS, i]
+        v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
         rate = v - link * v_below
         change = a - link * a_below
-        ends = Ends(0.0, 0.0, a_0 - link * a_0_below, 0.0, rate, change, 0.0, 0.0)
-        may_exceed |= may_exceed_velocity_peak(span, ends, peaks[rows.PEAK_DRIFT_RATE, i])
+        ends = Ends(
+            u_0 - link * u_0_below,
+            v_0 - link * v_0_below,
+            a_0 - link * a_0_below,
+            u - link * u_below,
+            rate,
+            change,
+            0.0,
+            0.0,
+        )
+        may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
         raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
         damper, tangent = power_damper(linear_terms, i, rate)
         force = linear_terms[rows.DASHPOT, i] * rate
@@ -229,9 +267,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
         force += 0.5 * (damper + tangent * rate)
         power_rate += 2.0 * force * change
         per_acceleration += (1.0 - link) * force
-        v_below = v
-        a_below = a
-        a_0_below = a_0
+        u_below, v_below, a_below = u, v, a
+        u_0_below, v_0_below, a_0_below = u_0, v_0, a_0
     if h > 0.0:
         scratch = _work(
             h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate
