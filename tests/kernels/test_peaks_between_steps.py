@@ -242,7 +242,7 @@ def peaks_of_one_floor(h, start, end, recorded):
     peaks[rows.PEAK_ROWS :] = 0.0
     for row, value in recorded.items():
         peaks[row, 0] = value
-    span, building, passage, law_state, _, _, peaks, _ = arguments(
+    span, building, _, law_state, _, _, peaks, _ = arguments(
         Span(h, h, 0.0, 0.0, False, False, False),
         linear_terms,
         np.full((3, 2), K),

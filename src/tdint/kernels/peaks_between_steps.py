@@ -771,7 +771,7 @@ def _quintic_extremum(s, coefficients):
 def _nearest_extremum(s, coefficients):
     """Return the value of a quintic after three Newton iterations from `s`; arguments as for
     `_quintic_extremum`."""
-    p0, p1, p2, p3, p4, p5 = coefficients
+    _, p1, p2, p3, p4, p5 = coefficients
     for _ in range(3):
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
         curvature = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))

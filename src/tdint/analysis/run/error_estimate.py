@@ -1,18 +1,27 @@
 """Error estimates of the peaks of a run.
 
 By default, the errors of any method are estimated by one additional run of `impulse4` with half the
-time step. With the peaks P of the run and the peaks P1 of the additional run, the estimated error
-of each P is the maximum of
+time step, or with the sampling interval of the record if the step covers five or more of them. With
+the peaks P of the run and the peaks P1 of the additional run, the estimated error of each P is the
+maximum of
 
-    4/3 |P - P1|
-    0.2 P times the root mean square over the stories of 4/3 |P - P1| / P
+    f |P - P1|
+    the smaller of  c P times the root mean square over the stories of f |P - P1| / P
+                and m |P - P1|
     1e-5 P
 
-The factor 4/3 is that of Richardson extrapolation at second order. The error of the additional run
-is less than one third of the difference, because `impulse4` locates yielding within the time step
-and remains of fourth order. The estimate is not a bound: the section "How honest told errors are"
-of tests/README.md reports how often it is too small. The second term covers a story in which P and
-P1 agree by accident. If the time step does not resolve the motion, the estimate is also at least
+    order of the method     f      c      m
+    1, 2                   4/3    0.2     8
+    3 and more              3     0.5     9
+
+At second order the additional run is far more accurate than the run, and the factor 4/3 is that of
+Richardson extrapolation. At orders 3 and more the error of both runs depends on the branch changes,
+reversals and contacts in their steps. At these, `impulse4` may gain no more than a factor of two by
+half the step, so that the difference can be a third of the error. The second term covers a story in
+which P and P1 agree by accident. It is limited by m, because the difference of a story that yields
+or is protected by other stories is small without an accident, and its error is small as well. The
+estimate is not a bound: the section "Reliability of error estimates" of tests/README.md reports how
+often it is too small. If the time step does not resolve the motion, the estimate is also at least
 the possible excess of the peak between time steps.
 
 `exact` is its own reference, except under forces on floors. Its errors are those of the peaks
@@ -25,8 +34,9 @@ requested time, usually the end of the record; the change of the drifts since th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -56,15 +66,55 @@ order: 1 / (1 - 2^-2).
 
 COMMON = 0.2
 """Dimensionless. Minimum relative error of a story divided by the root mean square of the relative
-errors of all stories. In 100 random buildings with eight methods, 0.1 % of the estimated errors of
-drifts and 0.3 % of those of damper forces are less than half the true error, and 2 to 6 % per
-column are more than ten times the true error. With a factor of 1 these shares are 0.03 %, 0.05 %
-and 7 to 20 %; with a factor of 0, the first two are 0.26 % and 0.35 %.
+errors of all stories, for methods of order 1 and 2 and for the remaining motion of a run until
+rest.
+"""
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Factors of the error estimate, dimensionless (see the module docstring).
+
+    Attributes
+    ----------
+    difference : float
+        Error divided by the difference of the peaks, f.
+    common : float
+        Minimum relative error of a story divided by the root mean square of all stories, c.
+    most : float
+        Maximum of this minimum error divided by the difference of the peaks, m.
+    """
+
+    difference: float
+    common: float = 0.2
+    most: float = math.inf
+
+
+_LOW_ORDER = Factors(OF_DIFFERENCE, COMMON, 8.0)
+"""Factors for methods of order 1 and 2. Without the limit of 8, 3 to 6 % of the estimates per
+column are more than ten times the true error (104 random buildings).
+"""
+
+_HIGH_ORDER = Factors(3.0, 0.5, 9.0)
+"""Factors for methods of order 3 and more. With those of order 2, 0.6 % of the true errors of
+`impulse4` and `moment4` exceed twice the estimate, with these 0.3 % (the same buildings).
+"""
+
+_HIGHER = 3
+"""Order of the method from which `_HIGH_ORDER` applies.
 """
 
 FLOOR = 1e-5
 """Dimensionless. Minimum error estimate divided by the peak. Smaller errors include the tolerances
 of iterations and the errors between time steps that both runs have in common.
+"""
+
+_LONG_STEP = 5
+"""Sampling intervals in a time step, from which the additional run uses the sampling interval
+instead of half the step. In such steps both runs can pass over the same contact, reversal or change
+of a branch; the difference of their peaks is then small although both are wrong. The additional run
+takes at most half of the steps of the run that estimates the errors of a run over single sampling
+intervals.
 """
 
 _LONG = 2.0
@@ -108,6 +158,19 @@ def reference(case: Case) -> Case:
     return replace(case, method=_EXACT if itself else REFERENCE, remarks=())
 
 
+def reference_steps(steps: Steps) -> Steps:
+    """Return the time steps of the run that estimates the errors of a run over `steps`.
+
+    They are half as long. If a step covers at least `_LONG_STEP` sampling intervals, they are one
+    sampling interval long.
+    """
+    if steps.per_sample == 1 and steps.stride >= _LONG_STEP:
+        return replace(
+            steps, h=steps.h / steps.stride, count=steps.count * steps.stride, stride=1
+        )
+    return finer(steps)
+
+
 def with_error_estimate(
     case: Case, steps: Steps, response: Response, *, of_history: bool = False
 ) -> Response:
@@ -127,14 +190,14 @@ def with_error_estimate(
     of_history : bool, default False
         Estimate the errors of the history also, if the response has a history.
     """
-    other = attempt(reference(case), finer(replace(steps, count=response.steps)))
+    other = attempt(reference(case), reference_steps(replace(steps, count=response.steps)))
     if isinstance(other, FailedRun):
         return _unknown(response, f"the run with dt {other.dt:.6g} s failed ({other.status})")
     if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
     check = ErrorEstimate.of(
         response.stories,
-        story_errors(response, other),
+        story_errors(response, other, factors(case)),
         time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,
@@ -157,16 +220,22 @@ def with_error_estimate(
         )
         response = replace(response, notes=(*response.notes, note))
     if of_history and response.history_chunks is not None and other.history_chunks is not None:
+        ratio = round(response.dt / other.dt)
         rows = response.history and _with_error(
-            response.history, History.joined(other.history_chunks(2))
+            response.history, History.joined(other.history_chunks(ratio))
         )
-        pieces = partial(_chunks_with_error, response.history_chunks, other.history_chunks)
+        pieces = partial(_chunks_with_error, response.history_chunks, other.history_chunks, ratio)
         response = replace(response, history=rows, history_chunks=pieces)
     return replace(response, check=check)
 
 
+def factors(case: Case) -> Factors:
+    """Return the factors of the error estimate for the method of a case."""
+    return _HIGH_ORDER if case.method.order >= _HIGHER else _LOW_ORDER
+
+
 def story_errors(
-    response: Response | Shock, other: Response | Shock, of_difference: float = OF_DIFFERENCE
+    response: Response | Shock, other: Response | Shock, by: Factors = _LOW_ORDER
 ) -> StoryErrors:
     """Estimate the errors of the peaks of a run, or of an event of a sequence, from another run.
 
@@ -176,15 +245,18 @@ def story_errors(
         Result with the peaks.
     other : Response or Shock
         The same of the additional run.
-    of_difference : float
-        Error divided by the difference of the peaks. The other terms are described in the module
-        docstring.
+    by : Factors
+        Factors of the terms of the estimate.
     """
 
     def errors(name: str) -> Array:
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
-        off = of_difference * np.abs(getattr(response.stories, name) - getattr(other.stories, name))
-        error: Array = np.maximum(off, np.maximum(COMMON * common(off, size), FLOOR * size))
+        gap = np.abs(getattr(response.stories, name) - getattr(other.stories, name))
+        off = by.difference * gap
+        least = by.common * common(off, size)
+        if by.most < math.inf:
+            least = np.minimum(least, by.most * gap)
+        error: Array = np.maximum(off, np.maximum(least, FLOOR * size))
         # Possible excess of a peak between time steps, or change of a drift after the requested
         # time
         bound: Array = getattr(response.interstep_bound, name)
@@ -237,10 +309,21 @@ def _unknown(response: Response, reason: str) -> Response:
 def _chunks_with_error(
     pieces: Callable[[int], Iterator[History]],
     others: Callable[[int], Iterator[History]],
+    ratio: int,
     every: int = 1,
 ) -> Iterator[History]:
-    """Yield the chunks of a history with errors; `others` has half the time step."""
-    return map(_with_error, pieces(every), others(2 * every))
+    """Yield the chunks of a history with errors.
+
+    Parameters
+    ----------
+    pieces, others : callable
+        Functions that return the chunks of the history and of that of the additional run.
+    ratio : int
+        Number of time steps of the additional run in one time step of the run.
+    every : int, default 1
+        Interval of the rows in time steps of the run.
+    """
+    return map(_with_error, pieces(every), others(ratio * every))
 
 
 def _with_error(history: History, other: History) -> History:

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 from tdint.analysis.given import number_of
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.case import REST_PERIODS, Case, case_of, until_rest
-from tdint.analysis.run.error_estimate import reference, story_errors
+from tdint.analysis.run.error_estimate import factors, reference, reference_steps, story_errors
 from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
-from tdint.analysis.time_steps import Steps, choose_steps, finer
+from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record, at_one_interval, one_after_another, samples_of
 
@@ -178,9 +178,9 @@ def event_responses(
     shocks = _parts(joined, sequence, steps)
     if not check:
         return shocks
-    others = _parts(reference(joined), sequence, finer(steps))
+    others = _parts(reference(joined), sequence, reference_steps(steps))
     return tuple(
-        replace(shock, errors=story_errors(shock, other))
+        replace(shock, errors=story_errors(shock, other, factors(joined)))
         for shock, other in zip(shocks, others, strict=False)  # the second run may end earlier
     )
 
