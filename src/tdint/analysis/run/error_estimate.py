@@ -165,9 +165,7 @@ def reference_steps(steps: Steps) -> Steps:
     sampling interval long.
     """
     if steps.per_sample == 1 and steps.stride >= _LONG_STEP:
-        return replace(
-            steps, h=steps.h / steps.stride, count=steps.count * steps.stride, stride=1
-        )
+        return replace(steps, h=steps.h / steps.stride, count=steps.count * steps.stride, stride=1)
     return finer(steps)
 
 

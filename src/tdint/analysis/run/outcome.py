@@ -132,10 +132,14 @@ def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Arra
 class StoryPeaks(Tabular, StoryValues):
     """Peaks of a run.
 
-    Peaks between time steps are included. They are computed from the quintic through displacement,
-    velocity and acceleration at both endpoints of a time step, or of each substep between two
-    located branch changes (`tdint.kernels.peaks_between_steps`). Some methods compute them from
-    their own paths (`tdint.kernels.equations.corners`).
+    Peaks between time steps are included. Displacements, drifts and velocities are searched on the
+    quintic through displacement, velocity and acceleration at both endpoints of a time step, or of
+    each substep between two located branch changes (`tdint.kernels.peaks_between_steps`). A shear
+    is the force of the law at the extreme drift, or at the end of the step. Accelerations and total
+    shears use the deviation of the quintic from the straight line between their endpoint values
+    with a weight that falls to zero where it is unreliable. Some methods compute peaks from their
+    own paths (`tdint.kernels.equations.corners`). Two extrema of a quantity in one step, and motion
+    that the step does not resolve, are not included.
 
     Attributes
     ----------

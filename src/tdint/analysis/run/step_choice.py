@@ -16,7 +16,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import attempt, reference, story_errors, with_error_estimate
+from tdint.analysis.run.error_estimate import (
+    Factors,
+    attempt,
+    reference,
+    story_errors,
+    with_error_estimate,
+)
 from tdint.analysis.run.outcome import NO_STEP, ErrorEstimate, FailedRun, Response, StepChoice
 from tdint.analysis.time_steps import Steps, finer
 from tdint.errors import UsageError
@@ -247,7 +253,7 @@ class _Search:
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
             return response  # not comparable: one of the two runs ended early, by collapse
         difference = _difference(response, coarse)
-        errors = story_errors(response, coarse, self._factor(difference, level - before))
+        errors = story_errors(response, coarse, Factors(self._factor(difference, level - before)))
         self.pairs.append((difference, level - before))
         dts = (coarse.dt, response.dt)
         return replace(
