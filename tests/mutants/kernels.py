@@ -13,7 +13,11 @@ the package (`mutant` of tests/benchmarks/mutants.py). Each mutant is tried in t
 
 The journal has one JSON line per mutant (module, line, old and new source line, result, test that
 failed, seconds). A second call with the same journal continues after its last line. At the end the
-script prints the table of the survivors; the reasons are in README.md of this folder.
+script prints the table of the survivors.
+
+First result (2026-11-24, seed 1, --interpreted): the first stage killed 19 of the first 33 mutants.
+The second stage and the other 167 mutants have not been run, and the survivors have not been
+examined.
 """
 
 import argparse

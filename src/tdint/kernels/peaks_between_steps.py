@@ -39,7 +39,7 @@ Only steps that may exceed a recorded peak are searched. The observer
     velocity, drift rate      the acceleration changes its sign
 
 and if a Bezier point of the quantity exceeds the recorded peak. A polynomial does not exceed its
-Bezier points, so no extremum above the peak is left out. The Bezier points of the quintic are
+Bezier points, so every extremum above the peak is searched. The Bezier points of the quintic are
 
     u0,  u0 + h v0 / 5,  u0 + 2 h v0 / 5 + h^2 a0 / 20,  u1 - 2 h v1 / 5 + h^2 a1 / 20,
     u1 - h v1 / 5,  u1
@@ -752,9 +752,9 @@ def _quintic_extremum(s, coefficients):
     Parameters
     ----------
     s : float
-        First estimate of the location, improved by three Newton iterations. If one of seven
-        equidistant points has a more extreme value afterwards, the iterations are repeated from the
-        best of them.
+        First estimate of the location, improved by three Newton iterations. If an
+        equidistant point (of seven) has a more extreme value afterwards, the iterations are
+        repeated from the most extreme point.
     coefficients : tuple of float
         p0 to p5. The sign of p1 determines the type of the extremum: a maximum if p increases at
         s = 0, a minimum if it decreases.
@@ -783,7 +783,7 @@ def _nearest_extremum(s, coefficients):
 
 @inline
 def _best_of_samples(coefficients):
-    """Return the point among 1/8, 2/8, ..., 7/8 at which a quintic is most extreme in the direction
+    """Return the point of 1/8, 2/8, ..., 7/8 at which a quintic is most extreme in the direction
     of its slope at s = 0, and its value; arguments as for `_quintic_extremum`."""
     s, best = 0.125, _value(0.125, coefficients)
     for k in range(2, 8):

@@ -72,7 +72,7 @@ rest.
 
 
 @dataclass(frozen=True)
-class Factors:
+class EstimateFactors:
     """Factors of the error estimate, dimensionless (see the module docstring).
 
     Attributes
@@ -90,12 +90,12 @@ class Factors:
     most: float = math.inf
 
 
-_LOW_ORDER = Factors(OF_DIFFERENCE, COMMON, 8.0)
+_LOW_ORDER = EstimateFactors(OF_DIFFERENCE, COMMON, 8.0)
 """Factors for methods of order 1 and 2. Without the limit of 8, 3 to 6 % of the estimates per
 column are more than ten times the true error (104 random buildings).
 """
 
-_HIGH_ORDER = Factors(3.0, 0.5, 9.0)
+_HIGH_ORDER = EstimateFactors(3.0, 0.5, 9.0)
 """Factors for methods of order 3 and more. With those of order 2, 0.6 % of the true errors of
 `impulse4` and `moment4` exceed twice the estimate, with these 0.3 % (the same buildings).
 """
@@ -227,13 +227,13 @@ def with_error_estimate(
     return replace(response, check=check)
 
 
-def factors(case: Case) -> Factors:
+def factors(case: Case) -> EstimateFactors:
     """Return the factors of the error estimate for the method of a case."""
     return _HIGH_ORDER if case.method.order >= _HIGHER else _LOW_ORDER
 
 
 def story_errors(
-    response: Response | Shock, other: Response | Shock, by: Factors = _LOW_ORDER
+    response: Response | Shock, other: Response | Shock, by: EstimateFactors = _LOW_ORDER
 ) -> StoryErrors:
     """Estimate the errors of the peaks of a run, or of an event of a sequence, from another run.
 
@@ -243,7 +243,7 @@ def story_errors(
         Result with the peaks.
     other : Response or Shock
         The same of the additional run.
-    by : Factors
+    by : EstimateFactors
         Factors of the terms of the estimate.
     """
 

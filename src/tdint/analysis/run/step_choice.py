@@ -17,7 +17,7 @@ import numpy as np
 
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import (
-    Factors,
+    EstimateFactors,
     attempt,
     reference,
     story_errors,
@@ -253,7 +253,9 @@ class _Search:
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
             return response  # not comparable: one of the two runs ended early, by collapse
         difference = _difference(response, coarse)
-        errors = story_errors(response, coarse, Factors(self._factor(difference, level - before)))
+        errors = story_errors(
+            response, coarse, EstimateFactors(self._factor(difference, level - before))
+        )
         self.pairs.append((difference, level - before))
         dts = (coarse.dt, response.dt)
         return replace(

@@ -115,7 +115,7 @@ def observe(scene, span, slope, memory, seen):
     u_0 = observer_state[rows.U_PREVIOUS, n - 1]
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
-    # The story above is checked at the floor below it, where its acceleration is known.
+    # The story above is checked in the next pass, after the acceleration of its base is computed.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
     excess = 0.05 * span.h * span.h
     for i in range(n - 1, -1, -1):
@@ -187,7 +187,7 @@ def observe(scene, span, slope, memory, seen):
         rate_above = link * by_story
         v = v_below
         u_0, v_0, a_0 = u_0_below, v_0_below, a_0_below
-    # The lowest story stands on the ground, so its drift acceleration is that of its floor.
+    # The drift acceleration of the lowest story is the acceleration of floor 1.
     stiffness = law_parameters[rows.STIFFNESS, 0]
     may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
     if flags[rows.OWN_WORK] == 0.0:
