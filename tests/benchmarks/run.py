@@ -1,10 +1,11 @@
 """Write the benchmark page: python tests/benchmarks/run.py
 
-The page is README.md beside this file, with its pictures: what each method costs on many problems
-for an error. Finished problems are kept (TDINT_CACHE_DIR or the user's cache) until methods or
-problems change: a call that was ended goes on. With --page nothing is measured: the page is written
-of what there is.
-
+The page is README.md beside this file, with its figures: the cost of each method for an error in
+many problems. The results of all runs are stored in points.csv, problems.csv and conditions.csv.
+All tables and figures are made from these files and from adaptive.csv and plain_newmark.csv.
+`--page` writes the page from the files and measures nothing. Finished problems are kept
+(TDINT_CACHE_DIR or the user's cache) until methods or problems change, so that a command that was
+interrupted continues. `--tolerances` measures only the lines `by tolerance` again.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -30,12 +31,16 @@ from multiprocessing import get_context
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
+sys.path.insert(0, str(Path(__file__).parent))  # of this folder
+import raw_points
+from raw_points import Conditions, Entry
+
 import png_text
 import tdint
 from tdint import system
 from tdint.analysis.chart import opensees_worker, profiles, work_precision
 from tdint.analysis.chart import peers as peers_module
-from tdint.analysis.chart.problem import FloorMotion, Reference
+from tdint.analysis.chart.problem import FloorMotion, Reference, ending_together
 from tdint.analysis.chart.profiles import (
     COARSE,
     METHODS,
@@ -72,16 +77,8 @@ WORDS = {
     "peak_total_shear": "peak total shear",
 }
 MINUTES = 20.0
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A finished problem, when it was measured, and how busy the machine was then."""
-
-    measured: Measured
-    day: str
-    load: float | None
-    seconds: float
+REPEATS = 3
+"""Number of times that the lines by tolerance are timed."""
 
 
 # ---- Measuring, a file for each finished problem
@@ -138,6 +135,36 @@ def work(number: int, file: Path, methods: Sequence[str], peers: bool) -> str:
     return f"{problem.name}, {problem.motion}: {seconds:.0f} s of processor time"
 
 
+def work_by_tolerance(number: int, file: Path, methods: Sequence[str]) -> str:
+    """Measure the lines by tolerance of one of the standard problems again and keep them.
+
+    The times are multiplied by the ratio of the former to the present time of a run that both
+    measurements have, impulse4 at the sampling interval, because the machine may now be slower.
+    """
+    problem = read_problems(STANDARD)[number]
+    measured, day, load, seconds = pickle.loads(file.read_bytes())
+    problem.posed.prepared.compile([parse("impulse4"), parse("moment4")], own_loops=True)
+    posed = ending_together(problem.posed, [problem.posed.interval * part for part in PARTS])
+    steps = posed.steps(posed.interval)
+    true = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / profiles._FINE))
+    judge = partial(profiles._off, true.stories)
+    lines: list[Point] = []
+    for name in (name for name in work_precision.CHOOSING if name in methods):
+        lines += work_precision.by_tolerance(posed, parse(name), TOLERANCES, judge, REPEATS)
+    case = posed.case(parse("impulse4"))
+    now = min(case.integrate(steps).solver_time for _ in range(REPEATS))
+    former = next(p for p in measured.points if (p.line, p.steps) == ("impulse4", steps.count))
+    ratio = former.fastest / now
+    lines = [replace(p, times=tuple(ratio * time for time in p.times), walls=()) for p in lines]
+    kept = [p for p in measured.points if not p.line.endswith(work_precision.BY_TOLERANCE)]
+    place_of_peers = next((i for i, p in enumerate(kept) if profiles.PEER in p.line), len(kept))
+    new_points = (*kept[:place_of_peers], *lines, *kept[place_of_peers:])
+    new = file.with_suffix(".new")
+    new.write_bytes(pickle.dumps((replace(measured, points=new_points), day, load, seconds)))
+    new.replace(file)
+    return f"{problem.name}, {problem.motion}: by tolerance, times {ratio:.2f}"
+
+
 def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -> None:
     """Measure all that is not finished; none is begun after so many minutes."""
     deadline = time.monotonic() + 60.0 * minutes
@@ -155,12 +182,25 @@ def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -
 # ---- The page
 
 
-def whole_chart(entries: Sequence[Entry]) -> FieldChart:
-    """All of them, with the largest load while they were measured: when the page is written is
-    another time."""
+def whole_chart(entries: Sequence[Entry], conditions: Conditions | None = None) -> FieldChart:
+    """Return the chart of all problems, with the largest load during the measurement.
+
+    The conditions are the stored conditions; without them the conditions are those of now.
+    """
     chart = field_chart([entry.measured for entry in entries])
     load = max((entry.load for entry in entries if entry.load is not None), default=None)
+    if conditions is not None:
+        chart = replace(chart, timing=conditions.timing, peers=conditions.peers)
     return replace(chart, timing=replace(chart.timing, load=load))
+
+
+def conditions_of(entries: Sequence[Entry]) -> Conditions:
+    """Return the conditions of a measurement that has just been made."""
+    packages = {"NumPy": "numpy", "numba": "numba", "llvmlite": "llvmlite"}
+    versions = [f"tdint {tdint.__version__}", f"Python {platform.python_version()}"]
+    versions += [f"{name} {version(package)}" for name, package in packages.items()]
+    chart = whole_chart(entries)
+    return Conditions(", ".join(versions), platform.system(), chart.timing, chart.peers)
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -332,26 +372,22 @@ def chart_of(one: Measured, whole: FieldChart) -> Chart:
 NO_MOTION = FloorMotion(1, *4 * (None,))  # type: ignore[arg-type]
 
 
-def draw(chart: FieldChart) -> list[tuple[str, str]]:
-    """Draw all pictures beside the page; their files, and what they show."""
-    shown = []
+def pictures(chart: FieldChart) -> list[tuple[str, str, Callable[[], object]]]:
+    """Return file, description and drawing function of all figures of the page."""
+    shown: list[tuple[str, str, Callable[[], object]]] = []
     for quantity in PEAKS:
-        file = f"profile-{quantity.replace('_', '-')}.png"
         figure = partial(profile_picture, chart, target=quantity.replace("_", "-"))
-        write(HERE / file, figure)
-        shown.append((file, f"Performance profiles, errors of {WORDS[quantity]}"))
+        file = f"profile-{quantity.replace('_', '-')}.png"
+        shown.append((file, f"Performance profiles, errors of {WORDS[quantity]}", figure))
     for name, motion in CHARTS:
         one = next(
             (one for one in chart.measured if (one.name, one.motion) == (name, motion)), None
         )
         if one is not None:
-            file = f"chart-{name}.png"
             title = f"{name}, {motion}"
-            write(
-                HERE / file,
-                partial(chart_picture, chart_of(one, chart), name=title, target="peak-drift"),
-            )
-            shown.append((file, f"Time over error of the peak drifts: {title}"))
+            figure = partial(chart_picture, chart_of(one, chart), name=title, target="peak-drift")
+            text = f"Time over error of the peak drifts: {title}"
+            shown.append((f"chart-{name}.png", text, figure))
     return shown
 
 
@@ -365,11 +401,8 @@ def write(file: Path, figure: Callable[[], object]) -> None:
     png_text.stamp(file, COMMAND)
 
 
-def machine(entries: Sequence[Entry], chart: FieldChart) -> str:
-    """Where and when this was measured, with what."""
-    packages = {"NumPy": "numpy", "numba": "numba", "llvmlite": "llvmlite"}
-    versions = [f"tdint {tdint.__version__}", f"Python {platform.python_version()}"]
-    versions += [f"{name} {version(package)}" for name, package in packages.items()]
+def machine(entries: Sequence[Entry], chart: FieldChart, conditions: Conditions) -> str:
+    """Return versions, machine, days and load of the measurement."""
     days = sorted({entry.day for entry in entries})
     loads = [entry.load for entry in entries if entry.load is not None]
     load = f"load {min(loads):.1f} to {max(loads):.1f}" if loads else "load unknown"
@@ -379,9 +412,9 @@ def machine(entries: Sequence[Entry], chart: FieldChart) -> str:
         f"the least of {counts[-1]} times where a step may be the cheapest, else of {counts[0]}"
     )
     return (
-        f"{', '.join(versions)}; {chart.timing.processor}, {system.processors()} processors, "
-        f"{platform.system()}; {' to '.join(dict.fromkeys((days[0], days[-1])))}; "
-        f"{system.CLOCKS[chart.timing.clock]}, {repeats}, {load} on {system.processors()} "
+        f"{conditions.versions}; {chart.timing.processor}, {chart.timing.processors} processors, "
+        f"{conditions.system}; {' to '.join(dict.fromkeys((days[0], days[-1])))}; "
+        f"{system.CLOCKS[chart.timing.clock]}, {repeats}, {load} on {chart.timing.processors} "
         "processors"
     )
 
@@ -460,9 +493,47 @@ def peers_said(chart: FieldChart) -> str:
     )
 
 
-def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str]]) -> str:
-    """The page."""
-    chart = whole_chart(entries)
+def adaptive_table() -> str:
+    """Return the table of adaptive.csv, with its explanation."""
+    rows = [
+        [
+            f"{row['problem']}, {row['motion']}",
+            f"`{row['method']}`",
+            row["rtol"],
+            *(f"{float(row[f'{name}_error']):.1e}" for name in PEAKS),
+            row["evaluations"],
+            row["events"],
+            f"{1e3 * float(row['time_s']):.3g}",
+            f"{float(row['time_s']) / float(row['impulse4_time_s']):.0f}",
+        ]
+        for row in raw_points.read(HERE / "adaptive.csv")
+        if row["status"] == "done"
+    ]
+    heads = ["problem", "method", "rtol", "drift error", "acceleration error", "shear error"]
+    heads += ["evaluations", "events", "ms", "times impulse4"]
+    return f"{ADAPTIVE}\n{table(heads, rows)}"
+
+
+def page(
+    entries: Sequence[Entry],
+    whole: int,
+    pictures: Sequence[tuple[str, str]],
+    conditions: Conditions,
+) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        Results of the problems.
+    whole : int
+        Number of problems of the set.
+    pictures : sequence of tuple of str
+        File and description of each figure.
+    conditions : Conditions
+        Conditions of the measurement.
+    """
+    chart = whole_chart(entries, conditions)
     leaders = chart.leaders()
     ours = sum(map(profiles.of_steps, chart.lines))
     missing = f" {whole - len(entries)} of {whole} problems were not reached in the time given." * (
@@ -478,6 +549,7 @@ def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str
         "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
         "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
         "Other programs": peers_said(chart),
+        "Adaptive solvers": adaptive_table(),
         "The problems": problems(chart),
         "A method or a problem of your own": OWN,
     }
@@ -489,8 +561,8 @@ def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str
         f"twice the least cost, all quantities and tolerances): `{leaders.overall}`; for errors "
         f"of {percent(COARSE)} "
         f"and more: `{leaders.coarse}`; safest (fails least): `{leaders.safest}`.\n\n"
-        f"Measured with {machine(entries, chart)}; all methods in loops that are compiled for the "
-        "laws of the building.\n\n"
+        f"Measured with {machine(entries, chart, conditions)}; all methods in loops that are "
+        "compiled for the laws of the building.\n\n"
         f"{contents}\n\n{body}"
     )
 
@@ -525,7 +597,17 @@ Problems solved within twice the least cost / median of cost over the least cost
 the worst of those solved / problems not solved. One that a method does not take is not solved; how many it takes, if
 not all, stands behind its name. In brackets how many are judged: where a second method differs from the reference by
 more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same. Lines
-`by tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells.
+`by tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells;
+`run.py --tolerances` measures them separately and scales their times by a run that both measurements have. All numbers
+are in [points.csv](points.csv), one row a run, [problems.csv](problems.csv) and [conditions.csv](conditions.csv);
+`run.py --page` writes this page from them.
+"""  # noqa: E501
+
+ADAPTIVE = """\
+DOP853 and LSODA of SciPy (`solve_ivp`) with branch changes located as events, at which the solver is restarted, and a
+compiled right-hand side: `python tests/benchmarks/adaptive.py`. The time includes the evaluation of peaks from the dense
+output. The last column is this time over the time of `impulse4` with the longest step whose drift error is as small.
+The Bouc-Wen building is missing: with a restart at each turn a run exceeds one minute.
 """  # noqa: E501
 
 FAILURES = """\
@@ -572,7 +654,10 @@ def main() -> int:
         "--no-peers", action="store_true", help="without OpenSeesPy, which runs if it is installed"
     )
     parser.add_argument(
-        "--page", action="store_true", help="measure nothing: the page of what is finished"
+        "--page", action="store_true", help="measure nothing: write the page from the CSV files"
+    )
+    parser.add_argument(
+        "--tolerances", action="store_true", help="measure only the lines by tolerance again"
     )
     asked = parser.parse_args()
     methods = asked.method.split(",")
@@ -585,12 +670,24 @@ def main() -> int:
             for number, (file, problem) in enumerate(files.items())
             if not file.exists()
         ]
+        if asked.tolerances:
+            todo = [
+                partial(work_by_tolerance, number, file, methods)
+                for number, file in enumerate(files)
+                if file.exists()
+            ]
         measure(todo, asked.processes, asked.minutes)
-    entries = [Entry(*pickle.loads(file.read_bytes())) for file in files if file.exists()]
-    if not entries:
-        sys.exit("no problem is finished yet")
-    chart = whole_chart(entries)
-    PAGE.write_text(page(entries, len(given), draw(chart)), encoding="utf-8")
+        entries = [Entry(*pickle.loads(file.read_bytes())) for file in files if file.exists()]
+        if not entries:
+            sys.exit("no problem is finished yet")
+        raw_points.store(entries, conditions_of(entries))
+    # The page is made from the stored files alone.
+    entries, conditions = raw_points.load()
+    shown = pictures(whole_chart(entries, conditions))
+    for name, _, figure in shown:
+        write(HERE / name, figure)
+    text = page(entries, len(given), [one[:2] for one in shown], conditions)
+    PAGE.write_text(text, encoding="utf-8")
     print(f"{PAGE.name}: {len(entries)} of {len(given)} problems")
     return 0
 

@@ -1,0 +1,218 @@
+"""Raw points of the benchmark page as CSV files, from which the page can be written without a run.
+
+`points.csv` has a row for each run: problem, motion, method, time step, steps, iterations, errors
+of the three peaks, minimum time and number of times, status. `problems.csv` has a row for each
+problem: properties of the building and of the reference, day and load of the measurement.
+`conditions.csv` states versions, processor and clock. Empty cells are unknown values.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tdint.analysis.chart.profiles import PEAKS, STANDARD, Measured, PeakErrors, read_problems
+from tdint.analysis.chart.work_precision import Peer, Point, Timing
+
+HERE = Path(__file__).parent
+POINTS, PROBLEMS, CONDITIONS = (
+    HERE / f"{name}.csv" for name in ("points", "problems", "conditions")
+)
+DIGITS = 5
+"""Significant digits of numbers. Times scatter by 10 %."""
+
+OF_POINTS = (
+    "problem",
+    "motion",
+    "method",
+    "line",
+    "dt_s",
+    "steps",
+    "iterations",
+    *(f"{name}_error" for name in PEAKS),
+    "time_min_s",
+    "times",
+    "status",
+)
+OF_PROBLEMS = (
+    "problem",
+    "motion",
+    "stories",
+    "interval_s",
+    "duration_s",
+    "ductility",
+    "changes",
+    "confirmed_by",
+    *(f"{name}_gap" for name in PEAKS),
+    "peer_gap",
+    "peer_note",
+    "day",
+    "load",
+    "seconds",
+)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Results of a problem, with the day, the load of the machine, and the processor time, s."""
+
+    measured: Measured
+    day: str
+    load: float | None
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Conditions of the measurement.
+
+    Attributes
+    ----------
+    versions : str
+        Versions of tdint, Python and packages.
+    system : str
+        Name of the operating system.
+    timing : Timing
+        Clock, repetitions, processor.
+    peers : tuple of Peer
+        Other programs.
+    """
+
+    versions: str
+    system: str
+    timing: Timing
+    peers: tuple[Peer, ...]
+
+
+def number(value: float | None) -> str:
+    """Return a number with `DIGITS` digits; empty for an unknown value."""
+    return "" if value is None or math.isnan(value) else f"{value:.{DIGITS}g}"
+
+
+def parse(text: str) -> float:
+    """Return the number of a cell; nan for an empty cell."""
+    return float(text) if text else math.nan
+
+
+def point_row(one: Measured, point: Point) -> list[str]:
+    """Return the row of a point."""
+    errors = [number(point.error(name)) for name in PEAKS]
+    counts = ["" if count is None else str(count) for count in (point.steps, point.iterations)]
+    return [
+        *(one.name, one.motion, point.method, point.line, number(point.dt), *counts, *errors),
+        *(number(point.fastest), str(len(point.times)), point.outcome),
+    ]
+
+
+def problem_row(entry: Entry) -> list[str]:
+    """Return the row of a problem."""
+    one = entry.measured
+    return [
+        *(one.name, one.motion, str(one.stories), number(one.interval), number(one.duration)),
+        *(number(one.ductility), str(one.changes), one.confirmed_by),
+        *(number(one.gap.of(name)) for name in PEAKS),
+        *(number(one.peer_gap), one.peer_note, entry.day, number(entry.load)),
+        number(entry.seconds),
+    ]
+
+
+def write(file: Path, heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Write a CSV file."""
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerows([heads, *rows])
+
+
+def read(file: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file."""
+    with file.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def store(entries: Sequence[Entry], conditions: Conditions, folder: Path = HERE) -> None:
+    """Write the three files."""
+    rows = [point_row(one.measured, point) for one in entries for point in one.measured.points]
+    write(folder / POINTS.name, OF_POINTS, rows)
+    write(folder / PROBLEMS.name, OF_PROBLEMS, map(problem_row, entries))
+    timing = conditions.timing
+    named = {
+        "versions": conditions.versions,
+        "system": conditions.system,
+        "clock": timing.clock,
+        "load": number(timing.load),
+        "processor": timing.processor,
+        "processors": str(timing.processors),
+    }
+    for peer in conditions.peers:
+        named |= {
+            f"{peer.name} {key}": getattr(peer, key) for key in ("version", "settings", "timed")
+        }
+    write(folder / CONDITIONS.name, ("condition", "value"), named.items())
+
+
+def load(folder: Path = HERE) -> tuple[list[Entry], Conditions]:
+    """Return the results and the conditions of the three files."""
+    points: dict[tuple[str, str], list[Point]] = {}
+    for row in read(folder / POINTS.name):
+        points.setdefault((row["problem"], row["motion"]), []).append(point_of(row))
+    reasons = {(one.name, one.motion): one.reason for one in read_problems(STANDARD)}
+    entries = []
+    for row in read(folder / PROBLEMS.name):
+        name = row["problem"], row["motion"]
+        entries.append(entry_of(row, reasons[name], tuple(points[name])))
+    named = {row["condition"]: row["value"] for row in read(folder / CONDITIONS.name)}
+    counts = [len(point.times) for of_one in points.values() for point in of_one if point.times]
+    timing = Timing(
+        named["clock"],
+        (min(counts), max(counts)),
+        parse(named["load"]) if named["load"] else None,
+        named["processor"],
+        int(named["processors"]),
+        None,
+    )
+    programs = [key.removesuffix(" version") for key in named if key.endswith(" version")]
+    peers = [Peer(name, *_of(named, name)) for name in programs]
+    return entries, Conditions(named["versions"], named["system"], timing, tuple(peers))
+
+
+def _of(named: Mapping[str, str], name: str) -> list[str]:
+    return [named[f"{name} {key}"] for key in ("version", "settings", "timed")]
+
+
+def point_of(row: Mapping[str, str]) -> Point:
+    """Return the point of a row. All its times are the minimum."""
+    errors = [parse(row[f"{name}_error"]) for name in PEAKS]
+    return Point(
+        row["method"],
+        parse(row["dt_s"]),
+        int(row["steps"]) if row["steps"] else None,
+        row["status"],
+        int(row["iterations"]) if row["iterations"] else None,
+        None if all(map(math.isnan, errors)) else PeakErrors(*errors),
+        int(row["times"]) * (parse(row["time_min_s"]),),
+        line=row["line"],
+    )
+
+
+def entry_of(row: Mapping[str, str], reason: str, points: tuple[Point, ...]) -> Entry:
+    """Return the results of a problem from its row and its points."""
+    measured = Measured(
+        name=row["problem"],
+        motion=row["motion"],
+        reason=reason,
+        stories=int(row["stories"]),
+        interval=parse(row["interval_s"]),
+        duration=parse(row["duration_s"]),
+        ductility=parse(row["ductility"]),
+        changes=int(row["changes"]),
+        confirmed_by=row["confirmed_by"],
+        gap=PeakErrors(*(parse(row[f"{name}_gap"]) for name in PEAKS)),
+        points=points,
+        peer_gap=parse(row["peer_gap"]),
+        peer_note=row["peer_note"],
+    )
+    load = parse(row["load"]) if row["load"] else None
+    return Entry(measured, row["day"], load, parse(row["seconds"]))
