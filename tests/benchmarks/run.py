@@ -598,9 +598,9 @@ the worst of those solved / problems not solved. One that a method does not take
 not all, stands behind its name. In brackets how many are judged: where a second method differs from the reference by
 more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same. Lines
 `by tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells;
-`run.py --tolerances` measures them separately and scales their times by a run that both measurements have. All numbers
+`python tests/benchmarks/run.py --tolerances` measures them separately and scales their times by a run that both measurements have. All numbers
 are in [points.csv](points.csv), one row a run, [problems.csv](problems.csv) and [conditions.csv](conditions.csv);
-`run.py --page` writes this page from them.
+`python tests/benchmarks/run.py --page` writes this page from them.
 """  # noqa: E501
 
 ADAPTIVE = """\
