@@ -47,7 +47,7 @@ def test_what_arguments_were_called_is_taken_with_a_warning():
         (run,) = tdint.paper_examples([1], methods=["wilson"])
     assert run.method.startswith("wilson")
     with pytest.warns(
-        DeprecationWarning, match="register_law goes with the next release; load_plugin"
+        DeprecationWarning, match="register_law will be removed in the next release; load_plugin"
     ):
         assert callable(tdint.register_law)
     assert "register_law" not in dir(tdint)

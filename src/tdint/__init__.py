@@ -1,25 +1,26 @@
 """tdint: earthquake response of shear buildings with a time-integration method of your choice.
 
-A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, units and sources:
+The following examples show the most important functions. All values are in SI units; the docstring
+of each function, such as `help(tdint.run)`, states shapes, units and sources:
 
-    model = tdint.load_model("office.yaml")              # or a mapping that says the same
+    model = tdint.load_model("office.yaml")              # or a mapping with the same keys
     record = tdint.read_record("station.mseed", component="HNE", units="m/s^2")
-    record = tdint.make_record(samples, dt=0.01, units="g")      # or of an ObsPy Trace or Stream
+    record = tdint.make_record(samples, dt=0.01, units="g")      # or from an ObsPy Trace or Stream
     record = tdint.process(record, baseline="linear", highpass=0.1)
     tdint.modes(model)                                   # periods, damping ratios, masses
     response = tdint.run(model, record, history=True, check=True)
-    response.stories.peak_drift_ratio                    # an array over the stories
+    response.stories.peak_drift_ratio                    # array with a value for each story
     response.plot(), response.plot(ax=ax)                # a matplotlib Figure; its main panel on ax
-    pandas.DataFrame(response.to_dict("kip,in,g"))       # the table of the command, in other units
-    case = tdint.prepare(model, record)                  # put together once for many runs:
+    pandas.DataFrame(response.to_dict("kip,in,g"))       # table of the command in other units
+    case = tdint.prepare(model, record)                  # prepared once for many runs:
     tdint.run_case(case.scaled(2.0))
     tdint.run_many(models, records, history="drift")     # arrays [run, time, story], all processors
-    tdint.run_sequence(case, [record, aftershock])       # one after the other; peaks: .events
-    tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
+    tdint.run_sequence(case, [record, aftershock])       # main shock and aftershock: .events
+    tdint.cyclic_test(model, 1, ["1%", "2%"])            # cyclic test of the law of a story
     tdint.pushover(model, "2%")
 
-Each command has a function; what these give shows itself in a line, as a table in a notebook, has
-its columns by `to_dict`, is drawn by `plot`, and can be pickled:
+Each command has a function. The result of a function has a one-line description, a table in a
+notebook, columns (`to_dict`) and a figure (`plot`), and can be pickled:
 
     Buildings        model_template, check, run (run_many, run_case of prepare, run_sequence), modes
                      (response_spectrum_analysis), cyclic_test, pushover (target_displacements),
@@ -33,11 +34,11 @@ its columns by `to_dict`, is drawn by `plot`, and can be pickled:
                      (performance_profiles); load_plugin
     Housekeeping     compile_model, validate
 
-Errors are `TdintError`s (`FailedRun` of a run that does not reach its end); `Model`, `Record`,
-`Response`, `Runs` are what is given and what comes back.
+All errors are instances of `TdintError`; `FailedRun` is the error of a run that stops before the
+end. `Model` and `Record` are the inputs, `Response` and `Runs` the results of runs.
 
-Text tables that do not tell what they are take a `TextLayout`. All of it loads on first use, so
-that importing tdint costs nothing; matplotlib loads with the first picture.
+A `TextLayout` describes text tables that do not state their columns and units. Modules are imported
+at their first use, so that `import tdint` is fast; matplotlib is imported with the first figure.
 """
 
 from __future__ import annotations
@@ -170,10 +171,10 @@ Tabular.tables = lambda: import_module("tdint.output.tables.to_dict")
 Tabular.figures = lambda: import_module("tdint.output.plotting")
 
 _CALLED = {"check": "overview", "methods": "list_methods"}
-"""What has another name where it is: a checker of models, and what is a package there."""
+"""Public names that differ from the names in the defining modules."""
 
 _ELSEWHERE = {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
-"""Where that is."""
+"""Modules that define the functions of `_CALLED`."""
 
 _BEFORE = {
     "compile": "compile_model",
@@ -182,12 +183,12 @@ _BEFORE = {
     "init": "model_template",
     "law": "cyclic_test",
 }
-"""What names of 0.1 are called now."""
+"""Names in version 0.1 and their present names, for the message of an AttributeError."""
 
 _GOING = dict.fromkeys(
-    ("register_law", "register_method"), "load_plugin takes what stands in a file"
+    ("register_law", "register_method"), "load_plugin loads laws and methods from a file"
 )
-"""What nobody was seen to use, and what does its work; not among the names that are listed."""
+"""Deprecated names, which `dir(tdint)` omits, and their replacement."""
 
 
 @cache
@@ -196,14 +197,15 @@ def _homes() -> dict[str, str]:
     return declared_homes(__file__) | _ELSEWHERE
 
 
-if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint's
+# Type checkers do not see this function, because with it they would accept every name.
+if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         if name == "__all__":
             return __dir__()
         if name in _GOING:
             warnings.warn(
-                f"tdint.{name} goes with the next release; {_GOING[name]}",
+                f"tdint.{name} will be removed in the next release; {_GOING[name]}",
                 DeprecationWarning,
                 stacklevel=2,
             )
