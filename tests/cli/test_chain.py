@@ -1,5 +1,5 @@
 """From a folder of records to a report in four commands: select, match, run, report; for pairs in
-five formats, with numbers that a script without tdint computes again (tests/studies/pairs.py)."""
+five formats, with numbers that a script without tdint computes again (tests/pair_demands.py)."""
 
 import json
 from pathlib import Path
@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import pair_demands as pairs
 from csv_rows import rows
-from studies import pairs
 
 TARGET = ("--target", "asce7:sds=1,sd1=0.6,tl=8", "--range", "0.2:0.5")
 EVENTS = (("Loma Prieta", "10/18/1989"), ("Kobe", "1/16/1995"), ("Duzce", "11/12/1999"))

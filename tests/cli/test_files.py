@@ -387,11 +387,17 @@ KEPT_SAFE = {
     "scale -o": ("motion.mseed", ".csv", "scale RECORD --pga 0.4g -o {written}"),
     "scale --spectra": ("target.csv", ".csv", "scale MOTION --target {read} --spectra {written}"),
     "ida --plot": ("shaken.yaml", ".png", "ida {read} MOTION --precision 40% --plot={written}"),
+    "ida --report": (
+        "shaken.yaml",
+        ".html",
+        "ida {read} MOTION --precision 40% -o o --report {written}",
+    ),
     "sensitivity -o": (
         "motion.mseed",
         ".csv",
         "sensitivity shaken.yaml RECORD --vary mass_factor=0.9:1.1 -o {written}",
     ),
+    "fragility --report": ("stripes.csv", ".html", "fragility {read} --report {written}"),
     "fragility -o": ("stripes.csv", ".csv", "fragility {read} -o {written}"),
     "fragility --openquake": ("stripes.csv", ".xml", "fragility {read} --openquake {written}"),
     "chart -o": ("shaken.yaml", ".csv", "chart {read} --method newmark-average -o {written}"),

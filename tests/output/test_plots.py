@@ -328,7 +328,7 @@ def test_scales_of_a_spectrum_in_any_units(units):
         ),
         (
             "kN,mm",
-            ("ground (g)", "kN·mm)", "story shear (kN)", "drift (mm)", "acceleration (g)"),
+            ("ground (g)", "kN·m)", "story shear (kN)", "drift (mm)", "acceleration (g)"),
             100.0,
             0.001,
         ),

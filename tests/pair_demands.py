@@ -1,4 +1,4 @@
-"""Numbers of a suite of pairs, computed without tdint: python tests/studies/pairs.py MOTIONS OUT.
+"""Numbers of a suite of pairs, computed without tdint: python tests/pair_demands.py MOTIONS OUT.
 
 MOTIONS is a folder of matched motions in AT2 format (`tdint match --format at2`), OUT the folder
 of their runs. The script prints the RotD100 of each pair and the mean drift ratio over pairs under
