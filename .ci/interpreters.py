@@ -1,8 +1,9 @@
 """Choose the interpreters for `.ci/run`, and the tests of each.
 
-Standard input is the output of `uv python list --output-format json`, the arguments are two lists
-of test files separated by spaces: those of what differs by interpreter and libraries, and those
-that compile loops. Each line of the output is one environment: NAME PYTHON RESOLUTION FILE...
+Standard input is the output of `uv python list --output-format json`. The arguments are two lists
+of test files, separated by spaces: the tests of features that depend on the interpreter and the
+libraries, and the tests that compile loops. Each line of the output describes an environment: NAME
+PYTHON RESOLUTION FILE...
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def newest_of_each_minor(listed: list[dict[str, Any]]) -> dict[Version, tuple[Ve
 def environments(
     found: dict[Version, tuple[Version, str]], differs: list[str], compiles: list[str]
 ) -> list[list[str]]:
-    """Return the words of each environment; those with few tests are last.
+    """Return the line of each environment as a list; environments with few tests are last.
 
     Python 3.11 gets the lowest libraries. The interpreter that executes this file is omitted with
     the newest libraries, because the complete suite runs in it.

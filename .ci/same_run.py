@@ -1,7 +1,7 @@
 """Compare two tables of `tdint run` from different environments: same_run.py ONE OTHER.
 
-Words must be equal, numbers up to the rounding of different libraries. The exit code is 1 if they
-differ.
+Texts must be equal, and numbers must be equal within the rounding of different libraries. The exit
+code is 1 if the tables differ.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The page is README.md beside this file, with its figures: the cost of each method for an error in
 many problems. The results of all runs are stored in points.csv, problems.csv and conditions.csv.
-All tables and figures are made from these files and from adaptive.csv and plain_newmark.csv.
+All tables and figures are made from these files and from adaptive.csv.
 `--page` writes the page from the files and measures nothing. Finished problems are kept
 (TDINT_CACHE_DIR or the user's cache) until methods or problems change, so that a command that was
 interrupted continues. `--tolerances` measures only the lines `by tolerance` again.
@@ -607,7 +607,7 @@ ADAPTIVE = """\
 DOP853 and LSODA of SciPy (`solve_ivp`) with branch changes located as events, at which the solver is restarted, and a
 compiled right-hand side: `python tests/benchmarks/adaptive.py`. The time includes the evaluation of peaks from the dense
 output. The last column is this time over the time of `impulse4` with the longest step whose drift error is as small.
-The Bouc-Wen building is missing: with a restart at each turn a run exceeds one minute.
+The Bouc-Wen building is missing: its first run did not finish within one minute; the cause is not known.
 """  # noqa: E501
 
 FAILURES = """\

@@ -723,7 +723,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     for axes in panels[:, 0]:
         axes.set_ylabel("fraction of problems solved")
     for axes in panels[-1]:
-        axes.set_xlabel("time divided by the minimum over all methods")
+        axes.set_xlabel("time divided by minimum time")
     order = [line for line in chart.lines if line in handles]
     add_legend(
         figure,
