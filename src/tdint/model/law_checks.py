@@ -222,7 +222,15 @@ def path_faults(
 
 
 def _described(story: _LawStory, point: _PathPoint) -> str:
-    """Return the message on a force that is not the one of the branch, with the remedy."""
+    """Return the message on a force that is not the one of the branch, with the remedy.
+
+    Parameters
+    ----------
+    story : _LawStory
+        Story with the law and its functions.
+    point : _PathPoint
+        Point of the path at which the two forces differ.
+    """
     law, functions = story.law, story.functions
     forces = f"{point.branch:.6g} N at drift {point.drift:.6g} m, `force` to {point.force:.6g} N"
     if functions.switch is None:
@@ -245,7 +253,15 @@ def _described(story: _LawStory, point: _PathPoint) -> str:
 
 
 def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
-    """Return the fault of a law whose force depends on the path and that dissipates nothing."""
+    """Return the fault of a law whose force depends on the path and that dissipates nothing.
+
+    Parameters
+    ----------
+    story : _LawStory
+        Story with the law and its functions.
+    yield_drift : float
+        Drift at first yield, m. Fixed path sizes are used if it is not positive and finite.
+    """
     law, functions = story.law, story.functions
     if functions.accumulate_dissipation is not None or functions.hysteretic_energy is not None:
         return []
@@ -276,6 +292,15 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
 
     Slopes are taken over `difference` (m). The law is executed directly and not by its number: it
     may not have one yet.
+
+    Parameters
+    ----------
+    story : _LawStory
+        Story at rest.
+    drifts : array
+        Drifts of the path in their order, m.
+    difference : float
+        Increment of drift for the slopes, m.
     """
     law, functions, column, guard = story
     # The table of a building of one story has a second, empty column.
@@ -308,7 +333,21 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
 
 
 def _no_branch(law_parameters: Array, law_state: Array, i: int, block: int, event: int) -> None:
-    """Leave the branch as it is: the `switch` of a law without one."""
+    """Leave the branch as it is: the `switch` of a law without one.
+
+    Parameters
+    ----------
+    law_parameters : array
+        Table of the parameters of the stories.
+    law_state : array
+        State of the stories.
+    i : int
+        Index of the story.
+    block : int
+        First row of the block of `law_state` with the branch.
+    event : int
+        Event that ends the current branch: ABOVE, BELOW or REVERSED.
+    """
 
 
 def _reach(
@@ -317,6 +356,17 @@ def _reach(
     """Return force and tangent at a drift, reached from the committed state.
 
     The state there is written to the first trial block.
+
+    Parameters
+    ----------
+    functions : LawFunctions
+        Functions of the law.
+    table : array, shape (rows, 2)
+        Parameters of the story in the first column.
+    law_state : array, shape (rows, 2)
+        State of the story in the first column; changed by this function.
+    drift : float
+        Drift to reach, m.
     """
     law_state[rows.FIRST_TRIAL + rows.DRIFT, 0] = drift
     tangent = functions.force(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL, drift)
@@ -324,7 +374,19 @@ def _reach(
 
 
 def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Make the first trial state the committed one, as `law_state.commit` and `resume` do."""
+    """Make the first trial state the committed one, as `law_state.commit` and `resume` do.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        Definition of the law.
+    functions : LawFunctions
+        Functions of the law.
+    table : array, shape (rows, 2)
+        Parameters of the story in the first column.
+    law_state : array, shape (rows, 2)
+        State of the story in the first column; changed by this function.
+    """
     if functions.accumulate_dissipation is not None:
         functions.accumulate_dissipation(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
     if functions.keep is not None:
@@ -336,7 +398,19 @@ def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arr
 
 
 def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Put the committed state on the branch that it implies, as `branches.enter` does."""
+    """Put the committed state on the branch that it implies, as `branches.enter` does.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        Definition of the law.
+    functions : LawFunctions
+        Functions of the law.
+    table : array, shape (rows, 2)
+        Parameters of the story in the first column.
+    law_state : array, shape (rows, 2)
+        State of the story in the first column; changed by this function.
+    """
     law_state[rows.SLOPE, 0] = math.inf if law.curved else table[rows.STIFFNESS, 0]
     law_state[rows.RATE_SIGN, 0] = 0.0
     law_state[rows.UPPER, 0] = math.inf
@@ -349,7 +423,15 @@ def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arra
 
 
 def _yield_drift(law: DriftLaw, column: Array) -> float:
-    """Return the drift at first yield that a law declares for its numbers, m."""
+    """Return the drift at first yield that a law declares for its numbers, m.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        Definition of the law.
+    column : array
+        Numbers of the story: mass, stiffness and the parameters of the law.
+    """
     return float(
         law.yield_drift(float(column[rows.STIFFNESS]), column[rows.FIRST_PARAMETER :].tolist())
     )

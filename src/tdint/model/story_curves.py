@@ -81,6 +81,14 @@ def story_model(
 
     Parameters
     ----------
+    name : str
+        Name of the building.
+    stories : int
+        Number of stories.
+    period : float
+        Period of the first mode, s; not used if `laws` are specified.
+    system : str
+        System of units, `si` or `us`.
     motion : str or None
         The record's file; None is free vibration, from a roof that was pulled.
     weights : sequence of float, optional
@@ -139,7 +147,17 @@ def _in_a_line(
     units: _System, loads: Sequence[float], omega: float
 ) -> tuple[list[float], list[float]]:
     """Stiffnesses and strengths with which the first mode is a straight line, in the system's
-    units."""
+    units.
+
+    Parameters
+    ----------
+    units : _System
+        Units of the model file. Its `load_key` determines if loads are masses or weights.
+    loads : sequence of float
+        Masses (t) or weights (in the unit of force) of the floors from the ground up.
+    omega : float
+        Circular frequency of the first mode, rad/s.
+    """
     in_kg = MASS["t"] if units.load_key == "mass" else FORCE[units.force] / STANDARD_GRAVITY
     masses = [in_kg * load for load in loads]
     moments = [mass * floor for floor, mass in enumerate(masses, start=1)]
@@ -176,7 +194,25 @@ def type_model(
     motion: str | None,
 ) -> str:
     """A building of a Hazus type by rules: see `tdint.model.config.building_facts`; the area in m^2
-    or ft^2."""
+    or ft^2.
+
+    Parameters
+    ----------
+    name : str
+        Name of the building.
+    structure : str
+        Structural type of Hazus.
+    stories : int
+        Number of stories.
+    year : int
+        Year of construction.
+    area : float
+        Area of one floor, m^2 or ft^2.
+    system : str
+        System of units, `si` or `us`.
+    motion : str or None
+        File of the record; None for free vibration.
+    """
     units = SYSTEMS[system]
     lengths = units.units if system == "si" else "{length: ft, force: kip}"
     return "\n".join(
@@ -203,7 +239,20 @@ def type_model(
 def _rest(
     units: _System, motion: str | None, pulled: list[str], *, damping: bool = True
 ) -> list[str]:
-    """Return the lines for damping, load, analysis and output units."""
+    """Return the lines for damping, load, analysis and output units.
+
+    Parameters
+    ----------
+    units : _System
+        System of units, which defines the output units.
+    motion : str or None
+        File of the record; None for free vibration.
+    pulled : list of str
+        Initial displacements from the ground up, as text, in the units of the file; used only
+        without a record.
+    damping : bool
+        Include the line for damping.
+    """
     lines = ["damping: 5%  # Rayleigh damping in modes 1 and 3, or the last one"] if damping else []
     lines.append("p_delta: false  # true: gravity acts on the displaced building")
     if motion:
@@ -325,7 +374,17 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
 
 
 def _column(table: CsvTable, name: str, units: dict[str, float]) -> tuple[str, float]:
-    """Return the column name of a quantity with its unit, and the factor of the unit to SI."""
+    """Return the column name of a quantity with its unit, and the factor of the unit to SI.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table of story curves.
+    name : str
+        Quantity with which the name of the column begins, `drift` or `shear`.
+    units : dict of str to float
+        Factor to SI units of each unit.
+    """
     names = {
         f"{name}_{re.sub(r'[^a-z]', '', unit.lower())}": factor for unit, factor in units.items()
     }
@@ -341,6 +400,12 @@ def fit_story(story: int, drift: Array, shear: Array, kind: str) -> CurveFit:
 
     Parameters
     ----------
+    story : int
+        Number of the story, from 1 at the ground.
+    drift : array, shape (points,)
+        Drifts, m; none is smaller than the one before.
+    shear : array, shape (points,)
+        Story shear at each drift, N.
     kind : str
         `bilinear`; `trilinear`: a law `trilinear-pinching` without pinching, flat beyond its
         largest force; or `multilinear`: a law `multilinear-pinching` without pinching, with four
@@ -361,7 +426,19 @@ Corners = tuple[Array, float]
 
 def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[Array, Array]:
     """Slopes between corners, none negative, and the shears they leave; `flat`: no slope after the
-    last corner."""
+    last corner.
+
+    Parameters
+    ----------
+    d : array, shape (points,)
+        Drifts divided by the largest drift.
+    f : array, shape (points,)
+        Shears divided by the largest shear.
+    corners : array
+        Drifts of the corners divided by the largest drift, in any order.
+    flat : bool
+        Set the slope after the last corner to zero.
+    """
     from scipy.optimize import nnls
 
     edges = np.concatenate([[0.0], np.sort(corners), [max(1.0, float(np.max(corners)) + 1e-9)]])
@@ -372,7 +449,21 @@ def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[A
 
 
 def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
-    """Fit a polygon; the search for the corners starts from fractions of `start`."""
+    """Fit a polygon; the search for the corners starts from fractions of `start`.
+
+    Parameters
+    ----------
+    parts : tuple of float
+        Start values of the drifts of the corners, as fractions of `start`.
+    flat : bool
+        Set the slope after the last corner to zero.
+    d : array, shape (points,)
+        Drifts divided by the largest drift.
+    f : array, shape (points,)
+        Shears divided by the largest shear.
+    start : float
+        Reference drift of the start values, divided by the largest drift.
+    """
     from scipy.optimize import minimize
 
     # A corner before the first points is not determined by the data.
@@ -390,7 +481,17 @@ def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start
 
 def _multilinear(d: Array, f: Array, start: float) -> Corners:
     """Drifts of four points, the last one that of the curve, and the shears there by least squares,
-    none negative."""
+    none negative.
+
+    Parameters
+    ----------
+    d : array, shape (points,)
+        Drifts divided by the largest drift.
+    f : array, shape (points,)
+        Shears divided by the largest shear.
+    start : float
+        Start value of the drift of the second point, divided by the largest drift.
+    """
     from scipy.optimize import minimize, nnls
 
     low = 0.5 * float(d[d > 0.0][0])

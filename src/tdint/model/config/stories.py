@@ -96,6 +96,13 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     """Read a law and the initial stiffness that follows from its parameters, N/m.
 
     The stiffness is None if the story specifies it, and nan after an error.
+
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key `law`; None for a linear story.
+    unit : ModelUnits
+        Units of the model file.
     """
     if value is None:
         return LINEAR, None
@@ -156,7 +163,17 @@ def _known(name: Value) -> Mapping[str, DriftLaw]:
 
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
-    """Return the parameters in SI units in the order of the law, with lists flattened."""
+    """Return the parameters in SI units in the order of the law, with lists flattened.
+
+    Parameters
+    ----------
+    section : Section
+        Section with the parameters.
+    law : DriftLaw
+        Law that declares the parameters.
+    unit : ModelUnits
+        Units of the model file.
+    """
     # Outer groups are read before inner groups, because they contain them.
     names = sorted(
         dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count(".")
@@ -241,6 +258,17 @@ def _read_points(
 
     If the file contains two or three points, `four_points` adds points on the line before the last
     point.
+
+    Parameters
+    ----------
+    group : Section, float or None
+        Values of the group of the parameter (`_read_group`).
+    parameter : LawParameter
+        Declaration of the points.
+    unit : ModelUnits
+        Units of the model file.
+    earlier : mapping of str to tuple of float
+        Parameters that have already been read, in SI units.
     """
     nothing = (math.nan,) * 8
     if isinstance(group, float):
@@ -268,7 +296,19 @@ def _read_points(
 def _read_number(
     group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
 ) -> float:
-    """Return a parameter in SI units, or its default if it is omitted."""
+    """Return a parameter in SI units, or its default if it is omitted.
+
+    Parameters
+    ----------
+    group : Section, float or None
+        Values of the group of the parameter (`_read_group`).
+    parameter : LawParameter
+        Declaration of the parameter.
+    unit : ModelUnits
+        Units of the model file.
+    earlier : mapping of str to tuple of float
+        Parameters that have already been read, in SI units.
+    """
     bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
     default = (
         earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
@@ -333,7 +373,17 @@ _AGREEMENT = 1e-9  # relative; a stiffness that is specified twice may differ by
 def read_stories(
     value: Value | None, unit: ModelUnits, p_delta: bool
 ) -> tuple[tuple[Story, ...], int | None]:
-    """Return the stories from the ground up and their number, which is None after an error."""
+    """Return the stories from the ground up and their number, which is None after an error.
+
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key `stories`; None if it is missing.
+    unit : ModelUnits
+        Units of the model file.
+    p_delta : bool
+        Require the height of every story.
+    """
     entries = value.items("a list of stories", "must contain at least one story") if value else None
     if entries is None:
         return (), None
@@ -351,7 +401,17 @@ def read_stories(
 
 
 def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, int | None]:
-    """Return the story of one entry and its number of repetitions, which is None after an error."""
+    """Return the story of one entry and its number of repetitions, which is None after an error.
+
+    Parameters
+    ----------
+    entry : Value
+        Entry of the list of stories.
+    unit : ModelUnits
+        Units of the model file.
+    p_delta : bool
+        Require the height of the story.
+    """
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
@@ -409,7 +469,15 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
 
 
 def _read_mass(section: Section, unit: ModelUnits) -> float:
-    """Return the mass of the floor, kg, from the key `mass` or `weight`."""
+    """Return the mass of the floor, kg, from the key `mass` or `weight`.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the story.
+    unit : ModelUnits
+        Units of the model file.
+    """
     if section.has("weight"):
         if section.has("mass"):
             section.value.fault("give either mass or weight, not both")
@@ -431,6 +499,13 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     """Return the coefficient of a linear dashpot, N s/m, and the power-law dashpot, if any.
 
     A number is the coefficient of a linear dashpot; a mapping defines a power-law dashpot.
+
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key `dashpot`; None for a story without a dashpot.
+    unit : ModelUnits
+        Units of the model file.
     """
     if value is None:
         return 0.0, None
