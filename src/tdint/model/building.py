@@ -183,7 +183,18 @@ class Building:
 
 def _fastest(stiffness: Array, link: Array, mass: Array) -> Array:
     """Return `Building.fastest` of one or more buildings, shape (..., n); `link` has an additional
-    column."""
+    column.
+
+    Parameters
+    ----------
+    stiffness : array, shape (..., n)
+        Story stiffness, N/m; its absolute value is used.
+    link : array, shape (n + 1,)
+        1 for a story on the floor below, 0 for a story on the ground, and an additional last
+        element.
+    mass : array, shape (..., n)
+        Mass of each floor, kg.
+    """
     springs = np.concatenate([np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1)
     below, above = link[:-1] * springs[..., :-1], link[1:] * springs[..., 1:]
     shape = np.ones(stiffness.shape)
@@ -621,6 +632,17 @@ def _without_isolators(
     Stiffness-proportional dampers act only in the other stories. Mass-proportional dampers act on
     the motion relative to the floor on top of the isolator below. Dampers to the ground would also
     damp the isolators.
+
+    Parameters
+    ----------
+    linear_terms : array, shape (rows, n + 1)
+        Linear terms of the building; its dampers are changed by this function.
+    stiffness : array, shape (n,)
+        Initial stiffness of each story, N/m.
+    model : Model
+        Model, which specifies the stories with Rayleigh damping.
+    damping : RayleighCoefficients
+        Coefficients of the mass and of the stiffness.
     """
     n = linear_terms.shape[1] - 1
     reached = np.array([story.rayleigh for story in model.stories])
@@ -646,6 +668,13 @@ def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCo
 
     For a single mode, mass and stiffness contribute half of the damping each. This is the limit of
     equal ratios as the frequencies of the two modes approach each other.
+
+    Parameters
+    ----------
+    ratio : RayleighRatio
+        Damping ratios and numbers of the two modes.
+    omega_1, omega_2 : float
+        Circular frequencies of the two modes, rad/s.
     """
     xi_1, xi_2 = ratio.ratios
     if ratio.modes[0] == ratio.modes[1]:

@@ -230,7 +230,17 @@ class _Assets:
         self._model.assets.clear()
 
     def _add(self, source: str, line: int, values: Mapping[str, str]) -> None:
-        """Convert an asset to a row of the inventory, or report its errors."""
+        """Convert an asset to a row of the inventory, or report its errors.
+
+        Parameters
+        ----------
+        source : str
+            File, for messages.
+        line : int
+            Line of the asset in the file.
+        values : mapping of str to str
+            Text of each field of the asset.
+        """
         before = self._count
 
         def fault(name: str, message: str) -> None:
@@ -273,6 +283,15 @@ class _Assets:
         """Return the structural cost of one building of an asset.
 
         `positive` returns the number in a field, and `fault` reports an error of a field.
+
+        Parameters
+        ----------
+        count : float
+            Number of buildings of the asset.
+        positive : callable
+            Function that returns the number in a field.
+        fault : callable
+            Function that reports an error of a field; its parameters are the field and the message.
         """
         value, kind = positive(_STRUCTURAL), self._model.cost_type
         if kind == _PER_AREA:
@@ -308,6 +327,13 @@ class _Assets:
 
 def _parse(source: str, data: bytes) -> _Model:
     """Return the contents of an XML file.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file, for messages.
+    data : bytes
+        Content of the file.
 
     Raises
     ------
@@ -397,7 +423,19 @@ def _element(
 
 
 def _choice(source: str, line: int, text: str, allowed: Sequence[str]) -> str:
-    """Return a type of costs or areas; raise ModelError if it is unknown."""
+    """Return a type of costs or areas; raise ModelError if it is unknown.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file, for messages.
+    line : int
+        Line of the type in the file.
+    text : str
+        Type in the file.
+    allowed : sequence of str
+        Known types.
+    """
     if text not in allowed:
         raise ModelError(
             f"{source}:{line}: type must be one of {', '.join(allowed)}, got {text[:40]!r}"

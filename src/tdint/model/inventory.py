@@ -470,7 +470,17 @@ class _Row:
         self._line, self._cells = of.lines[at], [column[at] for column in of.columns]
 
     def fault(self, place: int, name: str, message: str) -> None:
-        """Report an error of a cell."""
+        """Report an error of a cell.
+
+        Parameters
+        ----------
+        place : int
+            Index of the column, from 0.
+        name : str
+            Name of the column.
+        message : str
+            Description of the error.
+        """
         self._faults.append(ModelFault(self._of.table.source, self._line, place + 1, name, message))
 
     def building(self) -> InventoryRow | None:
@@ -634,7 +644,20 @@ def derive_all(
 def derive_row(
     row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
 ) -> DerivedBuilding | CapacityBuilding:
-    """Derive the building of one row. `derive_all` describes and checks the parameters."""
+    """Derive the building of one row. `derive_all` describes and checks the parameters.
+
+    Parameters
+    ----------
+    row : InventoryRow
+        Row with the id and the properties of the building.
+    rules : str
+        Name of the rules, one of `RULES`.
+    stiffness, damping : float
+        Standard deviations of the random factors on stiffness and damping ratio. Default: no
+        scatter.
+    seed : int
+        Seed of the random factors, combined with the id of the building.
+    """
     scatter = None
     if stiffness or damping:
         random = np.random.default_rng([seed, *row.id.encode()])
@@ -643,7 +666,15 @@ def derive_row(
 
 
 def _factor(random: np.random.Generator, deviation: float) -> float:
-    """Sample a positive factor with a normal distribution of mean 1."""
+    """Sample a positive factor with a normal distribution of mean 1.
+
+    Parameters
+    ----------
+    random : numpy.random.Generator
+        Generator of the samples; its state is changed by this function.
+    deviation : float
+        Standard deviation of the normal distribution.
+    """
     factor = 0.0
     while factor <= 0.0:
         factor = 1.0 + deviation * random.standard_normal()

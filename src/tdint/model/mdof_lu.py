@@ -325,6 +325,15 @@ def _damping(
     """Return Rayleigh damping for modes 1 and 3 (or the last mode).
 
     In a building of one story, mass and stiffness contribute half of the damping each.
+
+    Parameters
+    ----------
+    omega : array
+        Circular frequencies of the modes, from the first mode on, rad/s.
+    ratio : float
+        Damping ratio of the two modes.
+    mass_only : bool
+        Omit the part that is proportional to the stiffness.
     """
     last = min(omega.size, 3)
     if last == 1:

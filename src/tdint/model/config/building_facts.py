@@ -85,7 +85,15 @@ _OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
 
 
 def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityBuilding | None:
-    """Return the building that the rules derive, or None after reporting an error."""
+    """Return the building that the rules derive, or None after reporting an error.
+
+    Parameters
+    ----------
+    value : Value
+        Value of the key `building`.
+    unit : ModelUnits
+        Units of the model file.
+    """
     section = value.section(BUILDING)
     if section is None:
         return None
@@ -124,7 +132,17 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
 
 
 def _needed(section: Section, name: str, advice: str = "") -> Any:
-    """Return the converted value of a required entry, or None after reporting an error."""
+    """Return the converted value of a required entry, or None after reporting an error.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the building.
+    name : str
+        Key of the entry, one of the keys of `BUILDING`.
+    advice : str
+        Remedy in the message if the entry is missing. Default: the allowed values of a choice.
+    """
     kind = BUILDING.kinds()[name]
     value = section.need(
         name,
@@ -134,7 +152,15 @@ def _needed(section: Section, name: str, advice: str = "") -> Any:
 
 
 def _building_of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
-    """Return the building of a capacity curve, or None after reporting an error."""
+    """Return the building of a capacity curve, or None after reporting an error.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the building.
+    unit : ModelUnits
+        Units of the model file.
+    """
     file = section.get("capacity")
     path = file.file() if file else None
     curve = None

@@ -267,7 +267,15 @@ _UNITS = {ISOLATOR: ("displacement", "500 mm"), ACCELERATION: ("acceleration", "
 
 
 def _reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
-    """Return the function that reads a limit in SI units, or nan after reporting an error."""
+    """Return the function that reads a limit in SI units, or nan after reporting an error.
+
+    Parameters
+    ----------
+    quantity : str
+        Response quantity of the limit.
+    unit : ModelUnits
+        Units of the model file.
+    """
     if quantity in (DRIFT_RATIO, RESIDUAL):
         return lambda value: value.number(POSITIVE_RATIO)
     kind, example = _UNITS[quantity]

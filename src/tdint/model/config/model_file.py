@@ -169,7 +169,15 @@ EXCITATION = Keys(
 
 
 def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) -> Excitation:
-    """Read the record and the forces. `count` is the number of stories, None if unknown."""
+    """Read the record and the forces. `count` is the number of stories, None if unknown.
+
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key `excitation`; None if it is missing.
+    unit : ModelUnits
+        Units of the model file.
+    """
     section = value.section(EXCITATION) if value else None
     if section is None:
         return Excitation(None, ())
@@ -382,13 +390,28 @@ def model_within(value: Value, origin: SourceText) -> Model | None:
     """Return the model of a mapping, or None after reporting an error.
 
     The mapping is a complete model file or a part of another file, `origin`.
+
+    Parameters
+    ----------
+    value : Value
+        Mapping with the keys of a model file.
+    origin : SourceText
+        File that contains the mapping.
     """
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:
-    """Return the model. Invalid values are reported and replaced by nan or None."""
+    """Return the model. Invalid values are reported and replaced by nan or None.
+
+    Parameters
+    ----------
+    section : Section
+        Section with the keys of a model file.
+    origin : SourceText
+        File that contains the model.
+    """
     unit = read_units(section.inner("units"))
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
@@ -446,7 +469,17 @@ def _read_model(section: Section, origin: SourceText) -> Model:
 def _read_limits(
     section: Section, unit: ModelUnits, stories: tuple[Story, ...]
 ) -> tuple[Limit, ...]:
-    """Return the limits of a model; empty without limits."""
+    """Return the limits of a model; empty without limits.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the model.
+    unit : ModelUnits
+        Units of the model file.
+    stories : tuple of Story
+        Stories from the ground up.
+    """
     value = section.get("limits")
     if value is None:
         return ()
@@ -459,7 +492,17 @@ def _read_limits(
 def _read_stories(
     section: Section, unit: ModelUnits, p_delta: bool
 ) -> tuple[tuple[Story, ...], int | None, Damping]:
-    """Return stories, number of stories and damping, from `stories` or derived from `building`."""
+    """Return stories, number of stories and damping, from `stories` or derived from `building`.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the model.
+    unit : ModelUnits
+        Units of the model file.
+    p_delta : bool
+        Require the height of every story of the list `stories`.
+    """
     building, damping = section.get("building"), section.get("damping")
     if building is None:
         advice = "give a list with one entry per story, or `building` instead"

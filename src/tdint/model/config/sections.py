@@ -321,7 +321,15 @@ def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates 
 
 
 def threshold_of(value: Value, demand: str) -> float:
-    """Return a threshold in SI units, or nan after reporting an error."""
+    """Return a threshold in SI units, or nan after reporting an error.
+
+    Parameters
+    ----------
+    value : Value
+        Threshold in the file.
+    demand : str
+        Response quantity, a key of `DEMANDS`.
+    """
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)
@@ -332,6 +340,13 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
     """Return the loss ratios of all states and of collapse.
 
     The result is empty without losses, and None after reporting an error.
+
+    Parameters
+    ----------
+    value : Value or None
+        Loss ratio of each state; None without losses.
+    states : sequence of str
+        Names of the damage states.
     """
     if value is None:
         return ()
@@ -358,12 +373,27 @@ def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float
     """Return the loss ratios in the order of the states, followed by the ratio of collapse.
 
     The default for collapse is the loss ratio of the last state.
+
+    Parameters
+    ----------
+    losses : mapping of str to float
+        Loss ratio of each state and, optionally, of collapse.
+    states : sequence of str
+        Names of the damage states.
     """
     return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 
 
 def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
-    """Return the entries by the names of states, or None after reporting an error."""
+    """Return the entries by the names of states, or None after reporting an error.
+
+    Parameters
+    ----------
+    value : Value
+        Mapping with one entry for each state.
+    expected : str
+        Description of the mapping, for messages.
+    """
     entries = value.named(expected, f"is empty; give {expected}")
     for name, entry in (entries or {}).items():
         if not is_state(name):

@@ -800,7 +800,15 @@ class Section:
         )
 
     def refuse(self, names: Collection[str], reason: str) -> None:
-        """Report an error for each of the entries that the section contains."""
+        """Report an error for each of the entries that the section contains.
+
+        Parameters
+        ----------
+        names : collection of str
+            Keys that the section must not contain.
+        reason : str
+            Message of the error.
+        """
         for name in names:
             if entry := self.get(name):
                 entry.fault(reason)
@@ -815,6 +823,13 @@ def resolve(file: str, folder: Path) -> str:
     """Return the path relative to the working directory.
 
     `directory/..` is removed unless a symbolic link gives it a different meaning.
+
+    Parameters
+    ----------
+    file : str
+        Path relative to `folder`, or absolute path.
+    folder : Path
+        Directory to which a relative path refers.
     """
     path = os.fspath(folder / file)
     plain = os.path.normpath(path)

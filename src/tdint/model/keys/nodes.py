@@ -77,7 +77,17 @@ class Faults:
     _faults: list[ModelFault] = field(default_factory=list)
 
     def add(self, place: Place, key: str, message: str) -> None:
-        """Add an error of `key` at a line and column."""
+        """Add an error of `key` at a line and column.
+
+        Parameters
+        ----------
+        place : Place
+            Line and column of the error.
+        key : str
+            Full key with the error.
+        message : str
+            Description of the error.
+        """
         self._faults.append(ModelFault(self.source, place.line, place.column, key, message))
 
     def error(self) -> ModelError:
@@ -95,6 +105,15 @@ _NOWHERE = Place(0, 0)
 
 def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
     """Return the nodes of mappings, lists, numbers and text, with line and column 0.
+
+    Parameters
+    ----------
+    value : object
+        Mapping, list, number, text, path, boolean or None.
+    faults : Faults
+        Collection to which errors are added.
+    depth : int
+        Nesting level of the value, from 0.
 
     Raises
     ------
@@ -122,7 +141,15 @@ def text_of(node: Node) -> bytes:
 
 
 def _scalar(value: object, faults: Faults) -> ScalarNode:
-    """Return the node of a number, text, path, boolean or None."""
+    """Return the node of a number, text, path, boolean or None.
+
+    Parameters
+    ----------
+    value : object
+        Number, text, path, boolean or None.
+    faults : Faults
+        Collection to which errors are added.
+    """
     if value is None or isinstance(value, bool):
         return ScalarNode(0, 0, "null" if value is None else str(value).lower(), plain=True)
     if isinstance(value, int | float):
