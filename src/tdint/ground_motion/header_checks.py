@@ -134,7 +134,15 @@ def look_at_gse(data: bytes) -> list[int]:
 
 
 def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Return statements of the numbers of samples and of the checksums, compared by ObsPy."""
+    """Return statements of the numbers of samples and of the checksums, compared by ObsPy.
+
+    Parameters
+    ----------
+    counts : list of int
+        Number of samples stated for each section.
+    traces : list of obspy.Trace
+        Traces of the file.
+    """
     return [
         *_of_sections(counts, traces, "sections"),
         *(Statement(CHECKSUM, 0.0, 0.0) for _ in counts),
@@ -143,7 +151,15 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
 
 def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
     """Return a statement of the number of samples of each section; `name` is the plural name of
-    sections in error messages."""
+    sections in error messages.
+
+    Parameters
+    ----------
+    counts : list of int
+        Number of samples stated for each section.
+    traces : list of obspy.Trace
+        Traces of the file, one per section.
+    """
     if len(counts) != len(traces):
         raise Damaged(f"it has {len(counts)} {name}, but {len(traces)} could be read")
     return [
@@ -202,7 +218,15 @@ def _counts(data: bytes) -> list[int]:
 
 
 def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Return a statement of the number of samples of each section."""
+    """Return a statement of the number of samples of each section.
+
+    Parameters
+    ----------
+    counts : list of int
+        Number of samples stated for each section.
+    traces : list of obspy.Trace
+        Traces of the file.
+    """
     return _of_sections(counts, traces, "headers of channels")
 
 

@@ -158,6 +158,11 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
 def check_components(first: Record, second: Record) -> None:
     """Refuse two components that are one recording by their names, but not by their contents.
 
+    Parameters
+    ----------
+    first, second : Record
+        Horizontal components.
+
     Raises
     ------
     RecordError
@@ -170,7 +175,15 @@ def check_components(first: Record, second: Record) -> None:
 
 
 def _refuse_steps(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if the sampling intervals of two components are different."""
+    """Raise RecordError if the sampling intervals of two components are different.
+
+    Parameters
+    ----------
+    first, second : Record
+        Horizontal components.
+    source : str
+        Names of the files, for messages.
+    """
     if not isclose(first.dt, second.dt, rel_tol=1e-6):
         raise RecordError(
             f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s"
@@ -178,7 +191,15 @@ def _refuse_steps(first: Record, second: Record, source: str) -> None:
 
 
 def _refuse_events(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if two components are of different events."""
+    """Raise RecordError if two components are of different events.
+
+    Parameters
+    ----------
+    first, second : Record
+        Horizontal components.
+    source : str
+        Names of the files, for messages.
+    """
     events = parse_event(first.event), parse_event(second.event)
     if all(event.is_known for event in events) and not is_same_event(*events):
         raise RecordError(
@@ -187,7 +208,15 @@ def _refuse_events(first: Record, second: Record, source: str) -> None:
 
 
 def _refuse_lengths(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if two components differ in length by more than a few samples."""
+    """Raise RecordError if two components differ in length by more than a few samples.
+
+    Parameters
+    ----------
+    first, second : Record
+        Horizontal components.
+    source : str
+        Names of the files, for messages.
+    """
     sizes = first.acceleration.size, second.acceleration.size
     if abs(sizes[0] - sizes[1]) > _LONGER * max(sizes):
         raise RecordError(
@@ -483,7 +512,13 @@ def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _shared(text: str, other: str) -> int:
-    """Return the length of the common start of two texts."""
+    """Return the length of the common start of two texts.
+
+    Parameters
+    ----------
+    text, other : str
+        Texts to compare.
+    """
     return next(
         (i for i, (a, b) in enumerate(zip(text, other, strict=False)) if a != b),
         min(len(text), len(other)),

@@ -470,7 +470,17 @@ _OURS = tuple(MEASURES)
 
 def _peak(record: Record, column: int, name: str) -> float:
     """Return the peak velocity or displacement in the file, otherwise the peak of the integration
-    from rest at the first sample."""
+    from rest at the first sample.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion record.
+    column : int
+        Index of the peak in `record.peaks`: 0 for the velocity, 1 for the displacement.
+    name : str
+        Attribute with the peak in the result of `integrate`.
+    """
     peak = record.peaks[column]
     return float(getattr(integrate(record), name)) if peak is None else peak
 

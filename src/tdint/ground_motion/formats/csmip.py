@@ -194,7 +194,15 @@ def read_csmip(lines: Lines) -> list[Series]:
 
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
-    """Read the acceleration of a channel of volume 1."""
+    """Read the acceleration of a channel of volume 1.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file after the text header; the lines that are read are consumed.
+    texts : list of str
+        Lines of the text header.
+    """
     lines.numbers(REALS, REAL_WIDTH)
     line = lines.peek() or ""
     if (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
@@ -216,7 +224,15 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
 
 
 def _volume_2(lines: Lines, texts: list[str]) -> Series:
-    """Read the acceleration and the peaks of velocity and displacement of a channel of volume 2."""
+    """Read the acceleration and the peaks of velocity and displacement of a channel of volume 2.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file after the text header; the lines that are read are consumed.
+    texts : list of str
+        Lines of the text header.
+    """
     lines.numbers(_REALS_VOLUME_2, REAL_WIDTH)
     blocks = {}
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):

@@ -326,7 +326,19 @@ def _series(
 def _times(
     columns: Columns, names: Names, chosen: list[int], layout: TextLayout
 ) -> NDArray[np.float64] | None:
-    """Return the times, s; None if the table has no column of times."""
+    """Return the times, s; None if the table has no column of times.
+
+    Parameters
+    ----------
+    columns : list of array
+        Numbers of each column of the table.
+    names : tuple of ColumnName
+        Names of the columns in the header; empty if the header does not name them.
+    chosen : list of int
+        Indices of the columns specified by the user.
+    layout : TextLayout
+        Layout specified by the user, with the sampling interval.
+    """
     if names:
         return columns[0] * SECONDS[names[0].units] if names[0].kind == TIME else None
     if len(columns) == 1 or 0 in chosen:

@@ -109,7 +109,15 @@ def read_bytes(source: str | Path) -> bytes:
 
 
 def digested(data: bytes, source: str | Path) -> Input:
-    """Return the name of a file and the SHA-256 of its content, and register it as an input."""
+    """Return the name of a file and the SHA-256 of its content, and register it as an input.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    source : str or Path
+        Name of the file.
+    """
     note_input(source, data)
     return Input(str(source), hashlib.sha256(data).hexdigest())
 
@@ -145,7 +153,19 @@ def _members(
     data: bytes, source: str, budget: list[int], depth: int
 ) -> Iterator[tuple[str, bytes]]:
     """Yield the files of an archive; `budget` has the remaining number of bytes, and `depth` is the
-    nesting level."""
+    nesting level.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the archive.
+    source : str
+        Name of the archive, with which the names of its files begin.
+    budget : list of int
+        Remaining number of uncompressed bytes, in a list so that all nested archives share it.
+    depth : int
+        Nesting level of the archive, from 1.
+    """
     import zipfile  # imported late: needed only for archives
 
     try:
@@ -188,7 +208,19 @@ def _members(
 
 
 def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> bytes:
-    """Read a file of an archive and reduce the remaining number of bytes in `budget`."""
+    """Read a file of an archive and reduce the remaining number of bytes in `budget`.
+
+    Parameters
+    ----------
+    archive : ZipFile
+        Open archive.
+    info : ZipInfo
+        Entry of the file in the archive.
+    name : str
+        Name of the file, for messages.
+    budget : list of int
+        Remaining number of uncompressed bytes; changed by this function.
+    """
     if info.flag_bits & 1:
         raise RecordError(f"{name}: the file is encrypted; unpack the archive first")
     content = bytearray()
@@ -245,6 +277,13 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
     reports the error.
 
     A file with a supported format may still be corrupt.
+
+    Parameters
+    ----------
+    source : str or Path
+        File to read.
+    layout : TextLayout
+        Layout of text tables specified by the user. Default: none.
     """
     try:
         data = read_bytes(source)
@@ -257,7 +296,15 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 
 def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
     """Return names and formats of the records in a file: the file itself, or the files in an
-    archive. Raises the errors of `read_bytes`."""
+    archive. Raises the errors of `read_bytes`.
+
+    Parameters
+    ----------
+    source : str
+        File to read.
+    layout : TextLayout
+        Layout of text tables specified by the user. Default: none.
+    """
     data = read_bytes(source)
     parts = [*members(data, source)] if is_archive(data) else [(source, data)]
     known = [(part, _format_of(content, layout)) for part, content in parts]
@@ -270,6 +317,15 @@ def read_parts(
     """Read a file, or all records in a zip file; return pairs of name and contents.
 
     Parameters and errors are the same as for `read_contents`.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    source : str
+        Name of the file, for messages and as the start of the names in an archive.
+    layout : TextLayout
+        Layout of text tables specified by the user. Default: none.
     """
     parts = [(source, data)]
     if is_archive(data):
@@ -379,7 +435,17 @@ def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
 
 
 def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
-    """Return the format of a file; raise RecordError with a hint if it is not supported."""
+    """Return the format of a file; raise RecordError with a hint if it is not supported.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    source : str
+        Name of the file, for messages.
+    layout : TextLayout
+        Layout of text tables specified by the user.
+    """
     plugin = _format_of(data, layout)
     if plugin is not None:
         return plugin
@@ -410,7 +476,15 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
 
 
 def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
-    """Return the first format that recognizes a file; None if no format does."""
+    """Return the first format that recognizes a file; None if no format does.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    layout : TextLayout
+        Layout of text tables specified by the user.
+    """
     attempts: list[tuple[Plugin, dict[str, Any]]] = [(plugin, {}) for plugin in plugins()]
     if layout:
         attempts += [(plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TABLES]
@@ -421,7 +495,15 @@ def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
 
 
 def _accepts(plugin: Plugin, data: bytes, **options: Any) -> bool:
-    """Return True if a format recognizes a file."""
+    """Return True if a format recognizes a file.
+
+    Parameters
+    ----------
+    plugin : Plugin
+        Format to test.
+    data : bytes
+        Content of the file.
+    """
     try:
         return bool(_load(plugin.is_format)(BytesIO(data), **options))
     except Exception:  # A check that fails on the bytes of another format has not recognized them.
@@ -429,7 +511,17 @@ def _accepts(plugin: Plugin, data: bytes, **options: Any) -> bool:
 
 
 def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], list[str]]:
-    """Return the traces of a file and the messages of the reader."""
+    """Return the traces of a file and the messages of the reader.
+
+    Parameters
+    ----------
+    plugin : Plugin
+        Format of the file.
+    data : bytes
+        Content of the file.
+    layout : TextLayout
+        Layout of text tables specified by the user; used only for the format of text tables.
+    """
     function = _load(plugin.read_format)
     options = {"layout": layout} if plugin.name == TABLES else {}
     try:

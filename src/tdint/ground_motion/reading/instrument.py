@@ -146,7 +146,17 @@ def remove_response(
 
 
 def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
-    """Return the response of a channel at the start time of a trace."""
+    """Return the response of a channel at the start time of a trace.
+
+    Parameters
+    ----------
+    trace : obspy.Trace
+        Trace with the id of the channel and the start time.
+    instruments : Instruments
+        Inventory with the responses.
+    label : str
+        File and channel, for messages.
+    """
     start, file = trace.stats.starttime, instruments.input.file
     try:
         with warnings.catch_warnings():
@@ -168,7 +178,15 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
 
 def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
     """Return the start and the end of the transition band of the digital filters, Hz; None if the
-    filters pass all frequencies."""
+    filters pass all frequencies.
+
+    Parameters
+    ----------
+    response : obspy.core.inventory.Response
+        Response of the channel, with its stages.
+    dt : float
+        Sampling interval, s.
+    """
     digital = []
     for stage in response.response_stages:
         # Select filters of digital samples; analog stages are not relevant here.

@@ -76,7 +76,15 @@ class _Channel:
 
 
 def _channels_of(source: str, contents: Contents) -> list[_Channel]:
-    """Group the traces by channel, in the order in which the channels appear in the file."""
+    """Group the traces by channel, in the order in which the channels appear in the file.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file.
+    contents : Contents
+        Traces of the file.
+    """
     groups: dict[str, list[Any]] = {}
     for trace in contents.traces:
         groups.setdefault(trace.id, []).append(trace)
@@ -165,7 +173,17 @@ def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
-    """Raise RecordError if samples are not finite, with their number and the first position."""
+    """Raise RecordError if samples are not finite, with their number and the first position.
+
+    Parameters
+    ----------
+    samples : array, shape (samples,)
+        Samples of a component, in any unit.
+    dt : float
+        Sampling interval, s.
+    label : str
+        File and channel, for messages.
+    """
     bad = np.flatnonzero(~np.isfinite(samples))
     if bad.size:
         first = int(bad[0])
@@ -253,6 +271,19 @@ def read_records(
 
     Parameters and errors are the same as for `read_record`. RecordError is also raised if the
     components have different sampling intervals. Text channels (the log of a recorder) are omitted.
+
+    Parameters
+    ----------
+    source : str or Path
+        File name, or `-` for standard input.
+    units : str or dict, optional
+        Units of the samples in any form that `read_record` accepts.
+    component : str, optional
+        Component to read. Default: all components.
+    inventory : str or Path, optional
+        StationXML file; cannot be combined with units for all files.
+    layout : TextLayout
+        Layout of text tables. Default: none.
     """
     return _read(source, RecordChoice(units, component, inventory, layout=layout), single=False)
 
@@ -364,7 +395,17 @@ def read_horizontals(
 
 
 def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Record, ...]:
-    """Read the components of a file; `single` requires exactly one."""
+    """Read the components of a file; `single` requires exactly one.
+
+    Parameters
+    ----------
+    source : str or Path
+        File name, or `-` for standard input.
+    choice : RecordChoice
+        Units, component, inventory and layout.
+    single : bool
+        Require exactly one component.
+    """
     specified, inventory = file_units(choice.units), choice.inventory
     if specified.for_all and inventory is not None:
         raise UsageError(
@@ -479,7 +520,17 @@ def _components(
 
 def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
     """Return the channel with this code, otherwise with this id, otherwise of this station (for
-    example floor F04), otherwise the only channel with a code that ends in this letter."""
+    example floor F04), otherwise the only channel with a code that ends in this letter.
+
+    Parameters
+    ----------
+    channels : sequence of _Channel
+        Channels of the file.
+    component : str
+        Code, id, station or last letter of a code, in upper or lower case.
+    source : str
+        Name of the file, for messages.
+    """
     name = component.strip().upper()
     ways = (
         [channel for channel in channels if channel.code.upper() == name],

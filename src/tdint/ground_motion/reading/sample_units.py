@@ -48,7 +48,15 @@ class FileUnits:
     for_all: bool = False
 
     def of(self, source: str, format_name: str) -> Units | None:
-        """Return the units of a file by its name and its format; None if no entry matches."""
+        """Return the units of a file by its name and its format; None if no entry matches.
+
+        Parameters
+        ----------
+        source : str
+            Name of the file.
+        format_name : str
+            Name of its format.
+        """
         path = _lower(source)
         return next(
             (units for pattern, units in self.entries if _fits(pattern, path, format_name)), None

@@ -88,6 +88,17 @@ def to_acceleration(trace: Any, format_name: str, asked: Units | None, label: st
     """Convert the samples of a trace to m/s^2; a velocity or a displacement is differentiated.
 
     Parameters and errors are the same as for `to_motion`.
+
+    Parameters
+    ----------
+    trace : obspy.Trace
+        Unchanged samples of the file.
+    format_name : str
+        ObsPy name of the format.
+    asked : Units or None
+        Units specified by the user.
+    label : str
+        File and channel, for messages.
     """
     motion = to_motion(trace, format_name, asked, label)
     if motion.quantity == "acceleration":
