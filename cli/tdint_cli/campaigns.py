@@ -103,6 +103,12 @@ class Profiles:
     def ratios(self, *, stories: bool) -> Table:
         """Return the table of ratios of the buildings to the baseline.
 
+        Parameters
+        ----------
+        stories : bool
+            True to include the ratios of each story; otherwise only the ratios of the maxima over
+            the stories.
+
         Raises
         ------
         UsageError
@@ -117,6 +123,11 @@ class Profiles:
 
     def draw(self, file: Path) -> Content:
         """Return the figure of the profiles.
+
+        Parameters
+        ----------
+        file : Path
+            File of the figure. Its suffix selects the format.
 
         Raises
         ------
@@ -146,7 +157,15 @@ class Profiles:
 
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
         """Return the report of the suite with the requested floor spectra. Units and head are
-        those of the models if all models agree."""
+        those of the models if all models agree.
+
+        Parameters
+        ----------
+        plan : Plan
+            Buildings, motions and settings of the campaign.
+        floors : sequence of FloorSuite
+            Floor spectra of the suite; empty by default.
+        """
         from tdint.output.page import Told, page_units
         from tdint.output.report import suite_page
         from tdint.output.summary import files_read
@@ -192,6 +211,11 @@ class Profiles:
         """Return a sentence about the motions that the means of a building exclude.
 
         The text is empty if no run collapsed or failed.
+
+        Parameters
+        ----------
+        profile : Profile
+            Results of one building under the suite at one intensity level.
         """
         lost = {"collapsed": profile.collapsed, "failed": profile.failed}
         told = " and ".join(f"{count} {kind}" for kind, count in lost.items() if count)
@@ -406,6 +430,13 @@ def carry_out(
 def report_pairs(plan: Plan, request: SuiteRequest) -> None:
     """Report the default treatment of component pairs, unless the user has selected a treatment.
 
+    Parameters
+    ----------
+    plan : Plan
+        Buildings, motions and settings of the campaign.
+    request : SuiteRequest
+        Common options of the command line.
+
     Raises
     ------
     UsageError
@@ -427,7 +458,13 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
 
 
 def warn_of_plan(plan: Plan) -> None:
-    """Warn of unusual values of the buildings first, then of assumptions on the motions."""
+    """Warn of unusual values of the buildings first, then of assumptions on the motions.
+
+    Parameters
+    ----------
+    plan : Plan
+        Buildings, motions and settings of the campaign.
+    """
     warn(*plan.warnings)
     warn(*options.record.warnings_of_suite([motion.record for motion in plan.motions]))
 
@@ -437,6 +474,13 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
 
     The check takes place before the runs. If the campaign has already begun, existing files pass
     this check; the store knows which files an earlier call has written.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Output directory; None without -o.
+    request : SuiteRequest
+        Common options of the command line.
 
     Raises
     ------
@@ -458,13 +502,25 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
 
 
 def unfinished(store: Store) -> str:
-    """Return the number of finished runs as text, or an empty text if all runs are done."""
+    """Return the number of finished runs as text, or an empty text if all runs are done.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    """
     every, done = int(store.meta("runs")), sum(store.statuses().values())
     return f"{done} of {how_many(every, 'run')} are done" if done < every else ""
 
 
 def warn_unfinished(store: Store) -> None:
-    """Warn that the following results use only the finished runs, unless all runs are done."""
+    """Warn that the following results use only the finished runs, unless all runs are done.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    """
     if left := unfinished(store):
         warn(f"{store.name}: {left}: what follows is of these alone")
 
@@ -473,6 +529,11 @@ def is_complete(store: Store) -> bool:
     """Return True if all runs of a campaign are done.
 
     A mean over some of the motions could be mistaken for the mean over all motions.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
     """
     return not unfinished(store)
 
@@ -543,7 +604,18 @@ def _rate(advance: Advance) -> str:
 
 def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     """Write the files of a store: the selected tables, the requested results over all motions, and
-    summary.json; update the files that were exported from an earlier state of the store."""
+    summary.json; update the files that were exported from an earlier state of the store.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        Store of the campaign, with the options of the command line.
+    folder : Path
+        Output directory.
+    plan : Plan, optional
+        Buildings, motions and settings of the campaign. Floor spectra, the report and intensity
+        measures are written only with a plan.
+    """
     from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read
 
@@ -570,6 +642,15 @@ def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dic
 
     The results are the figure of the profiles and the ratios to the baseline. With a plan, they
     include the floor spectra, the report and the intensity measures of the runs.
+
+    Parameters
+    ----------
+    profiles : Profiles
+        Store of the campaign, with the options of the command line.
+    folder : Path
+        Output directory.
+    plan : Plan, optional
+        Buildings, motions and settings of the campaign.
     """
     request, store = profiles.request, profiles.store
     picture = request.picture(folder)
@@ -755,6 +836,16 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     """Return the damage tables if the campaign computes damage.
 
     Means over the motions are included only after all runs are done.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    units : OutputUnits
+        Units of the table of damage.
+    by : str or None
+        Column of the inventory. The tables of losses and of their exceedance have additional rows
+        for the buildings with each value of this column.
     """
     if not store.damage():
         return {}
@@ -781,7 +872,13 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
 
 def tell_outcomes(store: Store) -> None:
     """Report the numbers of runs that failed, collapsed, were repeated, have no error estimate, or
-    did not come to rest."""
+    did not come to rest.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    """
     from tdint.analysis.run.outcome import FAILED
     from tdint.model.damage_states import FALLEN
     from tdint.output.summary import without_error

@@ -65,7 +65,13 @@ class Workers(Generic[Result]):
             worker.end()
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[int, Result | Lost]]:
-        """Yield the index and the outcome of each task, in the order of completion."""
+        """Yield the index and the outcome of each task, in the order of completion.
+
+        Parameters
+        ----------
+        tasks : sequence of Task
+            Tasks to which the function is applied.
+        """
         waiting = deque(enumerate(tasks))
         while waiting or any(worker.place is not None for worker in self._workers):
             self._hand_out(waiting)
@@ -146,7 +152,18 @@ class _Worker:
 
 
 def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
-    """Process tasks until the pipe is closed."""
+    """Process tasks until the pipe is closed.
+
+    Parameters
+    ----------
+    function : callable
+        Function that is applied to each task.
+    pipe : Connection
+        Pipe that receives the tasks and sends their outcomes: True and the result, or False and the
+        exception.
+    parent : int
+        Process ID of the process that started this worker.
+    """
     # Ctrl-C reaches all processes of a terminal. The first process reports the interrupt and ends
     # the workers by SIGTERM.
     signal.set_wakeup_fd(-1)  # A forked worker inherits the descriptor of the first process.
@@ -224,6 +241,17 @@ def _outcomes(
     """Yield the outcomes; start worker processes after the first successful record.
 
     The workers can then use the modules and compiled loops that the first record has loaded.
+
+    Parameters
+    ----------
+    attempt : callable
+        Function of a task that returns its result, or the error of its record.
+    tasks : sequence of Task
+        Tasks, one for each record.
+    jobs : int
+        Maximum number of processes.
+    stack : ExitStack
+        Ends the worker processes when it is closed.
     """
     for done, task in enumerate(tasks, start=1):
         outcome = attempt(task)
@@ -244,6 +272,15 @@ def _shared(
     """Yield the outcomes of the workers in the order of the tasks.
 
     A lost process affects only its own record.
+
+    Parameters
+    ----------
+    attempt : callable
+        Function of a task that returns its result, or the error of its record.
+    tasks : sequence of Task
+        Tasks, one for each record. A task that reads standard input is done in this process.
+    workers : Workers
+        Worker processes that apply `attempt`.
     """
     from_stdin = [
         place for place, task in enumerate(tasks) if task.source == STDIN

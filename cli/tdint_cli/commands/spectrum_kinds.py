@@ -85,22 +85,60 @@ class Kind(Protocol):
     mode: Mode = Mode("")
 
     def check(self, request: Any) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
+        """Raise UsageError for options that cannot be used together, before any computation.
+
+        Parameters
+        ----------
+        request : Any
+            Options of the command line.
+        """
 
     def gather(self, request: Any, files: Sequence[str]) -> list[tuple[str, ...]]:
-        """Group the files by record; by default each file is a separate record."""
+        """Group the files by record; by default each file is a separate record.
+
+        Parameters
+        ----------
+        request : Any
+            Options of the command line.
+        files : sequence of str
+            Names of the files.
+        """
         return [(file,) for file in files]
 
     def compute(self, request: Any, records: Sequence[Record]) -> Results:
-        """Compute the results of the components of one record."""
+        """Compute the results of the components of one record.
+
+        Parameters
+        ----------
+        request : Any
+            Options of the command line.
+        records : sequence of Record
+            Components of one record.
+        """
 
     def table(self, request: Any, lines: Sequence[Any]) -> Table:
         """Return the table of results; by default the columns that their class declares, with a row
-        for each period, sample or frequency."""
+        for each period, sample or frequency.
+
+        Parameters
+        ----------
+        request : Any
+            Options of the command line.
+        lines : sequence
+            Results of one record, from `compute`.
+        """
         return tables.spectra.result_table(lines)
 
     def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
-        """Return the figure of results."""
+        """Return the figure of results.
+
+        Parameters
+        ----------
+        request : Any
+            Options of the command line.
+        lines : sequence
+            Results, one for each line of the figure.
+        """
         raise AssertionError("a type of table without a figure has no --plot")
 
     def remark(self, request: Any, interval: float) -> str:
@@ -161,7 +199,13 @@ class TablesRequest(RecordsRequest):
 
 
 def _bandwidth(text: str) -> float:
-    """Parse the bandwidth of a smoothing window; return 0 for 'none'."""
+    """Parse the bandwidth of a smoothing window; return 0 for 'none'.
+
+    Parameters
+    ----------
+    text : str
+        Bandwidth, a positive number or 'none'.
+    """
     return (
         0.0
         if text.strip().lower() == "none"
@@ -364,7 +408,13 @@ class _OfOscillators(Kind):
     """Spectra over the requested periods, with a note on these periods."""
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
+        """Raise UsageError for options that cannot be used together, before any computation.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        """
         _ = request.manner
         if request.aim and not request.plot:
             raise UsageError(
@@ -378,7 +428,15 @@ class _OfOscillators(Kind):
             )
 
     def remark(self, request: SpectrumRequest, interval: float) -> str:
-        """Return a note on periods that are short for the sampling interval, or too coarse."""
+        """Return a note on periods that are short for the sampling interval, or too coarse.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        interval : float
+            Maximum sampling interval of all records, s.
+        """
         periods = request.chosen_periods()
         remarks: list[str] = []
         # At short periods the results depend on the ground motion between the samples.
@@ -411,7 +469,15 @@ class Elastic(_OfOscillators):
     )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the spectrum of each component for each damping ratio."""
+        """Compute the spectrum of each component for each damping ratio.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        records : sequence of Record
+            Components of one record.
+        """
         from tdint.analysis.spectra.elastic import spectrum
 
         periods = request.chosen_periods()
@@ -423,11 +489,27 @@ class Elastic(_OfOscillators):
         return Results(lines, records)
 
     def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
-        """Return a table with a row for each spectrum and period."""
+        """Return a table with a row for each spectrum and period.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of Spectrum
+            Spectra, one for each component and damping ratio.
+        """
         return tables.spectra.result_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
-        """Return a figure with a line for each spectrum."""
+        """Return a figure with a line for each spectrum.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of Spectrum
+            Spectra, one for each component and damping ratio.
+        """
         axes = request.axes or "periods"
         return figures.spectrum_curves.spectrum_picture(
             lines, axes, request.shown_units, request.aim
@@ -441,13 +523,27 @@ class Inelastic(_OfOscillators):
     mode = Mode("with --ductility or --strength", _PERIODS | {"ductility", "strength"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
+        """Raise UsageError for options that cannot be used together, before any computation.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        """
         if request.ductility and request.strength:
             raise UsageError("--ductility and --strength cannot be used together; omit one of them")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectrum of each component for each damping ratio and each ductility or
-        strength."""
+        strength.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        records : sequence of Record
+            Components of one record.
+        """
         from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 
         periods = request.chosen_periods()
@@ -466,7 +562,15 @@ class Inelastic(_OfOscillators):
         return Results(lines, records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
-        """Return a figure with a line for each spectrum."""
+        """Return a figure with a line for each spectrum.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of InelasticSpectrum
+            Spectra, one for each component, damping ratio, and ductility or strength.
+        """
         return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
 
 
@@ -476,13 +580,29 @@ class Fourier(Kind):
     mode = Mode("with --fourier", NAMES | {"fourier", "plot"})
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the spectrum of each component."""
+        """Compute the spectrum of each component.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        records : sequence of Record
+            Components of one record.
+        """
         from tdint.analysis.spectra.fourier import fourier_spectrum
 
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Figure:
-        """Return a figure with a line for each component."""
+        """Return a figure with a line for each component.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of FourierSpectrum
+            Fourier spectra, one for each component.
+        """
         return figures.comparison.fourier_picture(lines, request.shown_units)
 
 
@@ -492,7 +612,13 @@ class Histories(Kind):
     mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
+        """Raise UsageError for options that cannot be used together, before any computation.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        """
         if request.history != BESIDE:
             raise UsageError(
                 f"--history {request.history}: --history must be given without a file, because the "
@@ -500,7 +626,15 @@ class Histories(Kind):
             )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """Compute the response of each oscillator for each damping ratio and each component."""
+        """Compute the response of each oscillator for each damping ratio and each component.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        records : sequence of Record
+            Components of one record.
+        """
         from tdint.analysis.spectra.elastic import oscillator_motion
 
         lines = [
@@ -525,6 +659,13 @@ class Rotated(_OfOscillators):
         The order is the order of the first file of each ground motion. If only two files are given
         and each has a single horizontal component, they are one ground motion, whatever their
         names.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        files : sequence of str
+            Names of the files.
         """
         from tdint.ground_motion.horizontals import USUAL, files_of_motions
 
@@ -541,7 +682,15 @@ class Rotated(_OfOscillators):
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectra of the two horizontal components of a ground motion for each damping
-        ratio."""
+        ratio.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        records : sequence of Record
+            Components of one ground motion, two of which are horizontal.
+        """
         from tdint.analysis.spectra.rotated import rotated_spectrum
         from tdint.ground_motion.horizontals import find_horizontals, with_component
 
@@ -558,11 +707,27 @@ class Rotated(_OfOscillators):
         )
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
-        """Return a table with a row for each damping ratio and period."""
+        """Return a table with a row for each damping ratio and period.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of RotatedSpectrum
+            Spectra of one ground motion, one for each damping ratio.
+        """
         return tables.spectra.rotated_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
-        """Return a figure with a line for each percentile."""
+        """Return a figure with a line for each percentile.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of RotatedSpectrum
+            Spectra, one for each ground motion and damping ratio.
+        """
         return figures.spectrum_curves.rotated_picture(lines, request.shown_units, request.aim)
 
 
@@ -572,14 +737,28 @@ class Against(Kind):
     mode = Mode("with --against", _PERIODS | {"against", "method", "maxima", "interpolation"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Raise UsageError for options that cannot be used together, before any computation."""
+        """Raise UsageError for options that cannot be used together, before any computation.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        """
         Elastic().check(request)
         for ratio in request.damping:
             request.published(ratio)
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """Compute the spectra of each component for each damping ratio, with the published
-        values."""
+        values.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        records : sequence of Record
+            Components of one record.
+        """
         from tdint.analysis.spectra.target import differences
 
         log_log = request.against_interpolation is not None
@@ -605,11 +784,27 @@ class Against(Kind):
         return Results(lines, records, notes)
 
     def table(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
-        """Return a table with a row for each spectrum and period."""
+        """Return a table with a row for each spectrum and period.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of SpectrumDifference
+            Computed and published spectra, one pair for each component and damping ratio.
+        """
         return tables.spectra.difference_table(lines)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Figure:
-        """Return a figure of both spectra and their difference."""
+        """Return a figure of both spectra and their difference.
+
+        Parameters
+        ----------
+        request : SpectrumRequest
+            Options of the command line.
+        lines : sequence of SpectrumDifference
+            Computed and published spectra, one pair for each component and damping ratio.
+        """
         return figures.spectrum_curves.difference_picture(lines, request.shown_units)
 
 
@@ -620,7 +815,15 @@ MODES = (
 
 
 def _is_single(request: SpectrumRequest, file: str) -> bool:
-    """Return True if a file has exactly one horizontal component."""
+    """Return True if a file has exactly one horizontal component.
+
+    Parameters
+    ----------
+    request : SpectrumRequest
+        Options of the command line.
+    file : str
+        Name of the file.
+    """
     from tdint.ground_motion.horizontals import is_vertical
     from tdint.ground_motion.reading.read import read_records
 
