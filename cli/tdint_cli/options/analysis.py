@@ -119,7 +119,17 @@ def _specifications(
     _: click.Context, __: click.Parameter, texts: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Split lists at the commas between methods; `beta=...` after a comma is a parameter of the
-    preceding method."""
+    preceding method.
+
+    Parameters
+    ----------
+    _ : click.Context
+        Context of the command; not used.
+    __ : click.Parameter
+        Option; not used.
+    texts : tuple of str
+        Values of the option, each a comma-separated list of methods.
+    """
     specifications: list[str] = []
     for text in texts:
         start = len(specifications)
@@ -222,6 +232,11 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
     """Return the requested methods without duplicates; by default all methods of the catalogue with
     their default parameters.
 
+    Parameters
+    ----------
+    specifications : sequence of str
+        Methods with their parameters, such as 'newmark:beta=0.25'; empty for the default.
+
     Raises
     ------
     UsageError
@@ -234,6 +249,13 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
 
 def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
     """Return the methods that support a nonlinear law; write a note for each omitted method.
+
+    Parameters
+    ----------
+    integrators : list of Integrator
+        Requested methods.
+    law : str
+        Value of --law, for the error message.
 
     Raises
     ------
@@ -271,7 +293,13 @@ class BuildingRequest(RecordRequest):
 
 def warn_of(model: Model) -> None:
     """Warn about unusual values of a building, mostly results of wrong units; this includes its
-    periods and forces."""
+    periods and forces.
+
+    Parameters
+    ----------
+    model : Model
+        Building.
+    """
     from tdint.model.building import assemble
     from tdint.model.plausibility import unusual_values
 
@@ -280,6 +308,11 @@ def warn_of(model: Model) -> None:
 
 def check_motion(request: BuildingRequest) -> None:
     """Check the ground-motion options before any computation.
+
+    Parameters
+    ----------
+    request : BuildingRequest
+        Options of the command line.
 
     Raises
     ------
@@ -297,6 +330,13 @@ def check_motion(request: BuildingRequest) -> None:
 def with_motion(model: Model, request: BuildingRequest) -> Model:
     """Return the model with the ground motion that the command line specifies.
 
+    Parameters
+    ----------
+    model : Model
+        Building.
+    request : BuildingRequest
+        Options of the command line.
+
     Raises
     ------
     UsageError
@@ -306,7 +346,15 @@ def with_motion(model: Model, request: BuildingRequest) -> Model:
 
 
 def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
-    """Return the record of the command line, or the record of the model with changed options."""
+    """Return the record of the command line, or the record of the model with changed options.
+
+    Parameters
+    ----------
+    request : BuildingRequest
+        Options of the command line.
+    model : Model
+        Building.
+    """
     from tdint.model.definition import RecordSource
 
     if request.record is not None:

@@ -112,7 +112,17 @@ class ListOf(ValueType):
     def joined(
         self, _: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]
     ) -> tuple[Any, ...] | None:
-        """Join the values of a repeated option (callback of an option of this type)."""
+        """Join the values of a repeated option (callback of an option of this type).
+
+        Parameters
+        ----------
+        _ : click.Context
+            Context of the command; not used.
+        __ : click.Parameter
+            Option; not used.
+        lists : tuple of tuple
+            Values of the option, one tuple for each use of the option.
+        """
         values = [value for values in lists for value in values]
         return tuple(dict.fromkeys(values) if self.once else values) or None
 
@@ -128,7 +138,17 @@ class ListOf(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete the text after the last comma."""
+        """Complete the text after the last comma.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the command.
+        param : click.Parameter
+            Parameter of the value.
+        incomplete : str
+            Incomplete text of the value.
+        """
         head, comma, last = incomplete.rpartition(",")
         items = self.item.shell_complete(ctx, param, last)
         return [
@@ -288,7 +308,17 @@ class PairsType(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete the measure of a pair."""
+        """Complete the measure of a pair.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the command.
+        param : click.Parameter
+            Parameter of the value.
+        incomplete : str
+            Incomplete text of the value.
+        """
         return self.measures.shell_complete(ctx, param, incomplete)
 
 
@@ -313,7 +343,17 @@ class Name(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Return the names that start with the incomplete text."""
+        """Return the names that start with the incomplete text.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the command.
+        param : click.Parameter
+            Parameter of the value.
+        incomplete : str
+            Incomplete text of the value.
+        """
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
@@ -361,7 +401,17 @@ class FileName(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Return an item that requests completion of paths by the shell."""
+        """Return an item that requests completion of paths by the shell.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the command.
+        param : click.Parameter
+            Parameter of the value.
+        incomplete : str
+            Incomplete text of the value.
+        """
         return [CompletionItem(incomplete, type=self.kind)]
 
 
@@ -517,7 +567,13 @@ def option(
 
 
 def argument(metavar: str, **settings: Any) -> Declaration:
-    """Declare an argument as `click.argument` does, for a field of a request."""
+    """Declare an argument as `click.argument` does, for a field of a request.
+
+    Parameters
+    ----------
+    metavar : str
+        Name of the argument in the help text.
+    """
     return Declaration(click.argument, (), settings | {"metavar": metavar})
 
 
@@ -657,7 +713,15 @@ class HelpAsData(click.Command):
         return option
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the help of the options, a section for each heading."""
+        """Write the help of the options, a section for each heading.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the command.
+        formatter : click.HelpFormatter
+            Formatter to which the help is written.
+        """
         sections: dict[str, list[tuple[str, str]]] = {heading: [] for heading in ORDER}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx) if isinstance(parameter, click.Option) else None
@@ -697,7 +761,15 @@ class Command(HelpAsData):
         self.exits = exits or {}
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the short help: the most common options, on one screen."""
+        """Write the short help: the most common options, on one screen.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the command.
+        formatter : click.HelpFormatter
+            Formatter to which the help is written.
+        """
         self.format_usage(ctx, formatter)
         with formatter.indentation():
             formatter.write_paragraph()
@@ -731,7 +803,15 @@ class Command(HelpAsData):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the command line as click does, after `--plot` and similar options have received
-        their values; refuse options without an effect."""
+        their values; refuse options without an effect.
+
+        Parameters
+        ----------
+        ctx : click.Context
+            Context of the command.
+        args : list of str
+            Words of the command line after the name of the command.
+        """
         flags = {name for parameter in self.params for name in parameter.opts}
         # Click would use an option as the value of the preceding option that requires a value.
         valued = {
@@ -804,7 +884,15 @@ that the column of texts is wide."""
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
-    """Return True if the command line specifies a value of this parameter."""
+    """Return True if the command line specifies a value of this parameter.
+
+    Parameters
+    ----------
+    ctx : click.Context
+        Context of the command.
+    parameter : click.Parameter
+        Parameter of the command.
+    """
     # Click before 8.2 reports the command line as the source of an argument without values.
     name = parameter.name or ""
     return (
@@ -833,7 +921,15 @@ class Mode:
 
 def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
     """Raise UsageError if an option was given that has no effect in this mode of the current
-    command."""
+    command.
+
+    Parameters
+    ----------
+    mode : Mode
+        Mode of the current command line.
+    modes : iterable of Mode
+        All modes of the command.
+    """
     context = click.get_current_context()
     idle = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
     for parameter in context.command.params:
@@ -880,7 +976,17 @@ def general() -> list[click.Parameter]:
 
 
 def _setting(names: list[str], field: str, text: str) -> HeadedOption:
-    """Return a flag that sets a field of the settings, before or after the name of the command."""
+    """Return a flag that sets a field of the settings, before or after the name of the command.
+
+    Parameters
+    ----------
+    names : list of str
+        Names of the flag, such as '--quiet'.
+    field : str
+        Field of `Settings` that the flag sets to True.
+    text : str
+        Help text.
+    """
 
     def switch(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
         if is_asked:
@@ -892,7 +998,17 @@ def _setting(names: list[str], field: str, text: str) -> HeadedOption:
 def flag(
     names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str
 ) -> HeadedOption:
-    """Return a general flag with a callback; its value is not passed to the command."""
+    """Return a general flag with a callback; its value is not passed to the command.
+
+    Parameters
+    ----------
+    names : list of str
+        Names of the flag.
+    callback : callable
+        Function of the context, the parameter and the value; click calls it during parsing.
+    text : str
+        Help text.
+    """
     return HeadedOption(
         names,
         heading=GENERAL,

@@ -59,6 +59,15 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
 
     The file of a table must have a suffix, because a name without a suffix is a directory in
     commands that write several files.
+
+    Parameters
+    ----------
+    context : click.Context
+        Context of the command.
+    parameter : click.Parameter
+        Option -o of the command.
+    value : str or None
+        Value of the option; None if it is not specified.
     """
     kinds = (parameter.metavar or "").split("|")
     # A directory cannot be written to standard output; a table is written there without -o.
@@ -103,14 +112,34 @@ def is_folder_name(value: str) -> bool:
 
 def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     """Raise UsageError for an empty name; it results from an unset shell variable and does not
-    specify the working directory."""
+    specify the working directory.
+
+    Parameters
+    ----------
+    _ : click.Context
+        Context of the command; not used.
+    parameter : click.Parameter
+        Option with this value.
+    value : str or None
+        Value of the option; None if it is not specified.
+    """
     if value == "":
         raise UsageError(f"{parameter.opts[0]} is empty; specify a name")
     return value
 
 
 def _page(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Raise UsageError for a file name of another format than HTML."""
+    """Raise UsageError for a file name of another format than HTML.
+
+    Parameters
+    ----------
+    context : click.Context
+        Context of the command.
+    parameter : click.Parameter
+        Option --report of the command.
+    value : str or None
+        Value of the option; None if it is not specified.
+    """
     if (value := refuse_empty(context, parameter, value)) and not value.lower().endswith(
         (".html", ".htm")
     ):
