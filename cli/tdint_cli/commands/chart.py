@@ -128,7 +128,15 @@ class Request(options.record.RecordRequest):
     )
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
-        """Return the request for one building under one ground motion."""
+        """Return the request for one building under one ground motion.
+
+        Parameters
+        ----------
+        model : str
+            Model file.
+        record : str or None
+            Record file; None if the command line specifies no record.
+        """
         given = {
             field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)
         }
@@ -230,7 +238,15 @@ def command(request: Request) -> None:
 
 
 def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
-    """Report the timing of the time integrations, any disturbance of it, and the other programs."""
+    """Report the timing of the time integrations, any disturbance of it, and the other programs.
+
+    Parameters
+    ----------
+    timings : sequence of Timing
+        Conditions of the time measurements, one for each chart.
+    programs : sequence of Peer
+        Other programs in the chart.
+    """
     from tdint.system import CLOCKS
 
     worst = max(timings, key=lambda timing: timing.stretch or 0.0)
@@ -263,7 +279,13 @@ def _check(request: Request) -> BuildingRequest:
 
 
 def _chart_many(request: Request) -> None:
-    """Compute performance profiles over many problems and write them."""
+    """Compute performance profiles over many problems and write them.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    """
     if request.target_error not in PEAKS:
         raise UsageError(
             f"--target-error {request.target_error} requires one building; for many problems use "
@@ -316,7 +338,13 @@ def _chart_many(request: Request) -> None:
 
 
 def _problems(request: Request) -> list[FieldProblem]:
-    """Return the problems of --problems, or all combinations of the models and records."""
+    """Return the problems of --problems, or all combinations of the models and records.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    """
     from tdint.analysis.chart.profiles import crossed, read_problems
     from tdint.model.config.model_file import load_model
 
@@ -339,7 +367,15 @@ def _problems(request: Request) -> list[FieldProblem]:
 
 def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
     """Return the methods of a chart; raise UsageError if --highlight is not one of them and cannot
-    be a line of another program."""
+    be a line of another program.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    default : sequence of str
+        Methods that are used if the command line specifies no method.
+    """
     integrators = options.analysis.integrators(request.methods or default)
     labels = [integrator.label for integrator in integrators]
     programs = tables.methods.PEER in request.highlight or request.tolerances
@@ -402,7 +438,13 @@ def _chart(
     own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def recommended(points: Sequence[Point]) -> list[tuple[str, float]]:
-        """Return the cheapest methods and time steps, by which `measure` ends its repetitions."""
+        """Return the cheapest methods and time steps, by which `measure` ends its repetitions.
+
+        Parameters
+        ----------
+        points : sequence of Point
+            Measured times and errors of the methods and time steps.
+        """
         best = [cheapest(points, request.target_error, limit) for limit in LIMITS]
         return [(point.line, point.dt) for point in best if point]
 
@@ -439,7 +481,17 @@ def _chart(
 
 
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
-    """Return the cheapest method and time step for each error of `LIMITS`."""
+    """Return the cheapest method and time step for each error of `LIMITS`.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    chart : Chart
+        Measured times and errors of one problem.
+    problem : Problem
+        Problem of the chart.
+    """
     from tdint.analysis.chart.work_precision import alternative, cheapest
     from tdint.methods.catalogue import parse
     from tdint.output.summary import Advice
@@ -459,7 +511,15 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
     """Return True if the target error is the error of peak drifts and these occur at the start, as
-    in free vibration."""
+    in free vibration.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    chart : Chart
+        Measured times and errors of one problem.
+    """
     motion = chart.reference.motion
     peaks, start = motion.peak_drift, abs(motion.drift[0])
     return request.target_error == "peak-drift" and bool((peaks <= 1.001 * start).all())
@@ -531,7 +591,17 @@ _RULE = (
 
 
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
-    """Write the recommended methods and the default method, with their times and errors."""
+    """Write the recommended methods and the default method, with their times and errors.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    chart : Chart
+        Measured times and errors of one problem.
+    advice : list of Advice
+        Recommended methods and time steps, one for each error of `LIMITS`.
+    """
 
     def cost(point: Point) -> str:
         """Return the time and the error of a point, or its outcome if it failed."""
@@ -585,7 +655,17 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
-    """Return the notes about the charts: skipped samples, failed runs, uncertain references."""
+    """Return the notes about the charts: skipped samples, failed runs, uncertain references.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    charts : list of Chart
+        Measured times and errors; with --stories, one chart for each number of stories.
+    record : Record or None
+        Ground motion; None for a problem without a record.
+    """
     from tdint.methods.catalogue import catalogue
 
     notes = list(record.notes) if record else []

@@ -40,7 +40,13 @@ _LISTED = 8  # number of fitted values in the message; the files contain all val
 
 
 def _requirement(text: str) -> tuple[str, float]:
-    """Return the name and the value of a requirement NAME=NUMBER for every floor."""
+    """Return the name and the value of a requirement NAME=NUMBER for every floor.
+
+    Parameters
+    ----------
+    text : str
+        Requirement of the form NAME=NUMBER.
+    """
     from tdint.analysis.compare import parse_requirement
 
     try:
@@ -262,7 +268,19 @@ def _write(
 def _page(
     request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array
 ) -> bytes:
-    """Return the page of --report; its verdict is the result of --require."""
+    """Return the page of --report; its verdict is the result of --require.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    comparisons : sequence of Comparison
+        Comparisons of the computed response with the recordings.
+    fitted : Fit or None
+        Fitted values of the model; None without --fit.
+    periods : ndarray
+        Periods of the response spectra in the figure, s.
+    """
     from tdint.analysis.compare import absolute_displacements, unmet
     from tdint.output.page import Told, page_units
     from tdint.output.report import comparison_page
@@ -299,7 +317,15 @@ def _page(
 
 
 def _driven(item: Comparison, units: OutputUnits) -> str:
-    """Return a sentence about the ground motion and the method of a comparison."""
+    """Return a sentence about the ground motion and the method of a comparison.
+
+    Parameters
+    ----------
+    item : Comparison
+        Comparison of the computed response with one recording.
+    units : OutputUnits
+        Units of the values in the text.
+    """
     event, run, (acceleration, g) = item.event, item.response, units.unit("m/s^2")
     band = event.recording.band
     return (
@@ -312,7 +338,17 @@ def _driven(item: Comparison, units: OutputUnits) -> str:
 
 
 def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
-    """Write the comparisons and the fit to the terminal, then warnings and notes."""
+    """Write the comparisons and the fit to the terminal, then warnings and notes.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        Comparisons of the computed response with the recordings.
+    fitted : Fit or None
+        Fitted values of the model; None without --fit.
+    units : OutputUnits
+        Units of the values in the text.
+    """
     from tdint.analysis.compare import absolute_displacements
     from tdint.output.tables.buildings import fitted_in
 

@@ -180,7 +180,15 @@ def command(request: MatchRequest) -> None:
 
 
 def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
-    """Return a sentence with the misfit of the mean of a suite and its scatter before and after."""
+    """Return a sentence with the misfit of the mean of a suite and its scatter before and after.
+
+    Parameters
+    ----------
+    matches : sequence of Match
+        Matched motions of the suite.
+    target : TargetSpectrum
+        Spectrum to which the motions were matched.
+    """
     import numpy as np
 
     after, before = (
@@ -199,7 +207,15 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
 
 
 def _doubts(matched: Match, within: float) -> list[str]:
-    """Return the warnings about a match: large misfit, large change or large displacement."""
+    """Return the warnings about a match: large misfit, large change or large displacement.
+
+    Parameters
+    ----------
+    matched : Match
+        Matched motion.
+    within : float
+        Maximum misfit without a warning, as a fraction.
+    """
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
     doubts = []
     if matched.largest_misfit > within:

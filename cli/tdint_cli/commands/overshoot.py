@@ -97,7 +97,16 @@ def command(request: Request) -> None:
 
 
 def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
-    """Print the powers of omega dt in the first time step for each method."""
+    """Print the powers of omega dt in the first time step for each method.
+
+    Parameters
+    ----------
+    pairs : dict of str to list of Overshoot
+        Motions from an initial displacement and from an initial velocity, for each method and
+        damping ratio.
+    verdicts : list of str
+        Texts of the last column, in the order of `pairs`.
+    """
     from tdint.analysis.assessment.stability import EXACT_POWERS
 
     rows = [
@@ -120,7 +129,14 @@ def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
 
 
 def _say_largest(pairs: dict[str, list[Overshoot]]) -> None:
-    """Print the maximum ratios of displacement and velocity to the exact motion."""
+    """Print the maximum ratios of displacement and velocity to the exact motion.
+
+    Parameters
+    ----------
+    pairs : dict of str to list of Overshoot
+        Motions from an initial displacement and from an initial velocity, for each method and
+        damping ratio.
+    """
     from tdint.analysis.assessment.stability import BEYOND
 
     rows: list[tuple[str, ...]] = [

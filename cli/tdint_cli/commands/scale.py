@@ -301,6 +301,11 @@ def _aim(request: ScaleRequest) -> Any:
     """Return the function that scales a suite as the command line requests.
 
     The target is read here, and it is checked that it covers the periods.
+
+    Parameters
+    ----------
+    request : ScaleRequest
+        Options of the command line.
     """
     from tdint.campaign import scaling
     from tdint.campaign.intensity import measure_at
@@ -422,7 +427,13 @@ def _selecting(
 
 
 def _doubts(scaling: Scaling) -> list[str]:
-    """Return warnings about a suite: too few ground motions, or unusual factors."""
+    """Return warnings about a suite: too few ground motions, or unusual factors.
+
+    Parameters
+    ----------
+    scaling : Scaling
+        Scaled suite with its factors.
+    """
     from tdint.campaign.scaling import BOUNDS, FEW, POSSIBLE
 
     doubts = []
@@ -440,7 +451,15 @@ def _doubts(scaling: Scaling) -> list[str]:
 
 
 def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
-    """Return the settings that affect the factors, for the JSON file."""
+    """Return the settings that affect the factors, for the JSON file.
+
+    Parameters
+    ----------
+    request : ScaleRequest
+        Options of the command line.
+    scaling : Scaling
+        Scaled suite with its factors.
+    """
     periods = scaling.periods
     return {
         "rule": scaling.rule,
@@ -474,7 +493,13 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
 
 
 def _at_limits(scaling: Scaling) -> str:
-    """Return a line about motions of a selection whose factors are at a limit."""
+    """Return a line about motions of a selection whose factors are at a limit.
+
+    Parameters
+    ----------
+    scaling : Scaling
+        Scaled suite with its factors.
+    """
     low, high = scaling.limits or (0.0, math.inf)
     if not scaling.at_limit and not scaling.others_at_limit:
         return ""
@@ -487,7 +512,15 @@ def _at_limits(scaling: Scaling) -> str:
 
 
 def _words(scaling: Scaling, units: OutputUnits) -> str:
-    """Return the summary on standard error: number of records, target and factors."""
+    """Return the summary on standard error: number of records, target and factors.
+
+    Parameters
+    ----------
+    scaling : Scaling
+        Scaled suite with its factors.
+    units : OutputUnits
+        Units of the values in the text.
+    """
     import numpy as np
 
     from tdint.ground_motion.record import Record
