@@ -199,7 +199,13 @@ def command(request: CampaignRequest) -> None:
 
 
 def _run(request: CampaignRequest) -> None:
-    """Execute the runs of a campaign file."""
+    """Execute the runs of a campaign file.
+
+    Parameters
+    ----------
+    request : CampaignRequest
+        Options of the command line.
+    """
     if len(request.words) > 1:
         raise UsageError(
             f"one campaign file is required, got {len(request.words)}: {' '.join(request.words)}"
@@ -244,7 +250,13 @@ def _run(request: CampaignRequest) -> None:
 
 
 def _status(request: CampaignRequest) -> None:
-    """Write the number of runs of each status, and warnings about inputs that cannot be used."""
+    """Write the number of runs of each status, and warnings about inputs that cannot be used.
+
+    Parameters
+    ----------
+    request : CampaignRequest
+        Options of the command line.
+    """
     from tdint.campaign.store import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
 
@@ -260,7 +272,13 @@ def _status(request: CampaignRequest) -> None:
 
 
 def _export(request: CampaignRequest) -> None:
-    """Write the tables of a campaign again."""
+    """Write the tables of a campaign again.
+
+    Parameters
+    ----------
+    request : CampaignRequest
+        Options of the command line.
+    """
     from tdint.campaign.store import check_chunks, open_existing
 
     folder = _folder(request)
@@ -282,7 +300,13 @@ def _export(request: CampaignRequest) -> None:
 
 
 def _merge(request: CampaignRequest) -> None:
-    """Combine the parts of a campaign in one directory, and write the tables."""
+    """Combine the parts of a campaign in one directory, and write the tables.
+
+    Parameters
+    ----------
+    request : CampaignRequest
+        Options of the command line.
+    """
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
         raise UsageError(
@@ -316,6 +340,11 @@ def _unused_inputs(store: Store) -> list[TdintError]:
 
     The calls for the shards end with the same errors. A campaign without some of its inputs is not
     complete, although all other runs are completed.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
     """
     kinds: tuple[tuple[str, type[TdintError]], ...] = (
         ("building", ModelError),
@@ -334,7 +363,13 @@ def _unused_inputs(store: Store) -> list[TdintError]:
 
 
 def _folder(request: CampaignRequest) -> Path:
-    """Return the directory of `status` or `export`; raise UsageError unless it is exactly one."""
+    """Return the directory of `status` or `export`; raise UsageError unless it is exactly one.
+
+    Parameters
+    ----------
+    request : CampaignRequest
+        Options of the command line.
+    """
     if len(request.words) != 2:
         raise UsageError(f"one directory is required: tdint campaign {request.words[0]} DIR")
     return Path(request.words[1])

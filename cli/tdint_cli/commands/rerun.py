@@ -239,6 +239,11 @@ class _Told:
     def read(cls, name: str) -> _Told:
         """Read a JSON file, or the summary in a directory.
 
+        Parameters
+        ----------
+        name : str
+            Name of a JSON file, or of a directory with a summary.
+
         Raises
         ------
         UsageError
@@ -405,7 +410,15 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
 
 
 def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the values on a command line for files that are read."""
+    """Yield the values on a command line for files that are read.
+
+    Parameters
+    ----------
+    command : click.Command
+        Command of the command line.
+    given : mapping
+        Values of the parameters of the command line, by parameter name.
+    """
     for item in command.params:
         if isinstance(item.type, SampleUnitsType) or (
             isinstance(item.type, FileName) and not item.type.written
@@ -417,6 +430,13 @@ def _words(given: Mapping[str, Any], name: str) -> list[str]:
     """Return the texts of a parameter, which may be repeated; empty if it is not specified.
 
     click represents a missing value by a special object, which is not text.
+
+    Parameters
+    ----------
+    given : mapping
+        Values of the parameters of the command line, by parameter name.
+    name : str
+        Name of the parameter.
     """
     value = given.get(name)
     values = value if isinstance(value, list | tuple) else [value]
@@ -424,7 +444,15 @@ def _words(given: Mapping[str, Any], name: str) -> list[str]:
 
 
 def _is_there(folder: Path, name: str) -> bool:
-    """Return True if a file or the archive that contains it exists, or for standard input."""
+    """Return True if a file or the archive that contains it exists, or for standard input.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory to which the name is relative.
+    name : str
+        Name of the file or of a member of an archive; '-' is standard input.
+    """
     return name == STDIN or any(map(is_file, (folder / name, *(folder / name).parents)))
 
 
@@ -519,7 +547,17 @@ def _place_of_folder(told: _Told) -> int:
 
 
 def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int:
-    """Run a command line in its directory with replaced outputs and return its exit code."""
+    """Run a command line in its directory with replaced outputs and return its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Words of the command line after `tdint`.
+    folder : Path
+        Working directory of the command.
+    moved : _Elsewhere
+        Replacement paths of the outputs.
+    """
     settings = current()
     before = ELSEWHERE.set(moved)
     say(f"tdint {' '.join(arguments)}")
@@ -538,14 +576,33 @@ def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int
 
 
 def _judge_inputs(others: Mapping[str, str], changed: bool) -> None:
-    """Raise UsageError for changed inputs, or print a warning for each with --changed."""
+    """Raise UsageError for changed inputs, or print a warning for each with --changed.
+
+    Parameters
+    ----------
+    others : mapping of str to str
+        Messages about the changed inputs, by name of the input.
+    changed : bool
+        True with --changed, which allows changed inputs.
+    """
     if others and not changed:
         raise UsageError("\n".join([*others.values(), "add --changed to use the changed inputs"]))
     warn(*others.values())
 
 
 def _otherwise(name: str, then: str | None, now: str | None) -> str:
-    """Return a message about a changed input."""
+    """Return a message about a changed input.
+
+    Parameters
+    ----------
+    name : str
+        Name of the input.
+    then : str or None
+        SHA-256 of the input in the recorded run; None if the recorded run did not read it.
+    now : str or None
+        Present SHA-256 of the input; None if it is not read now. If `then` is None, any text has
+        the same effect.
+    """
     if then is None or now is None:
         return (
             f"{name}: was {'not ' if then is None else ''}read by the recorded command, and is "
@@ -651,7 +708,17 @@ def _compare_file(
 def _judge(
     name: str, differences: Iterable[Difference], how: str
 ) -> tuple[str, bool, list[Difference]]:
-    """Count the differences of two files and report the maximum; see `_compare_file`."""
+    """Count the differences of two files and report the maximum; see `_compare_file`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file in the message.
+    differences : iterable of Difference
+        Differences between the recorded file and the new file.
+    how : str
+        Comparison method in the message, such as 'value by value'.
+    """
     shown: list[Difference] = []
     rounded = count = 0
     largest: Difference | None = None
@@ -674,7 +741,15 @@ def _judge(
 
 
 def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
-    """Yield the differences of the rows in two stores: of runs, stories and events."""
+    """Yield the differences of the rows in two stores: of runs, stories and events.
+
+    Parameters
+    ----------
+    before : Path
+        Store of the recorded run.
+    now : Path
+        Store of the repeated run.
+    """
     from tdint.campaign.store_schema import (
         ROW_TABLES,
         check_store,
@@ -725,5 +800,11 @@ def _recorded_files(told: _Told) -> Iterator[Path]:
 
 
 def _size(difference: Difference) -> float:
-    """Return the value by which differences are ranked; differences of text are ranked last."""
+    """Return the value by which differences are ranked; differences of text are ranked last.
+
+    Parameters
+    ----------
+    difference : Difference
+        Difference between two values.
+    """
     return -1.0 if math.isnan(difference.relative) else difference.relative

@@ -128,7 +128,13 @@ def command(request: Request) -> None:
 
 
 def _run(request: Request) -> None:
-    """Run one analysis or one sequence, write its files and print its summary."""
+    """Run one analysis or one sequence, write its files and print its summary.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    """
     began = time.perf_counter()
     from tdint.analysis.given import model_record, number_of
     from tdint.analysis.run.error_estimate import reference
@@ -255,7 +261,17 @@ def _judged(response: Response, limit: float | str | None, units: OutputUnits) -
 
 
 def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
-    """Integrate one analysis, or a sequence if there are records of a sequence."""
+    """Integrate one analysis, or a sequence if there are records of a sequence.
+
+    Parameters
+    ----------
+    case : Case
+        Prepared model, ground motion and method.
+    shocks : list of Record
+        Records of the sequence; empty for a single analysis.
+    request : Request
+        Options of the command line.
+    """
     from tdint.analysis.run.run import run_case
 
     settings: dict[str, Any] = {
@@ -278,7 +294,17 @@ def _of_record(record: Record | None) -> list[str]:
 
 
 def _check_room(request: Request, stories: int, steps: int) -> None:
-    """Raise OutputError if the disk has not enough space for the response history."""
+    """Raise OutputError if the disk has not enough space for the response history.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    stories : int
+        Number of stories.
+    steps : int
+        Number of time steps.
+    """
     if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
         check_room(
@@ -425,6 +451,15 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 
     The summary lists the files in its directory. With --overwrite, files that the summary of an
     earlier run lists are removed.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    files : dict of Path to Content
+        Contents of the files, without the summary.
+    content : dict
+        Content of the summary, without the list of files.
     """
     from tdint.output.run_summary import UNITS
     from tdint.output.summary import listed_files
@@ -436,7 +471,13 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     folder = Path(request.output)
 
     def summary(digests: Mapping[Path, str]) -> bytes:
-        """Return the summary with the SHA-256 of the files in its directory."""
+        """Return the summary with the SHA-256 of the files in its directory.
+
+        Parameters
+        ----------
+        digests : mapping of Path to str
+            SHA-256 of each written file.
+        """
         beside = [
             {"file": file.name, "sha256": sha} for file, sha in digests.items() if file in every
         ]
@@ -566,7 +607,15 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
 
 
 def _damage(response: Response, units: OutputUnits) -> str:
-    """Return a sentence on the damage according to the damage states of the model."""
+    """Return a sentence on the damage according to the damage states of the model.
+
+    Parameters
+    ----------
+    response : Response
+        Result of a run of a model with damage states.
+    units : OutputUnits
+        Units of the values in the text.
+    """
     from tdint.campaign.fragility.runs import damage_of_run
     from tdint.model.damage_states import DEMANDS
 
@@ -594,7 +643,15 @@ def _damage(response: Response, units: OutputUnits) -> str:
 
 
 def _chosen(response: Response, choice: StepChoice) -> str:
-    """Return sentences on the selected time step and its number of solutions."""
+    """Return sentences on the selected time step and its number of solutions.
+
+    Parameters
+    ----------
+    response : Response
+        Result of the run with the selected time step.
+    choice : StepChoice
+        Tolerance of the selection, and the numbers of runs and equation solutions.
+    """
     line = (
         f"Time step selected for peak drift errors below {100.0 * choice.tolerance:g} %, from "
         f"{how_many(choice.runs, 'run')}: "
@@ -612,7 +669,15 @@ def _chosen(response: Response, choice: StepChoice) -> str:
 
 
 def _collapsed(response: Response, collapse: Collapse) -> str:
-    """Return a sentence on time, story and cause of the collapse."""
+    """Return a sentence on time, story and cause of the collapse.
+
+    Parameters
+    ----------
+    response : Response
+        Result of the run.
+    collapse : Collapse
+        Time, story and cause of the collapse.
+    """
     end = "; analysis stopped: drift grew without bound" if collapse.ended else ""
     cause = (
         f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
