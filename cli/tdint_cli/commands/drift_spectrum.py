@@ -94,7 +94,13 @@ class _DriftSpectra(Kind):
     """Drift spectra of each component for each damping ratio."""
 
     def check(self, request: DriftRequest) -> None:
-        """Raise UsageError for options that exclude each other, before any computation."""
+        """Raise UsageError for options that exclude each other, before any computation.
+
+        Parameters
+        ----------
+        request : DriftRequest
+            Options of the command line.
+        """
         if request.stories is not None and request.story_height is not None:
             raise UsageError("--stories cannot be used with --story-height; omit one of them")
         if request.beam and (request.stories is not None or request.story_height is not None):
@@ -106,7 +112,15 @@ class _DriftSpectra(Kind):
             number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
 
     def compute(self, request: DriftRequest, records: Sequence[Record]) -> Results:
-        """Return the spectra of each component for each damping ratio."""
+        """Return the spectra of each component for each damping ratio.
+
+        Parameters
+        ----------
+        request : DriftRequest
+            Options of the command line.
+        records : sequence of Record
+            Components of one record.
+        """
         from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
 
         results = [
@@ -125,5 +139,13 @@ class _DriftSpectra(Kind):
         return Results(results, records)
 
     def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum]) -> Figure:
-        """Return the figure, with one line per spectrum."""
+        """Return the figure, with one line per spectrum.
+
+        Parameters
+        ----------
+        request : DriftRequest
+            Options of the command line.
+        results : sequence of DriftSpectrum
+            Spectra, one for each component and damping ratio.
+        """
         return figures.spectrum_curves.drift_spectrum_picture(results, request.shown_units)

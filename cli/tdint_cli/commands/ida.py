@@ -242,6 +242,11 @@ def command(request: IdaRequest) -> None:
 def _folder(request: IdaRequest) -> Path | None:
     """Return the directory of the study after a check that its files can be written.
 
+    Parameters
+    ----------
+    request : IdaRequest
+        Options of the command line.
+
     Raises
     ------
     OutputError
@@ -371,7 +376,15 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
 
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
-    """Report the default treatment of component pairs, unless the user has selected a treatment."""
+    """Report the default treatment of component pairs, unless the user has selected a treatment.
+
+    Parameters
+    ----------
+    request : IdaRequest
+        Options of the command line.
+    study : IdaStudy
+        Results of the study.
+    """
     from tdint.campaign.pairs import note as note_of_pairs
 
     if study.partners and request.pair_demand is None:
@@ -379,7 +392,15 @@ def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
 
 
 def _report(study: IdaStudy, precision: float) -> None:
-    """Report the results, and warn of conditions that affect their meaning."""
+    """Report the results, and warn of conditions that affect their meaning.
+
+    Parameters
+    ----------
+    study : IdaStudy
+        Results of the study.
+    precision : float
+        Maximum ratio of the upper to the lower limit of a capacity, minus 1, without a warning.
+    """
     from tdint.campaign.pairs import SEPARATE, motions_text
 
     runs = [run for curve in study.curves for run in curve.runs]
@@ -412,7 +433,15 @@ def _report(study: IdaStudy, precision: float) -> None:
 
 
 def _doubts(study: IdaStudy, precision: float) -> list[str]:
-    """Return warnings about conditions that make the capacities less reliable."""
+    """Return warnings about conditions that make the capacities less reliable.
+
+    Parameters
+    ----------
+    study : IdaStudy
+        Results of the study.
+    precision : float
+        Maximum ratio of the upper to the lower limit of a capacity, minus 1, without a warning.
+    """
     runs, doubts = [run for curve in study.curves for run in curve.runs], []
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
@@ -440,7 +469,13 @@ def _doubts(study: IdaStudy, precision: float) -> list[str]:
 
 
 def _median(study: IdaStudy) -> str:
-    """Return a sentence with the median collapse capacity for one initial damage."""
+    """Return a sentence with the median collapse capacity for one initial damage.
+
+    Parameters
+    ----------
+    study : IdaStudy
+        Results for one initial damage.
+    """
     import numpy as np
 
     from tdint.campaign.ida_curve import fractiles

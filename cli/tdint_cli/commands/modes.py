@@ -101,7 +101,17 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
 
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:
-    """Run a response spectrum analysis, write its outputs and print its summary."""
+    """Run a response spectrum analysis, write its outputs and print its summary.
+
+    Parameters
+    ----------
+    model : Model
+        Building.
+    target : str
+        Design spectrum: a code with its parameters, or a file.
+    outputs : Outputs
+        Output options of the command line.
+    """
     from tdint.analysis.spectra.modal import response_spectrum_analysis
     from tdint.model.building import assemble
 
@@ -153,7 +163,15 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
 
 
 def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
-    """Return a sentence on the base shear and the roof displacement."""
+    """Return a sentence on the base shear and the roof displacement.
+
+    Parameters
+    ----------
+    result : ModalResponse
+        Result of the response spectrum analysis.
+    units : OutputUnits
+        Units of the values in the text.
+    """
     # Report both combinations, because they differ for closely spaced modes.
     cqc, srss = (
         units.text(float(shear[0]), "N") for shear in (result.shear_cqc, result.shear_srss)

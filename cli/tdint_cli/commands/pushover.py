@@ -137,7 +137,15 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
 
 
 def _reached(made: TargetDisplacement, units: OutputUnits) -> str:
-    """Return a sentence on the target displacement of a method and the equivalent oscillator."""
+    """Return a sentence on the target displacement of a method and the equivalent oscillator.
+
+    Parameters
+    ----------
+    made : TargetDisplacement
+        Target displacement and the properties of the equivalent oscillator.
+    units : OutputUnits
+        Units of the values in the text.
+    """
     factors = "C0 {:.4g}, C1 {:.4g}, C2 {:.4g}".format(made.participation, *made.factors)
     if made.method == "n2":
         factors = (
@@ -156,7 +164,15 @@ def _reached(made: TargetDisplacement, units: OutputUnits) -> str:
 
 
 def _words(result: Pushover, units: OutputUnits) -> str:
-    """Return a sentence on the maximum base shear and a sentence on the last step."""
+    """Return a sentence on the maximum base shear and a sentence on the last step.
+
+    Parameters
+    ----------
+    result : Pushover
+        Result of the pushover analysis.
+    units : OutputUnits
+        Units of the values in the text.
+    """
     last = -1
     text = f"{result.model.name}, {result.pattern} pattern: maximum base shear "
     text += f"{units.text(result.largest_base_shear, 'N')} at a roof displacement of "
