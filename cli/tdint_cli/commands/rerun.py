@@ -600,8 +600,8 @@ def _otherwise(name: str, then: str | None, now: str | None) -> str:
     then : str or None
         SHA-256 of the input in the recorded run; None if the recorded run did not read it.
     now : str or None
-        Present SHA-256 of the input; None if it is not read now. If `then` is None, any text has
-        the same effect.
+        Present SHA-256 of the input; None if it is not read now. If `then` is None, any nonempty
+        text has the same effect.
     """
     if then is None or now is None:
         return (
