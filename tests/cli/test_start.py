@@ -51,7 +51,7 @@ CALLS = {
     "info": ("motion.mseed --trim 0.5:2.5 --baseline linear --pad 1:2", 13_300, "obspy"),
     "spectrum": ("motion.mseed --period 1", 15_250, "obspy"),
     "drift-spectrum": ("motion.mseed --period 1", 15_250, "obspy"),
-    "match": ("motion.mseed --target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:1 -o m", 15_550, "obspy"),
+    "match": ("motion.mseed --target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:1 -o m", 15_950, "obspy"),
     "campaign": ("status study", 28_800, ""),
     "scale": ("motion.mseed --pga 0.4g", 32_900, "obspy"),
     "ida": ("office.yaml motion.mseed --im pga --max-im 0.5g --precision 20%", 32_500, "obspy"),

@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from textwrap import indent
 
 import numpy as np
 import pytest
@@ -94,7 +95,10 @@ def copy_of_the_project(folder, law, **kernels):
         (folder / LAWS / "hyperbolic.py").write_text(readmes.block("law-file"))
     for kind, name, before in CHANGES:
         if law or not kind.startswith("law"):
-            add(folder / name, before, re.sub(r"^\+", "", readmes.block(kind), flags=re.MULTILINE))
+            text = re.sub(r"^\+", "", readmes.block(kind), flags=re.MULTILINE)
+            # The page shows the field without the indentation of its class.
+            text = indent(text, "    ") if kind == "quantity" else text
+            add(folder / name, before, text)
     install(folder)
     paths = os.pathsep.join(str(folder / name) for name in ("src", "cli"))
     copy = folder, {**os.environ, "PYTHONPATH": paths} | kernels

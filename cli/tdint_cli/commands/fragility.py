@@ -243,7 +243,12 @@ def _fragility(request: Request) -> None:
         written = {file: fragility_model(whole, file.stem, request.states or ())}
         written |= {other: vulnerability_model(whole, losses, file.stem) for other in beside}
         write_files(written, overwrite=outputs.overwrite)
-    draw = figures.collapse.types_picture if by else figures.collapse.fragility_picture
+
+    def draw(functions: Sequence[Fragility]) -> Figure:
+        # The figures are imported here, because matplotlib is not needed without a figure.
+        collapse = figures.collapse
+        return collapse.types_picture(functions) if by else collapse.fragility_picture(functions)
+
     replace(outputs, units=None).deliver(
         tables.studies.fragility_table(
             functions,

@@ -505,14 +505,10 @@ def low_picture(
     draw_accelerations(axes, spectra, units.in_pictures)
     low, high = axes.get_xlim()
     if low <= period <= high:
-        axes.axvline(period, color=MARK, linewidth=0.8, linestyle=DASHES[1])
-        place: dict[str, Any] = {
-            "xycoords": ("data", "axes fraction"),
-            "textcoords": "offset points",
-            "xytext": (3, -9),
-        }
-        text = f"T1 = {number_text(period)} s"
-        axes.annotate(text, (period, 1.0), fontsize=8.0, color=MARK, **place)
+        # The period is stated in the legend, because a label at the line can cover other text.
+        label = f"T1 = {number_text(period)} s"
+        axes.axvline(period, color=MARK, linewidth=0.8, linestyle=DASHES[1], label=label)
+        axes.legend(loc="best")
     return figure
 
 
