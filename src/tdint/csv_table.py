@@ -287,7 +287,7 @@ def stream_table(
     TdintError
         As for `read_table`. Errors in rows are raised when the row is read.
     """
-    # A pipe can be read only once, so that the digest is computed from the data that were read.
+    # A pipe can be read only once; therefore the digest is computed from the data that were read.
     if whole or source == STDIN or not is_file(source):
         rows = _rows(source, io.StringIO(_text(source, needs, error), newline=""), error)
     else:

@@ -719,7 +719,19 @@ class _Problem:
     def asked(
         self, found: Array, largest: Array
     ) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
-        """Return the conditions of a change, one per row.
+        """Return the equations that the next correction of the motion must satisfy.
+
+        There is an equation for each extremum of the responses that must equal the target, and for
+        each extremum that must not exceed the target.
+
+        Parameters
+        ----------
+        found : ndarray
+            Extrema of the responses, with the rows OSCILLATOR, TIME and, from VALUE on, the value
+            of each component.
+        largest : ndarray
+            For each oscillator, in row 1 the column of its maximum in `found`; negative for an
+            oscillator at rest.
 
         Returns
         -------

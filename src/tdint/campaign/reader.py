@@ -257,7 +257,8 @@ def _meters(text: str) -> float:
     meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
     if not meters > 0.0:
         raise UsageError(
-            f"must be a positive distance in km, such as 15 or 800 m, got {text!r:.40}"
+            f"must be a positive distance in km or with a unit, such as 15 or 800 m, "
+            f"got {text!r:.40}"
         )
     return meters
 

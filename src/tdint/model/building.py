@@ -682,8 +682,8 @@ def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCo
     difference = omega_2**2 - omega_1**2
     if not 0.0 < abs(difference) < math.inf:
         raise ModelError(
-            "damping: no frequencies of two modes, masses and stiffnesses are too far from each "
-            "other"
+            "damping: the frequencies of two modes cannot be computed: masses or stiffnesses "
+            "differ by too many orders of magnitude; check their units"
         )
     return RayleighCoefficients(
         mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,

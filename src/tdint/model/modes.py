@@ -189,7 +189,8 @@ class FreeVibration:
             square = float(np.sum(self.mass * displacement**2))
             if not 0.0 < square < math.inf:
                 raise ModelError(
-                    "there is no first mode: masses and stiffnesses are too far from each other"
+                    "the first mode cannot be computed: masses or stiffnesses differ by too many "
+                    "orders of magnitude; check their units"
                 )
             before, omega = omega, math.sqrt(float(displacement @ force) / square)
             shape = displacement / math.sqrt(square)

@@ -440,10 +440,10 @@ def overshoot(
 
 
 def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
-    """Return the quantities that overshoot in the first step, from the powers of both initial
-    conditions.
+    """Return the quantities that overshoot in the first step.
 
-    The result is `none`, `displacement`, `velocity`, both, or `unstable` if the method grows
+    `both` contains the responses to an initial displacement and to an initial velocity. The
+    result is `none`, `displacement`, `velocity`, both, or `unstable` if the method grows
     without bound.
     """
     damping = np.array([both[0].damping])

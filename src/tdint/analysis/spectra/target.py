@@ -63,7 +63,8 @@ _GROUND = {
 and 3.3)."""
 
 _LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
-_EC8_END = 4.0  # s; beyond it stands Annex A, for type 1 alone
+_EC8_END = 4.0
+"""Period, s, above which EN 1998-1 Annex A applies, which covers only spectra of type 1."""
 _TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}  # s, EN 1998-1:2004 table A.1
 _TF = 10.0  # s; from here on the displacement is that of the ground
 _LONGEST_PERIOD = (

@@ -193,8 +193,8 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
     return styles
 
 
-# Maximum spectral radius that is drawn; its panel ends at 1.25. On a line that rises by 1e14,
-# markers would be spaced without end.
+# Maximum spectral radius that is plotted; the axis ends at 1.25. On a line that rises to 1e14, the
+# placement of markers at equal distances along the line would not end.
 _FAR_ABOVE = 1e3
 
 

@@ -407,7 +407,8 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
         over_stories(
             axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"event {number}"
         )
-    # Residual drifts, estimated errors and the collapse drift are shown if they are visible.
+    # Residual drifts, estimated errors and the collapse drift are drawn if they are large enough
+    # to be visible.
     residual = np.where(apart, 0.0, scale * np.abs(stories.residual_drift))
     if np.any(residual > _VISIBLE * largest):
         over_stories(axes, residual, color=MARK, linestyle=DASHES[2], label="residual drift")
