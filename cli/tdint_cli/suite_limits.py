@@ -92,11 +92,7 @@ class SuiteLimits:
         """Return the comparisons with several limits as a table of the report, or None."""
         from tdint.output.verdicts import limit_table
 
-        listed = {
-            profile_name(profile, self.profiles): checks
-            for profile, checks in self.checks
-            if checks
-        }
+        listed = {self.building(profile): checks for profile, checks in self.checks if checks}
         return limit_table(listed, units, mean=True) if _several(listed.values()) else None
 
     def summary(self) -> dict[str, Any]:
@@ -141,7 +137,7 @@ class SuiteLimits:
 
     def named(self, profile: Profile, text: str) -> str:
         """Return a sentence with the building and the level, if they are needed."""
-        name = profile_name(profile, self.profiles)
+        name = self.building(profile)
         return f"{name}: {text[0].lower()}{text[1:]}" if name else text
 
 

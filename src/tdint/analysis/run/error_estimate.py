@@ -86,7 +86,7 @@ class EstimateFactors:
     """
 
     difference: float
-    common: float = 0.2
+    common: float = COMMON
     most: float = math.inf
 
 
@@ -101,8 +101,7 @@ _HIGH_ORDER = EstimateFactors(3.0, 0.5, 9.0)
 """
 
 _HIGHER = 3
-"""Order of the method from which `_HIGH_ORDER` applies.
-"""
+"""Order of the method from which `_HIGH_ORDER` applies."""
 
 FLOOR = 1e-5
 """Dimensionless. Minimum error estimate divided by the peak. Smaller errors include the tolerances
