@@ -163,7 +163,7 @@ def test_all_names_that_a_checker_of_types_is_told_are_there():
         alias.asname for node in block if isinstance(node, ast.ImportFrom) for alias in node.names
     }
     names = {node.targets[0].id for node in block if isinstance(node, ast.Assign)}
-    assert names == set(tdint._CALLED) == set(tdint._ELSEWHERE)
+    assert names == set(tdint._DEFINED_AS) == set(tdint._RENAMED_HOMES)
     assert told - {None} | names == set(tdint._homes())
 
 
@@ -172,7 +172,7 @@ def test_a_function_says_what_it_takes_gives_and_raises(name):
     function = inspect.unwrap(getattr(tdint, name))
     signature = inspect.signature(function)
     if not inspect.isfunction(function):  # a package that is loaded, whose docstring is its own
-        function = getattr(import_module(tdint._homes()[name]), tdint._CALLED.get(name, name))
+        function = getattr(import_module(tdint._homes()[name]), tdint._DEFINED_AS.get(name, name))
     text = inspect.getdoc(function)
     sections = [
         title

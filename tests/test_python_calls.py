@@ -13,7 +13,7 @@ from tdint import errors
 from tdint.analysis.run.outcome import FailedRun
 from tdint.campaign.store_schema import UntrustedStoreError
 from tdint.errors import TdintError, UsageError
-from tdint.tabular import asked_rightly
+from tdint.tabular import validated_call
 
 MODEL = {"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 100.0}]}
 RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
@@ -52,7 +52,7 @@ def test_what_works_is_not_looked_at_and_a_bug_stays_one():
             raise ValueError("a bug")
         return number * 2
 
-    asked = asked_rightly(call, "call")
+    asked = validated_call(call, "call")
     assert asked("a") == "aa"
     with pytest.raises(ValueError, match="a bug"):
         asked(1.0, flag=True)

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import check_outputs, is_there, keep_input, refuse_kept, write_files
+from tdint.files import check_outputs, is_there, protect_input, refuse_protected, write_files
+from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
-from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest, check_map, has_losses
@@ -73,7 +73,7 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
         raise ModelError(f"{source}: {error}") from None
     # A style sheet is an input, which the command must not replace.
     if drawn and looks.style:
-        keep_input(looks.style)
+        protect_input(looks.style)
     PRINTED.set(looks)
 
 
@@ -225,7 +225,7 @@ class Profiles:
         others = f"{left} others" if left > 1 else "other"
         means = f"the means are those of the {others}" if left else "there is no mean"
         name = self.limits.building(profile) or profile.building
-        return f"{name}: of {how_many(profile.runs, 'motion')} {told}; {means}"
+        return f"{name}: of {pluralize(profile.runs, 'motion')} {told}; {means}"
 
     def tell(self) -> list[TdintError]:
         """Report the motions that the means exclude, and compare the mean drifts with the limit.
@@ -265,7 +265,8 @@ class Profiles:
         lost = [text for profile in self.found if (text := self._lost(profile))]
         if (more := len(lost) - _MOST_TOLD) > 0:
             lost[_MOST_TOLD:] = [
-                f"collapsed or failed runs of {how_many(more, 'more building')} or levels: see the "
+                f"collapsed or failed runs of {pluralize(more, 'more building')} or levels: see "
+                "the "
                 f"columns collapsed and failed of {PROFILES}"
             ]
         # In a region, collapses of some buildings are a result, not a warning.
@@ -284,7 +285,7 @@ class Profiles:
         beyond = list(dict.fromkeys(beyond))
         # An unreadable record counts against the limit, because its motion was not run.
         for kind, reasons in self.store.unused().items():
-            beyond += [f"{how_many(len(reasons), kind)} could not be used"] if reasons else []
+            beyond += [f"{pluralize(len(reasons), kind)} could not be used"] if reasons else []
         if beyond and self.request.require:
             return [AnalysisError(f"{named} not met: {'; '.join(beyond)}")]
         return []
@@ -387,7 +388,7 @@ def carry_out(
                 MEASURES,
             )
             names = (*made, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS, SUMMARY)
-            refuse_kept(folder / name for name in names)
+            refuse_protected(folder / name for name in names)
             forget(folder / FILE)
             for name in names:
                 remove(folder / name)
@@ -409,17 +410,18 @@ def carry_out(
             if new:
                 before = f", {advance.before} before" if advance.before else ""
                 say(
-                    f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}."
+                    f"{pluralize(new, 'run')} in {advance.seconds:.3g} s "
+                    f"({_rate(advance)}){before}."
                 )
             else:
-                say(f"{how_many(advance.done, 'run')} done before: nothing to do.")
+                say(f"{pluralize(advance.done, 'run')} done before: nothing to do.")
             tell_outcomes(store)
             unmet = profiles.tell()
     # A building without a motion is omitted and reported in the same way as an unreadable record.
     far: list[TdintError] = []
     if plan.far:
         many = (
-            f"{how_many(len(plan.far), 'building')} left out, too far from any site (max_distance "
+            f"{pluralize(len(plan.far), 'building')} left out, too far from any site (max_distance "
             "of the records)"
         )
         far = [RecordError(f"{many}, such as {plan.far[0]}")]
@@ -510,7 +512,7 @@ def unfinished(store: Store) -> str:
         Store of the campaign.
     """
     every, done = int(store.meta("runs")), sum(store.statuses().values())
-    return f"{done} of {how_many(every, 'run')} are done" if done < every else ""
+    return f"{done} of {pluralize(every, 'run')} are done" if done < every else ""
 
 
 def warn_unfinished(store: Store) -> None:
@@ -586,7 +588,7 @@ def advance_with_bar(
     max_runs : int, optional
         Maximum number of runs. By default, all remaining runs.
     """
-    from tdint.campaign.execute import carry_out
+    from tdint.campaign.execute import execute_plan
 
     with progress_bar(to_terminal=False) as progress:
 
@@ -595,7 +597,7 @@ def advance_with_bar(
                 f"{advance.done}/{advance.runs} runs, {_rate(advance)}", advance.done / advance.runs
             )
 
-        return carry_out(plan, store, engine, shard=shard, max_runs=max_runs, tell=tell)
+        return execute_plan(plan, store, engine, shard=shard, max_runs=max_runs, on_chunk=tell)
 
 
 def _rate(advance: Advance) -> str:
@@ -829,7 +831,7 @@ def _write(
     here = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
         store.refuse_foreign(here)
-    write_files(here, overwrite=True, tell=store.will_write)
+    write_files(here, overwrite=True, on_written=store.will_write)
 
 
 def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:
@@ -889,21 +891,21 @@ def tell_outcomes(store: Store) -> None:
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
         warn(
-            f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have "
+            f"no result of {pluralize(sum(failed.values()), 'run')}: {listed}; their rows have "
             "empty cells"
         )
     fell = {name: statuses[name] for name in FALLEN if name in statuses}
     if fell:
-        say(", ".join(f"{how_many(count, 'run')} {name}" for name, count in fell.items()) + ".")
+        say(", ".join(f"{pluralize(count, 'run')} {name}" for name, count in fell.items()) + ".")
     if repeated := store.count("repeats > 0"):
-        note(f"{how_many(repeated, 'run')} repeated with finer steps (column dt_s)")
+        note(f"{pluralize(repeated, 'run')} repeated with finer steps (column dt_s)")
     if unknown := without_error(store):
         note(
-            f"no estimated error of {how_many(unknown, 'run')}: what tells it failed or fell "
+            f"no estimated error of {pluralize(unknown, 'run')}: what tells it failed or fell "
             "earlier; empty cells"
         )
     if moving := store.count("at_rest = 0"):
         warn(
-            f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are "
+            f"{pluralize(moving, 'run')} still moving when the time was over: residual drifts are "
             "not at rest"
         )

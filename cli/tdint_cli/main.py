@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 import click
 
 from tdint.errors import did_you_mean
-from tdint.files import KEPT, READ
+from tdint.files import INPUT_DIGESTS, PROTECTED
 from tdint_cli.options.grammar import HelpAsData, flag, general, recorded_words, shown_when_asked
 from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
@@ -120,7 +120,10 @@ class LazyGroup(HelpAsData, click.Group):
         settings = extra.setdefault("obj", Settings())
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
         context = copy_context()  # settings of options end with the command
-        for files in (READ, KEPT):  # from now on, record the files that the command reads
+        for files in (
+            INPUT_DIGESTS,
+            PROTECTED,
+        ):  # from now on, record the files that the command reads
             context.run(files.set, {})
         sys.exit(context.run(exit_code_of, run, settings))
 

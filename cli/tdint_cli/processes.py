@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
-from tdint.files import READ, STDIN
-from tdint.system import START_OF_PROCESSES, end_with, held_back, let_through
+from tdint.files import INPUT_DIGESTS, STDIN
+from tdint.system import START_OF_PROCESSES, block_signals, die_with_parent, unblock_signals
 from tdint_cli.terminal import ENDING, counted
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class Workers(Generic[Result]):
             worker = _Worker(process, ours)
             # Python discards an exception that is raised in its hooks after a fork. The signal
             # would be lost with the exception.
-            with held_back(ENDING):
+            with block_signals(ENDING):
                 self._workers.append(worker)
                 process.start()
         theirs.close()
@@ -169,8 +169,8 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
     signal.set_wakeup_fd(-1)  # A forked worker inherits the descriptor of the first process.
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
-    let_through(ENDING)
-    end_with(parent)
+    unblock_signals(ENDING)
+    die_with_parent(parent)
     with suppress(EOFError, OSError):
         while True:
             item = pipe.recv()
@@ -309,7 +309,7 @@ def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
         # Do not register the files that are read here, as in a worker process. Only the records
         # report their files.
         context = copy_context()
-        context.run(READ.set, None)
+        context.run(INPUT_DIGESTS.set, None)
         return context.run(work, task)
     except RecordError as error:
         return error

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import click
 
 from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
-from tdint.system import do_not_wait
+from tdint.system import set_nonblocking
 
 
 @dataclass
@@ -520,7 +520,7 @@ def end_in_time() -> Callable[..., None]:
         return lambda code=None: None
     said = threading.Event()
     source, told = os.pipe()
-    do_not_wait(told)
+    set_nonblocking(told)
 
     def watch() -> None:
         # Python does not report ignored signals. The first reported signal ends the process.

@@ -50,7 +50,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from tdint.system import __version__ as __version__
-from tdint.tabular import FunctionPackage, Tabular, asked_rightly, declared_homes
+from tdint.tabular import FunctionPackage, Tabular, declared_homes, validated_call
 
 if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these lines
     from tdint.analysis.assessment.failures import Trial as Trial
@@ -166,17 +166,18 @@ if TYPE_CHECKING:  # one import per line, because `declared_homes` reads these l
     methods = list_methods
 
 
-# Results do not know the layers above them; this module knows all and passes the output to them.
+# The modules that define results must not import the output layer, because the output layer imports
+# them. This module is above both layers, and gives the results their table and figure functions.
 Tabular.tables = lambda: import_module("tdint.output.tables.to_dict")
 Tabular.figures = lambda: import_module("tdint.output.plotting")
 
-_CALLED = {"check": "overview", "methods": "list_methods"}
-"""Public names that differ from the names in the defining modules."""
+_DEFINED_AS = {"check": "overview", "methods": "list_methods"}
+"""Public names that differ from the names in the modules that define them, with these names."""
 
-_ELSEWHERE = {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
-"""Modules that define the functions of `_CALLED`."""
+_RENAMED_HOMES = {"check": "tdint.analysis.run.overview", "methods": "tdint.methods.catalogue"}
+"""Modules that define the functions of `_DEFINED_AS`."""
 
-_BEFORE = {
+_OLD_NAMES = {
     "compile": "compile_model",
     "examples": "paper_examples",
     "info": "record_info",
@@ -185,7 +186,7 @@ _BEFORE = {
 }
 """Names in version 0.1 and their present names, for the message of an AttributeError."""
 
-_GOING = dict.fromkeys(
+_DEPRECATED = dict.fromkeys(
     ("register_law", "register_method"), "load_plugin loads laws and methods from a file"
 )
 """Deprecated names, which `dir(tdint)` omits, and their replacement."""
@@ -193,30 +194,31 @@ _GOING = dict.fromkeys(
 
 @cache
 def _homes() -> dict[str, str]:
-    """Return the modules that define the public names, from the imports for type checkers."""
-    return declared_homes(__file__) | _ELSEWHERE
+    """Return the module that defines each public name, from the imports for type checkers."""
+    return declared_homes(__file__) | _RENAMED_HOMES
 
 
-# Type checkers do not see this function, because with it they would accept every name.
+# The function is hidden from type checkers. Otherwise they would accept every name, even a name
+# with a typing error.
 if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         if name == "__all__":
             return __dir__()
-        if name in _GOING:
+        if name in _DEPRECATED:
             warnings.warn(
-                f"tdint.{name} will be removed in the next release; {_GOING[name]}",
+                f"tdint.{name} will be removed in the next release; {_DEPRECATED[name]}",
                 DeprecationWarning,
                 stacklevel=2,
             )
         if name not in _homes():
-            now = f"; it is {_BEFORE[name]!r} now" if name in _BEFORE else ""
+            now = f"; it is {_OLD_NAMES[name]!r} now" if name in _OLD_NAMES else ""
             raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")
-        there = getattr(import_module(_homes()[name]), _CALLED.get(name, name))
-        return asked_rightly(there, name) if isinstance(there, FunctionType) else there
+        value = getattr(import_module(_homes()[name]), _DEFINED_AS.get(name, name))
+        return validated_call(value, name) if isinstance(value, FunctionType) else value
 
     FunctionPackage.functions = __getattr__
 
 
 def __dir__() -> list[str]:
-    return sorted(["__version__", *(_homes().keys() - _GOING.keys())])
+    return sorted(["__version__", *(_homes().keys() - _DEPRECATED.keys())])

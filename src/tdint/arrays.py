@@ -74,7 +74,7 @@ else:
         def __get__(self, instance, owner=None):
             if instance is None:
                 return self
-            kept = vars(instance)
-            if self.attrname not in kept:
-                kept[self.attrname] = self.func(instance)
-            return kept[self.attrname]
+            attributes = vars(instance)
+            if self.attrname not in attributes:
+                attributes[self.attrname] = self.func(instance)
+            return attributes[self.attrname]

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, note_input, read_whole
-from tdint.written_numbers import LARGEST, SMALLEST, how_many, number_or_nan
+from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, read_whole, record_digest
+from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, pluralize
 
 if TYPE_CHECKING:
     from tdint.arrays import Array
@@ -28,14 +28,14 @@ _END = "end"
 mark is not closed.
 """
 
-_OF_A_TABLE = re.compile(r"'[=+@-]")
+_PROTECTED_TEXT = re.compile(r"'[=+@-]")
 """Start of a text that tdint protected from interpretation as a formula by a spreadsheet program:
 an apostrophe before the text.
 """
 
 BLOCK = 500
-"""Number of rows of a large table that are converted to columns together. It is below the number of
-new lists (700) that starts Python's garbage collector.
+"""Number of rows of a large table that are converted to columns together. Each row is a list. The
+number is below 700, because 700 new lists start Python's garbage collector, which takes time.
 """
 
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
@@ -80,12 +80,16 @@ class CsvTable:
         return all(name.lower() in self.header for name in names)
 
     def need(self, *names: str) -> None:
-        """Raise an error that lists the missing ones of these columns, if columns are missing."""
+        """Raise an error that lists the missing columns, if any of these columns is missing."""
         missing = [name for name in names if not self.has(name)]
         if missing:
-            near = nearest(missing[0], self.header)
-            there = f"there are {', '.join(self.header)[:200]}; {self.needs}"
-            hint = f"did you mean it by {near!r}?" if near else there
+            similar = nearest(missing[0], self.header)
+            existing = f"the columns are {', '.join(self.header)[:200]}; {self.needs}"
+            hint = (
+                f"rename the column {similar!r} if it contains these values"
+                if similar
+                else existing
+            )
             raise self.error(
                 f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {hint}"
             )
@@ -95,19 +99,19 @@ class CsvTable:
         self.need(name)
         if not self.rows:
             raise self.error(f"{self.source}: has no rows below its header; {self.needs}")
-        place = self.header.index(name.lower())
+        index = self.header.index(name.lower())
         texts = []
         for line, cells in self.rows:
             # A decimal comma, or a comma in a name, would shift the following cells.
             if self.overfull(cells):
                 raise self.error(
-                    f"{self.source}:{line}: {how_many(len(cells), 'cell')} under "
-                    f"{how_many(len(self.header), 'column')}"
+                    f"{self.source}:{line}: the row has {pluralize(len(cells), 'cell')}, but the "
+                    f"header has {pluralize(len(self.header), 'column')}"
                 )
             # Empty cells at the end of a row may be omitted. The tables of tdint have an apostrophe
             # before a text that looks like a formula.
-            text = cells[place].strip() if place < len(cells) else ""
-            text = text[1:] if _OF_A_TABLE.match(text) else text
+            text = cells[index].strip() if index < len(cells) else ""
+            text = text[1:] if _PROTECTED_TEXT.match(text) else text
             if not text and not empty:
                 raise self.error(f"{self.source}:{line}: {name} is missing")
             texts.append(text)
@@ -120,7 +124,7 @@ class CsvTable:
         for line, text in self.lines(name, empty=empty):
             value = number(text)
             if text and (math.isnan(value) or (positive and value <= 0.0)):
-                raise self.error(f"{self.source}:{line}: {name} {no_number(text, expected)}")
+                raise self.error(f"{self.source}:{line}: {name} {number_error(text, expected)}")
             numbers.append(value)
         return numbers
 
@@ -143,27 +147,28 @@ class CsvTable:
             return ""
         values = list(dict.fromkeys(self.texts(name)))
         if len(values) > 1:
-            several = ", ".join(values[:5])
+            listed = ", ".join(values[:5])
             raise self.error(
-                f"{self.source}: column {name} has several values, {several}: leave the rows of one"
+                f"{self.source}: column {name} must have the same value in all rows, got {listed}; "
+                "keep only the rows with one value"
             )
         return values[0]
 
-    def check(self, name: str, sound: Iterable[bool], must: str) -> None:
+    def check(self, name: str, valid: Iterable[bool], requirement: str) -> None:
         """Raise an error for the first row with an invalid cell.
 
         Parameters
         ----------
         name : str
             Name of the column.
-        sound : iterable of bool
+        valid : iterable of bool
             For each row, True if the cell is valid.
-        must : str
+        requirement : str
             Requirement for the message, such as `must be positive`.
         """
-        for is_sound, (line, text) in zip(sound, self.lines(name), strict=True):
-            if not is_sound:
-                raise self.error(f"{self.source}:{line}: {name} {must}, got {text[:40]!r}")
+        for is_valid, (line, text) in zip(valid, self.lines(name), strict=True):
+            if not is_valid:
+                raise self.error(f"{self.source}:{line}: {name} {requirement}, got {text[:40]!r}")
 
     def lines(self, name: str, *, empty: bool = True) -> Iterator[tuple[int, str]]:
         """Return the line number and the text of each cell of a column."""
@@ -184,10 +189,11 @@ def numbers_in(texts: Sequence[str]) -> Array:
     """Return many cells as numbers; nan for each cell that is not a number between the limits."""
     import numpy as np  # Imported here, because commands that read only model files do not need it.
 
-    together, values = "".join(texts), np.empty(0)
-    # Cells with text are rare. Without them, all cells are converted together, which is faster.
+    joined, values = "".join(texts), np.empty(0)
+    # Cells that are not numbers are rare. Without them, all cells are converted together, which is
+    # faster. Otherwise, `float` raises a ValueError, and the cells are converted individually.
     with suppress(ValueError):
-        if together.isascii() and "_" not in together:
+        if joined.isascii() and "_" not in joined:
             values = np.array(
                 [float(text or math.nan) for text in texts]
                 if "" in texts
@@ -200,7 +206,7 @@ def numbers_in(texts: Sequence[str]) -> Array:
     return values
 
 
-def no_number(text: str, expected: str) -> str:
+def number_error(text: str, expected: str) -> str:
     """Return the end of a message about an invalid number: the requirement and the value."""
     # The limits are stated only for finite numbers, because other texts are not numbers.
     limits = (
@@ -252,7 +258,7 @@ def read_table(
         same name. The type is `error`.
     """
     table, rows = stream_table(
-        source, needs, columns=columns, comment=comment, error=error, whole=True
+        source, needs, columns=columns, comment=comment, error=error, read_first=True
     )
     return replace(table, rows=tuple(rows))
 
@@ -264,7 +270,7 @@ def stream_table(
     columns: Collection[str] | None = None,
     comment: str = "",
     error: type[TdintError] = ModelError,
-    whole: bool = False,
+    read_first: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
     """Read a CSV file with millions of rows without storing them.
 
@@ -272,8 +278,8 @@ def stream_table(
     ----------
     source, needs, columns, comment, error
         Parameters of `read_table`.
-    whole : bool
-        Read the complete file first, with a limit on its size.
+    read_first : bool
+        True to read the complete file into memory first, with a limit on its size.
 
     Returns
     -------
@@ -287,11 +293,12 @@ def stream_table(
     TdintError
         As for `read_table`. Errors in rows are raised when the row is read.
     """
-    # A pipe can be read only once; therefore the digest is computed from the data that were read.
-    if whole or source == STDIN or not is_file(source):
+    # A pipe can be read only once. Its content is therefore read into memory, where the digest and
+    # the rows are computed from the same bytes.
+    if read_first or source == STDIN or not is_file(source):
         rows = _rows(source, io.StringIO(_text(source, needs, error), newline=""), error)
     else:
-        note_input(source, lambda: digest_of(Path(source)))
+        record_digest(source, lambda: digest_of(Path(source)))
         rows = _streamed(source, error)
     # The comments and the header are the first rows.
     header_line, header = next(rows, (0, []))
@@ -303,7 +310,7 @@ def stream_table(
     names = tuple(title.lower() for title in titles)
     for name in names if columns is None else columns:
         if name and names.count(name.lower()) > 1:
-            raise error(f"{source}:{header_line}: the column {name} is there twice")
+            raise error(f"{source}:{header_line}: the header contains the column {name} twice")
     return CsvTable(source, names, titles, header_line, (), needs, error), rows
 
 
@@ -319,8 +326,8 @@ def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[
 
         try:
             yield from _rows(source, lines(), error)
-        except UnicodeDecodeError as fault:
-            byte = fault.object[fault.start]
+        except UnicodeDecodeError as decoding_error:
+            byte = decoding_error.object[decoding_error.start]
             raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
 
 
@@ -332,22 +339,20 @@ def _rows(
     A quotation mark that is not closed would join all following rows in a cell. In this case the
     appended last row is missing, and an error is raised.
     """
-    reader, above, closed = (
-        csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True),
-        0,
-        False,
-    )
-    last = 0
+    reader = csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True)
+    is_complete = False  # True if the appended row was read as a separate row
+    previous_line = last_line = 0
     try:
         for row in reader:
-            closed = row == [_END]
-            if not closed and any(map(str.strip, row)):
-                above, last = last, reader.line_num
-                yield last, row
-    except csv.Error as fault:
-        raise error(f"{source}:{reader.line_num}: no CSV: {fault}") from None
-    if not closed:
-        raise error(f"{source}: a quotation mark below line {above} is not closed")
+            is_complete = row == [_END]
+            if not is_complete and any(map(str.strip, row)):
+                previous_line, last_line = last_line, reader.line_num
+                yield last_line, row
+    except csv.Error as csv_error:
+        raise error(f"{source}:{reader.line_num}: invalid CSV: {csv_error}") from None
+    if not is_complete:
+        # The last row contains the rest of the file; the quotation mark is below the row before it.
+        raise error(f"{source}: a quotation mark below line {previous_line} is not closed")
 
 
 def _text(source: str, needs: str, error: type[TdintError]) -> str:
@@ -356,13 +361,12 @@ def _text(source: str, needs: str, error: type[TdintError]) -> str:
     data = read_whole(
         source, error, {FileNotFoundError: f"no such file; {needs}"}, large, MOST_BYTES
     )
-    note_input(source, data)
+    record_digest(source, data)
     try:
         text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as fault:
-        raise error(
-            f"{source}: not UTF-8 text (byte 0x{data[fault.start]:02x}); save it as UTF-8"
-        ) from None
+    except UnicodeDecodeError as decoding_error:
+        byte = data[decoding_error.start]
+        raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise error(f"{source}:{line}: a null character; save it as UTF-8 text")

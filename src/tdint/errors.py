@@ -34,13 +34,15 @@ class TdintError(Exception):
         super().__init__(abridged(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Subclasses may have other arguments of `__init__`, so that unpickling bypasses it. A
-        # process pool would wait forever for an error that cannot be unpickled.
-        return _again, (type(self), self.args), vars(self)
+        # By default, unpickling calls `__init__` with the message, which fails for subclasses with
+        # other arguments, and a process pool waits forever for an error that cannot be unpickled.
+        # `_unpickle` therefore bypasses `__init__`.
+        return _unpickle, (type(self), self.args), vars(self)
 
 
-def _again(kind: type[TdintError], arguments: tuple[Any, ...]) -> TdintError:
-    return kind.__new__(kind, *arguments)
+def _unpickle(error_type: type[TdintError], arguments: tuple[Any, ...]) -> TdintError:
+    """Create an error of a type without calling its `__init__`."""
+    return error_type.__new__(error_type, *arguments)
 
 
 class UsageError(TdintError):
@@ -72,8 +74,8 @@ class ModelFault:
     message: str
 
     def __str__(self) -> str:
-        place = f"{self.source}:{self.line}:{self.column}: " if self.line else f"{self.source}: "
-        return place + (f"{self.key}: {self.message}" if self.key else self.message)
+        location = f"{self.source}:{self.line}:{self.column}: " if self.line else f"{self.source}: "
+        return location + (f"{self.key}: {self.message}" if self.key else self.message)
 
 
 class ModelError(TdintError):
@@ -136,7 +138,8 @@ def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
     """
     from difflib import get_close_matches
 
-    # Only the first 100 characters are compared, because the time is quadratic in the length.
+    # The time of the comparison is quadratic in the length of the name, which may be a whole
+    # sentence by mistake. Therefore only the first 100 characters are compared.
     by_lower = {candidate.lower(): candidate for candidate in names}
     return next(
         (

@@ -30,54 +30,61 @@ STDIN = "-"
 MOST_BYTES = 2**28
 """Maximum size of a file, bytes (256 MiB)."""
 
-_PIECE = 2**20  # bytes per read call; the cost of calls is negligible, and memory use is small
+_BYTES_PER_READ = 2**20  # 1 MiB; the cost of calls is negligible, and memory use is small
 
-READ: ContextVar[dict[str, str] | None] = ContextVar("read", default=None)
-"""SHA-256 of the inputs that the present command has read, by name; None if it is not recorded."""
+INPUT_DIGESTS: ContextVar[dict[str, str] | None] = ContextVar("input_digests", default=None)
+"""SHA-256 of the inputs that the present command has read, by name. None if inputs are not
+recorded, as in a Python session.
+"""
 
-KEPT: ContextVar[dict[tuple[int, int], str] | None] = ContextVar("kept", default=None)
-"""Names of the files that the present command reads, by device and inode. These files are not
-replaced, under any name. None if it is not recorded."""
+PROTECTED: ContextVar[dict[tuple[int, int], str] | None] = ContextVar("protected", default=None)
+"""Names of the files that the present command reads, by device and inode. The command does not
+replace these files, even under another name (link). None if inputs are not protected, as in a
+Python session.
+"""
 
 
-def keep_input(source: str | Path) -> None:
+def protect_input(source: str | Path) -> None:
     """Protect an input file from being replaced by an output of this command.
 
-    `-` is the file that standard input is redirected from.
+    `-` is the file that standard input is redirected from. Inputs that are not regular files, such
+    as pipes, need no protection.
     """
-    kept = KEPT.get()
-    if kept is None:
+    protected = PROTECTED.get()
+    if protected is None:
         return
-    with suppress(
-        OSError, ValueError, AttributeError
-    ):  # a name that is no file's, an input that is none
+    # The errors are raised if no file has this name, or if standard input is closed. They are
+    # ignored here, because reading the input will report them.
+    with suppress(OSError, ValueError, AttributeError):
         status = os.fstat(sys.stdin.fileno()) if str(source) == STDIN else Path(source).stat()
         if stat.S_ISREG(status.st_mode):
-            kept[status.st_dev, status.st_ino] = str(source)
+            protected[status.st_dev, status.st_ino] = str(source)
 
 
-def is_kept(file: str | Path) -> bool:
+def is_protected(file: str | Path) -> bool:
     """Return True if a path, with links resolved, is a file that this command reads."""
     try:
         status = Path(file).stat()
-        name = (KEPT.get() or {}).get((status.st_dev, status.st_ino))
-        # The inode may have been reused for another file.
+        name = (PROTECTED.get() or {}).get((status.st_dev, status.st_ino))
+        # If the input was deleted in the meantime, its inode may belong to another file now.
         return name is not None and (name == STDIN or Path(name).samefile(file))
     except (OSError, ValueError):
         return False
 
 
-def note_input(source: str | Path, content: bytes | Callable[[], str]) -> None:
+def record_digest(source: str | Path, content: bytes | Callable[[], str]) -> None:
     """Record that an input has been read, for the list of inputs in results.
 
     `content` is the content, or, for large files, a function that returns its SHA-256.
     """
-    keep_input(source)
-    seen = READ.get()
-    if seen is not None:
+    protect_input(source)
+    digests = INPUT_DIGESTS.get()
+    if digests is not None:
         from hashlib import sha256
 
-        seen[str(source)] = sha256(content).hexdigest() if isinstance(content, bytes) else content()
+        digests[str(source)] = (
+            sha256(content).hexdigest() if isinstance(content, bytes) else content()
+        )
 
 
 def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> bytes:
@@ -104,7 +111,7 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
             raise error(
                 f"{source}: is a named pipe, which may never end; read from it with - and <"
             )
-        keep_input(source)
+        protect_input(source)
         with Path(source).open("rb") as file:
             return _read(file, most)
     stream = getattr(sys.stdin, "buffer", None)
@@ -116,7 +123,7 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
 def read_whole(
     source: str | Path,
     error: type[TdintError],
-    told: Mapping[type[Exception], str],
+    messages: Mapping[type[Exception], str],
     large: str,
     most: int,
 ) -> bytes:
@@ -126,8 +133,9 @@ def read_whole(
     ----------
     source, error, most
         As for `read_at_most`.
-    told : mapping of type to str
-        Messages for exceptions of the operating system, by their type. Default: its own message.
+    messages : mapping of type to str
+        Messages for exceptions of the operating system, by the type of the exception. Other
+        exceptions are reported with the message of the operating system.
     large : str
         Message if the file is too large.
 
@@ -138,9 +146,12 @@ def read_whole(
     """
     try:
         data = read_at_most(source, most, error)
-    except (OSError, ValueError) as fault:
-        reason = f"cannot be read: {getattr(fault, 'strerror', None) or fault}"
-        reason = next((text for kind, text in told.items() if isinstance(fault, kind)), reason)
+    except (OSError, ValueError) as exception:
+        reason = f"cannot be read: {getattr(exception, 'strerror', None) or exception}"
+        for exception_type, message in messages.items():
+            if isinstance(exception, exception_type):
+                reason = message
+                break
         raise error(f"{source}: {reason}") from None
     if len(data) > most:
         raise error(f"{source}: {large}")
@@ -148,10 +159,14 @@ def read_whole(
 
 
 def _read(file: BinaryIO, most: int) -> bytes:
-    """Read in pieces, so that an endless device is read up to `most` and memory grows as needed."""
+    """Read a stream to its end, or until more than `most` bytes have been read.
+
+    The stream is read in blocks, so that reading an endless device stops, and so that memory is
+    allocated only for the bytes that exist.
+    """
     content = bytearray()
-    while len(content) <= most and (piece := file.read(_PIECE)):
-        content += piece
+    while len(content) <= most and (block := file.read(_BYTES_PER_READ)):
+        content += block
     return bytes(content)
 
 
@@ -161,23 +176,23 @@ def is_named_pipe(source: str | Path) -> bool:
         return False
     try:
         return stat.S_ISFIFO(Path(source).stat().st_mode)
-    except (OSError, ValueError):  # Opening it tells why.
+    except (OSError, ValueError):  # the caller opens the file next, which reports the error
         return False
 
 
 def is_folder(name: str | Path) -> bool:
     """Return True if a path is a directory; False also for invalid names, for example too long."""
-    return os.path.isdir(name)  # noqa: PTH112  Path's raises of the latter
+    return os.path.isdir(name)  # noqa: PTH112  Path.is_dir raises an error for names too long
 
 
 def is_there(name: str | Path) -> bool:
     """Return True if a file or directory exists; False also for invalid names."""
-    return os.path.exists(name)  # noqa: PTH110  as above
+    return os.path.exists(name)  # noqa: PTH110  Path.exists raises an error for names too long
 
 
 def is_file(name: str | Path) -> bool:
     """Return True if a path is a file; False also for invalid names."""
-    return os.path.isfile(name)  # noqa: PTH113  as above
+    return os.path.isfile(name)  # noqa: PTH113  Path.is_file raises an error for names too long
 
 
 # ---- Files
@@ -188,12 +203,14 @@ Writer = Callable[[BinaryIO], object]
 Content = bytes | Writer
 """Content of a file, or the function that writes it."""
 
-_PACKED = 4
+_COMPRESSION_LEVEL = 4
 """Compression level of gzip. A response history is a few percent larger than with the usual level
 9, and is written in a third of the time."""
 
 _TEMPORARY = ".tdint-{}.tmp"
-_OF_PROCESS = re.compile(r"\.tdint-(?P<host>.+)-(?P<process>\d+)-(?P<start>\d+)-[0-9a-f]{16}\.tmp")
+_TEMPORARY_PATTERN = re.compile(
+    r"\.tdint-(?P<host>.+)-(?P<process>\d+)-(?P<start>\d+)-[0-9a-f]{16}\.tmp"
+)
 """Name of a temporary file with host, process and start time of the writer."""
 
 _WEEK = 7 * 86400.0
@@ -226,31 +243,31 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     seen: set[str] = set()
     for file in files:
         if "\0" in str(file):
-            raise OutputError(f"{file!s:.40}: a file name has no null character")
-        with _in_words(file):
+            raise OutputError(f"{file!s:.40}: a file name must not contain a null character")
+        with _as_output_error(file):
             real = os.path.realpath(file)
             if real in seen:
                 raise OutputError(f"{file}: two outputs would have this name")
             seen.add(real)
-            refuse_kept([file])
+            refuse_protected([file])
             folder = _nearest_folder(file)
             if not is_folder(folder):
-                raise OutputError(f"{file}: {folder} is a file, not a folder")
+                raise OutputError(f"{file}: {folder} is a file, not a directory")
             if not os.access(folder, os.W_OK | os.X_OK):
-                raise OutputError(f"{file}: no permission to write in the folder {folder}")
+                raise OutputError(f"{file}: no permission to write in the directory {folder}")
             if file.is_dir():
-                raise OutputError(f"{file}: is a folder; give the name of a file")
+                raise OutputError(f"{file}: is a directory; give the name of a file")
             if file.exists() and not file.is_file():
                 raise OutputError(f"{file}: is a device or a pipe, not a file")
             if file.exists() and not overwrite:
                 raise _exists(file)
 
 
-def refuse_kept(files: Iterable[Path]) -> None:
+def refuse_protected(files: Iterable[Path]) -> None:
     """Raise OutputError if a file to be replaced or removed is an input of this command."""
     for file in files:
-        if is_kept(file):
-            raise OutputError(f"{file}: is read by this command; write to another place")
+        if is_protected(file):
+            raise OutputError(f"{file}: is read by this command; write to another file")
 
 
 def write_files(
@@ -258,7 +275,7 @@ def write_files(
     *,
     overwrite: bool,
     stale: Mapping[Path, str] | None = None,
-    tell: Callable[[Mapping[Path, str]], None] | None = None,
+    on_written: Callable[[Mapping[Path, str]], None] | None = None,
     last: tuple[Path, Callable[[Mapping[Path, str]], bytes]] | None = None,
 ) -> None:
     """Write files completely or not at all, in the given order. Missing directories are created.
@@ -275,7 +292,7 @@ def write_files(
     stale : mapping of Path to str, optional
         Files of an earlier run that are not part of the new results, with their SHA-256. They are
         removed if `overwrite` is set and their content is unchanged.
-    tell : callable, optional
+    on_written : callable, optional
         Receives the SHA-256 of each file after all have been written, before they are renamed.
     last : Path and callable, optional
         Additional file, and a function that returns its content from the SHA-256 of the others.
@@ -286,15 +303,15 @@ def write_files(
         A file cannot be written.
     """
     check_outputs([*contents, *([last[0]] if last else ())], overwrite=overwrite)
-    made: list[Path] = []
+    new_folders: list[Path] = []
     temporaries: dict[Path, Path] = {}
 
     def write(file: Path, content: Content) -> None:
-        made.extend(_made(file.parent))
+        new_folders.extend(_make_folders(file.parent))
         temporary = Path(os.path.realpath(file)).with_name(_temporary_name())
         temporaries[file] = temporary
         _unfinished.add(temporary)
-        with _in_words(file), temporary.open("xb") as stream:
+        with _as_output_error(file), temporary.open("xb") as stream:
             _write(file, content, stream)
 
     def digests() -> dict[Path, str]:
@@ -305,28 +322,29 @@ def write_files(
             write(file, content)
         if last:
             write(last[0], last[1](digests()))
-        if tell:
-            tell(digests())
+        if on_written:
+            on_written(digests())
         for file, temporary in temporaries.items():
             _move(temporary, file, overwrite)
     except BaseException:
         for temporary in temporaries.values():
             with suppress(OSError):
                 temporary.unlink()
-        for folder in reversed(made):
+        for folder in reversed(new_folders):
             with suppress(OSError):  # not empty: it contains a renamed file
                 folder.rmdir()
         raise
     finally:
         _unfinished.difference_update(temporaries.values())
+    # The results are complete. Now remove the files of an earlier run that would not match them.
     for file, digest in (stale or {}).items() if overwrite else ():
         if (
             file not in temporaries
             and not file.is_symlink()
             and file.is_file()
-            and not is_kept(file)
+            and not is_protected(file)
         ):
-            with _in_words(file):
+            with _as_output_error(file):
                 if digest_of(file) == digest:
                     file.unlink(missing_ok=True)
 
@@ -360,7 +378,7 @@ def _write(file: Path, content: Content, stream: BinaryIO) -> None:
     import gzip
 
     with gzip.GzipFile(
-        filename="", mode="wb", compresslevel=_PACKED, fileobj=stream, mtime=0
+        filename="", mode="wb", compresslevel=_COMPRESSION_LEVEL, fileobj=stream, mtime=0
     ) as packed:
         writer(packed)  # type: ignore[arg-type]
 
@@ -381,13 +399,15 @@ def remove_abandoned(folder: Path) -> None:
     """
     for temporary in folder.glob(_TEMPORARY.format("*")):
         with suppress(OSError):
-            writer = _OF_PROCESS.fullmatch(temporary.name)
+            writer = _TEMPORARY_PATTERN.fullmatch(temporary.name)
             if writer and writer["host"] == this_host():
                 if not is_running(int(writer["process"]), int(writer["start"])):
                     temporary.unlink()
             elif time.time() - temporary.stat().st_mtime > _WEEK:
                 _log.info(
-                    "%s: a temporary file, older than a week; remove it if no tdint writes it",
+                    "%s: temporary file older than a week; delete it if no tdint command on "
+                    "another "
+                    "machine is writing it",
                     temporary,
                 )
 
@@ -404,7 +424,7 @@ def write_file(file: Path, writer: Content, *, overwrite: bool) -> None:
     write_files({file: writer}, overwrite=overwrite)
 
 
-def check_room(file: Path, least: float) -> None:
+def check_disk_space(file: Path, least: float) -> None:
     """Check before a computation that a disk has at least `least` free bytes for a file.
 
     Raises
@@ -416,12 +436,12 @@ def check_room(file: Path, least: float) -> None:
     import shutil
 
     folder = _nearest_folder(file)
-    with _in_words(file):
+    with _as_output_error(file):
         free = shutil.disk_usage(folder).free
     if least > free:
         raise OutputError(
-            f"{file}: takes {least / 1e9:.3g} GB at least, {free / 1e9:.3g} GB are free; write "
-            "fewer rows (--history-every), or to another disk"
+            f"{file}: takes {least / 1e9:.3g} GB at least, {free / 1e9:.3g} GB are free; "
+            "write fewer rows (--history-every) or use another disk"
         )
 
 
@@ -433,7 +453,7 @@ def _nearest_folder(file: Path) -> Path:
     return folder
 
 
-def _made(folder: Path) -> list[Path]:
+def _make_folders(folder: Path) -> list[Path]:
     """Create a directory and its missing parents, and return the new ones, outermost first.
 
     Directories that another process creates in the meantime are not returned, so they are not
@@ -441,19 +461,19 @@ def _made(folder: Path) -> list[Path]:
     """
     if folder.exists():
         return []
-    made = _made(folder.parent)
-    with _in_words(folder):
+    created = _make_folders(folder.parent)
+    with _as_output_error(folder):
         try:
             folder.mkdir()
         except FileExistsError:
-            return made
-    return [*made, folder]
+            return created
+    return [*created, folder]
 
 
 def _move(temporary: Path, file: Path, overwrite: bool) -> None:
     """Rename a temporary file. Without `overwrite`, a file created in the meantime is kept."""
     target = os.path.realpath(file)
-    with _in_words(file):
+    with _as_output_error(file):
         if not overwrite:
             try:
                 os.link(temporary, target)
@@ -469,11 +489,12 @@ def _move(temporary: Path, file: Path, overwrite: bool) -> None:
 
 
 def _exists(file: Path) -> OutputError:
+    """Return the error for an existing file that must not be replaced."""
     return OutputError(f"{file}: exists already; give --overwrite to replace it")
 
 
 @contextmanager
-def _in_words(path: Path) -> Iterator[None]:
+def _as_output_error(path: Path) -> Iterator[None]:
     """Convert an error of the operating system about a path to an OutputError."""
     try:
         yield

@@ -32,7 +32,7 @@ _MOUNTS = Path("/proc/self/mountinfo")
 _REMOTE_DRIVE = 4
 """DRIVE_REMOTE of Windows' GetDriveTypeW."""
 
-_MAY_ASK, _STILL_ACTIVE = 0x1000, 259
+_QUERY_INFORMATION, _STILL_ACTIVE = 0x1000, 259
 """PROCESS_QUERY_LIMITED_INFORMATION of Windows' OpenProcess, STILL_ACTIVE of its
 GetExitCodeProcess."""
 
@@ -91,7 +91,7 @@ def processor() -> str:
             name, _, value = line.partition(":")
             if name.strip() == "model name":
                 return " ".join(value.split())
-    return platform.processor() or platform.machine() or "a processor that tells no name"
+    return platform.processor() or platform.machine() or "unknown processor"
 
 
 def memory() -> int | None:
@@ -107,7 +107,7 @@ def memory() -> int | None:
     return 1024 * kilobytes.value or None
 
 
-def do_not_wait(descriptor: int) -> None:
+def set_nonblocking(descriptor: int) -> None:
     """Make writing to a full pipe fail instead of blocking. No effect on Windows before 3.12."""
     if hasattr(os, "set_blocking"):
         os.set_blocking(descriptor, False)
@@ -144,12 +144,23 @@ def _is_own(home: Path, folder: Path) -> bool:
     if not hasattr(os, "getuid"):
         return True
     try:
-        itself, above = folder.lstat(), home.stat()
+        own_status, parent_status = folder.lstat(), home.stat()
     except OSError:
         return False
-    closed = stat.S_ISDIR(itself.st_mode) and not itself.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    kept = not above.st_mode & stat.S_IWOTH or bool(above.st_mode & stat.S_ISVTX)
-    return itself.st_uid == os.getuid() and closed and above.st_uid in (os.getuid(), 0) and kept
+    user = os.getuid()
+    others_cannot_write = stat.S_ISDIR(own_status.st_mode) and not own_status.st_mode & (
+        stat.S_IWGRP | stat.S_IWOTH
+    )
+    # In a directory with the sticky bit, users can rename only their own files.
+    others_cannot_rename = not parent_status.st_mode & stat.S_IWOTH or bool(
+        parent_status.st_mode & stat.S_ISVTX
+    )
+    return (
+        own_status.st_uid == user
+        and others_cannot_write
+        and parent_status.st_uid in (user, 0)
+        and others_cannot_rename
+    )
 
 
 # ---- Cache directory of the user: compiled kernels and reference solutions
@@ -217,27 +228,35 @@ def file_system(folder: Path) -> str:
     if kernel := _windows():
         drive = os.path.splitdrive(path)[0]
         return "network drive" if kernel.GetDriveTypeW(drive + "\\") == _REMOTE_DRIVE else ""
-    kinds = _kinds_told_by_mount() if sys.platform == "darwin" else _kinds_of_linux()
-    inside = [point for point in kinds if path == point or path.startswith(point.rstrip("/") + "/")]
-    return kinds[max(inside, key=len)] if inside else ""
+    types = _mount_types_macos() if sys.platform == "darwin" else _mount_types_linux()
+    containing = [
+        point for point in types if path == point or path.startswith(point.rstrip("/") + "/")
+    ]
+    # Mount points can be nested; the innermost, with the longest name, contains the directory.
+    return types[max(containing, key=len)] if containing else ""
 
 
-def _kinds_of_linux() -> dict[str, str]:
+def _mount_types_linux() -> dict[str, str]:
+    """Return types of file systems by mount point on Linux, from /proc/self/mountinfo.
+
+    Field 5 of a line is the mount point, and the first field after ` - ` is the type. Blanks in
+    the name of a mount point are written as octal escapes (`\\040`).
+    """
     try:
         lines = _MOUNTS.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
     except OSError:
         return {}
-    kinds: dict[str, str] = {}
+    types: dict[str, str] = {}
     for line in lines:
-        before, _, after = line.partition(" - ")
-        words, kind = before.split(), after.split()
-        if len(words) > 4 and kind:
-            point = words[4].encode("latin-1", "replace").decode("unicode_escape", "replace")
-            kinds[point] = kind[0]
-    return kinds
+        mount_part, _, type_part = line.partition(" - ")
+        mount_fields, type_fields = mount_part.split(), type_part.split()
+        if len(mount_fields) > 4 and type_fields:
+            escaped = mount_fields[4].encode("latin-1", "replace")
+            types[escaped.decode("unicode_escape", "replace")] = type_fields[0]
+    return types
 
 
-def _kinds_told_by_mount() -> dict[str, str]:
+def _mount_types_macos() -> dict[str, str]:
     """Return types of file systems by mount point on macOS.
 
     The lines of `mount` are like `//guest@server/share on /Volumes/share (smbfs, nodev, nosuid)`.
@@ -245,14 +264,16 @@ def _kinds_told_by_mount() -> dict[str, str]:
     import subprocess
 
     try:
-        told = subprocess.run(["/sbin/mount"], capture_output=True, text=True, check=False).stdout
+        listing = subprocess.run(
+            ["/sbin/mount"], capture_output=True, text=True, check=False
+        ).stdout
     except OSError:
         return {}
-    kinds: dict[str, str] = {}
-    for line in told.splitlines():
-        where, _, kind = line.rpartition(" (")
-        kinds[where.partition(" on ")[2]] = kind.partition(",")[0].rstrip(")")
-    return kinds
+    types: dict[str, str] = {}
+    for line in listing.splitlines():
+        device_and_point, _, options = line.rpartition(" (")
+        types[device_and_point.partition(" on ")[2]] = options.partition(",")[0].rstrip(")")
+    return types
 
 
 def _windows() -> Any:
@@ -277,12 +298,12 @@ def this_host() -> str:
     import platform
 
     name = platform.node()
-    seen = [name]
-    with suppress(OSError):
-        seen.append(Path("/proc/sys/kernel/random/boot_id").read_text())
-        seen.append(str(Path("/proc/self/ns/pid").readlink()))
-    plain = re.sub(r"[^A-Za-z0-9_.]", "_", name)[:64]
-    return f"{plain}.{hashlib.sha256('|'.join(seen).encode()).hexdigest()[:8]}"
+    identifiers = [name]
+    with suppress(OSError):  # these files exist on Linux only
+        identifiers.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        identifiers.append(str(Path("/proc/self/ns/pid").readlink()))
+    file_name = re.sub(r"[^A-Za-z0-9_.]", "_", name)[:64]
+    return f"{file_name}.{hashlib.sha256('|'.join(identifiers).encode()).hexdigest()[:8]}"
 
 
 def process_start(process: int) -> int:
@@ -291,7 +312,9 @@ def process_start(process: int) -> int:
         fields = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()
     except OSError:
         return 0
-    return 0 if fields[0] in (b"Z", b"X") else int(fields[19])  # field 22, starttime, of the line
+    # The state of a process that has ended is Z (zombie) or X (dead). Field 22 of the line is the
+    # start time; `fields` starts with field 3.
+    return 0 if fields[0] in (b"Z", b"X") else int(fields[19])
 
 
 def is_running(process: int, start: int) -> bool:
@@ -306,35 +329,36 @@ def is_running(process: int, start: int) -> bool:
             return False
         except (OSError, OverflowError):  # a process of another user, which /proc may hide
             return True
-        return not start  # otherwise /proc would report its start: it is a zombie
+        # With a known start time, /proc would report a running process; it is therefore a zombie.
+        return not start
     import ctypes
 
-    code, handle = ctypes.c_ulong(), kernel.OpenProcess(_MAY_ASK, 0, process)
+    code, handle = ctypes.c_ulong(), kernel.OpenProcess(_QUERY_INFORMATION, 0, process)
     kernel.GetExitCodeProcess(handle, ctypes.byref(code))
     kernel.CloseHandle(handle)
     return bool(handle) and code.value == _STILL_ACTIVE
 
 
 @contextmanager
-def held_back(signals: Collection[signal.Signals]) -> Iterator[None]:
+def block_signals(signals: Collection[signal.Signals]) -> Iterator[None]:
     """Block signals during a `with` statement, if the system supports it."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)
 
 
-def let_through(signals: Collection[signal.Signals]) -> None:
-    """Unblock signals in a process that was started while they were blocked (`held_back`)."""
+def unblock_signals(signals: Collection[signal.Signals]) -> None:
+    """Unblock signals in a process that was started while they were blocked (`block_signals`)."""
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
 
 
-def end_with(parent: int) -> None:
+def die_with_parent(parent: int) -> None:
     """Request that this process is killed when its parent ends.
 
     Only Linux supports this; on other systems the process notices the end of its parent by a closed
@@ -349,7 +373,7 @@ def end_with(parent: int) -> None:
             os._exit(1)
 
 
-def start_apart(arguments: list[str], folder: Path) -> None:
+def spawn_detached(arguments: list[str], folder: Path) -> None:
     """Start a program with low priority that continues when this process ends, without output.
 
     Parameters
@@ -406,6 +430,7 @@ def lock(descriptor: int) -> bool:
 
 
 def _lock_on_windows(descriptor: int) -> bool:
+    """Lock an open file on Windows; see `lock`."""
     try:
         import msvcrt
     except ImportError:
@@ -435,10 +460,10 @@ def available_memory() -> float:
 
 
 @contextmanager
-def locked(file: Path | None, waiting: Callable[[], object]) -> Iterator[None]:
+def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
     """Hold the lock of a file, which is created if necessary.
 
-    `waiting` is called once if another process holds the lock. Without a file, or if the file
+    `on_wait` is called once if another process holds the lock. Without a file, or if the file
     cannot be created, there is no lock.
     """
     try:
@@ -450,11 +475,11 @@ def locked(file: Path | None, waiting: Callable[[], object]) -> Iterator[None]:
         yield
         return
     with stream:
-        told = False
+        is_reported = False
         while not lock(stream.fileno()):
-            if not told:
-                waiting()
-                told = True
+            if not is_reported:
+                on_wait()
+                is_reported = True
             time.sleep(0.05)
         yield
 
@@ -462,7 +487,7 @@ def locked(file: Path | None, waiting: Callable[[], object]) -> Iterator[None]:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-_AHEAD = 2
+_SUBMITTED_PER_THREAD = 2
 """Number of submitted items per thread, including the running item, so that threads do not wait
 while results are written."""
 
@@ -487,12 +512,15 @@ def on_threads(
         futures,
     )  # imported here, because most calls of this module do not need it
 
-    waiting = iter(items)
+    remaining = iter(items)
     running: set[futures.Future[Result]] = set()
     pool = futures.ThreadPoolExecutor(jobs)
     try:
         while True:
-            while len(running) < _AHEAD * jobs and (item := next(waiting, None)) is not None:
+            while (
+                len(running) < _SUBMITTED_PER_THREAD * jobs
+                and (item := next(remaining, None)) is not None
+            ):
                 # The context records the files that the thread reads.
                 running.add(pool.submit(copy_context().run, work, item))
             if not running:
@@ -525,17 +553,20 @@ def version_of_sources() -> tuple[str, str]:
         file.relative_to(folder).as_posix(): sha256(file.read_bytes())
         for file in folder.rglob("*.py")
     }
-    of_all = sha256(
+    sources_digest = sha256(
         "".join(f"{name} {digests[name].hexdigest()}\n" for name in sorted(digests)).encode()
     ).hexdigest()
     try:
         files = distribution("tdint").files or ()
-    except PackageNotFoundError:  # Imported from a folder, not installed.
+    except PackageNotFoundError:  # the package is imported from a directory, not installed
         files = ()
-    packed = {file.as_posix(): file.hash.value for file in files if file.hash}
-    released = all(
-        packed.get(f"{folder.name}/{name}")
+    # The sources are those of the package if all digests match the package's list of files, which
+    # writes them in Base64 without padding (RECORD file).
+    package_digests = {file.as_posix(): file.hash.value for file in files if file.hash}
+    is_released = all(
+        package_digests.get(f"{folder.name}/{name}")
         == urlsafe_b64encode(digest.digest()).rstrip(b"=").decode()
         for name, digest in digests.items()
     )
-    return (__version__ if released else f"{__version__}+sources.{of_all[:8]}"), of_all[:16]
+    version = __version__ if is_released else f"{__version__}+sources.{sources_digest[:8]}"
+    return version, sources_digest[:16]

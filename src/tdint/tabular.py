@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 Result = TypeVar("Result")
 
-_OF_ARGUMENTS = (TypeError, ValueError, AttributeError, IndexError, OverflowError)
+_ARGUMENT_ERRORS = (TypeError, ValueError, AttributeError, IndexError, OverflowError)
 """Errors that Python and numpy raise for an argument of a wrong type."""
 
 
@@ -49,11 +49,12 @@ class WrongCall(UsageError, TypeError):
 
 
 @functools.cache
-def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]:
+def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     """Wrap a public function so that errors name the argument of a wrong type.
 
-    Arguments are compared with the signature only after the function has failed. If every argument
-    has the declared type, the failure is a bug, and its exception is raised unchanged.
+    Arguments are compared with the signature only after the function has failed, because the
+    comparison takes time. If every argument has the declared type, the failure is a bug of tdint,
+    and its exception is raised unchanged.
 
     Parameters
     ----------
@@ -65,23 +66,23 @@ def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]
 
     @functools.wraps(function)
     def wrapper(*arguments: Any, **keywords: Any) -> Any:
-        for before, now in _RENAMED.items():
+        for old, new in _RENAMED.items():
             if (
-                before in keywords
-                and before not in (parameters := inspect.signature(function).parameters)
-                and now in parameters
+                old in keywords
+                and old not in (parameters := inspect.signature(function).parameters)
+                and new in parameters
             ):
-                warnings.warn(f"{name}: {before} is {now} now", DeprecationWarning, stacklevel=2)
-                keywords[now] = keywords.pop(before)
+                warnings.warn(f"{name}: {old} is {new} now", DeprecationWarning, stacklevel=2)
+                keywords[new] = keywords.pop(old)
         try:
             return function(*arguments, **keywords)
         except TdintError:
             raise
-        except _OF_ARGUMENTS as error:
+        except _ARGUMENT_ERRORS as error:
             try:
                 bound = inspect.signature(function).bind(*arguments, **keywords)
-            except TypeError as wrong:
-                raise WrongCall(f"{name}: {wrong}") from None
+            except TypeError as binding_error:  # a missing or an unknown argument
+                raise WrongCall(f"{name}: {binding_error}") from None
             # If no argument has a wrong type, the error is a bug of tdint.
             raise _wrong_argument(name, bound) or error from error
 
@@ -93,20 +94,22 @@ def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]
 def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageError | None:
     """Return an error for the first argument that does not match its annotation.
 
-    If all arguments match, the error is for the first argument with an annotation that accepts any
-    value, because only the function itself checks such values. None if every annotation is closed.
+    If all arguments match, the error is for the first argument with an annotation such as `Any` or
+    `AnyModel`: it matches every value, so that the value may still be the cause of the failure.
+    Without such an argument, return None.
     """
-    anything = None
+    unchecked_error = None
     for parameter in arguments.signature.parameters.values():
         if parameter.name not in arguments.arguments:
             continue
         value = arguments.arguments[parameter.name]
         is_variadic = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
         annotation = parameter.annotation
-        written = (
+        annotation_text = (
             annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
         )
-        kind = ast.parse(written, mode="eval").body
+        expression = ast.parse(annotation_text, mode="eval").body
+        # The value of *arguments is a tuple, the value of **keywords a dict; check their members.
         values = (
             value.values()
             if isinstance(value, dict) and is_variadic
@@ -115,94 +118,105 @@ def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageEr
             else (value,)
         )
         got = reprlib.repr(value)
-        if not all(_matches(item, kind) for item in values):
-            return UsageError(f"{function}: {parameter.name} must be {_as_text(kind)}, got {got}")
-        if anything is None and any(_accepts_any(part) for part in ast.walk(kind)):
-            anything = UsageError(
+        if not all(_matches(item, expression) for item in values):
+            return UsageError(
+                f"{function}: {parameter.name} must be {_as_text(expression)}, got {got}"
+            )
+        if unchecked_error is None and any(_accepts_any(part) for part in ast.walk(expression)):
+            unchecked_error = UsageError(
                 f"{function}: {parameter.name} cannot be used as it is, got {got}"
             )
-    return anything
+    return unchecked_error
 
 
-def _accepts_any(kind: ast.AST) -> bool:
+def _accepts_any(annotation: ast.AST) -> bool:
     """Return True if the annotation accepts values that only the function can check.
 
     The names of such annotations start with `Any`: `Any`, `AnyModel`, `AnyRecord`, ...
     """
-    return isinstance(kind, ast.Name) and kind.id.startswith("Any")
+    return isinstance(annotation, ast.Name) and annotation.id.startswith("Any")
 
 
-def _matches(value: Any, kind: ast.expr) -> bool:
-    """Return True if a value matches an annotation."""
-    match kind:
-        case ast.BinOp():
-            return _matches(value, kind.left) or _matches(value, kind.right)
-        case ast.Constant():
-            return value is kind.value
-        case ast.Subscript(value=ast.Name(id="tuple"), slice=ast.Tuple(elts=kinds)):
+def _matches(value: Any, annotation: ast.expr) -> bool:
+    """Return True if a value matches an annotation, or if the annotation cannot be checked."""
+    match annotation:
+        case ast.BinOp():  # the operator | of a union
+            return _matches(value, annotation.left) or _matches(value, annotation.right)
+        case ast.Constant():  # None
+            return value is annotation.value
+        case ast.Subscript(value=ast.Name(id="tuple"), slice=ast.Tuple(elts=members)):
             return (
                 isinstance(value, tuple)
-                and len(value) == len(kinds)
-                and all(map(_matches, value, kinds))
+                and len(value) == len(members)
+                and all(map(_matches, value, members))
             )
         case ast.Subscript(value=ast.Name(id="Mapping")):
             return isinstance(value, Mapping)
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
-            # For Python, a text is a sequence. Members of a generator are not checked, because this
-            # would consume the generator.
-            several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
-            several = several and getattr(value, "ndim", 1) > 0
-            return several and (
+            # Texts and mappings are iterable in Python, but are not sequences of values here.
+            # Members of a generator are not checked, because this would consume the generator.
+            is_sequence = isinstance(value, Iterable) and not isinstance(
+                value, str | bytes | Mapping
+            )
+            is_sequence = is_sequence and getattr(value, "ndim", 1) > 0
+            return is_sequence and (
                 not hasattr(value, "__len__") or all(_matches(item, member) for item in value)
             )
         case ast.Subscript(value=ast.Name(id="NDArray")):
             return getattr(value, "ndim", 0) == 1
         case ast.Name(id="Array" | "Numbers"):
-            row = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
-            return row and len(value) > 0 and all(isinstance(item, numbers.Real) for item in value)
-        case ast.Name(id=name) if name in _KINDS:
+            has_one_axis = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
+            return (
+                has_one_axis
+                and len(value) > 0
+                and all(isinstance(item, numbers.Real) for item in value)
+            )
+        case ast.Name(id=name) if name in _SIMPLE_TYPES:
             # In Python, bool is a subclass of int; numpy's bool_ is not a subclass of bool.
-            truth = type(value).__name__ in ("bool", "bool_")
-            return truth if name == "bool" else isinstance(value, _KINDS[name][0]) and not truth
+            is_bool = type(value).__name__ in ("bool", "bool_")
+            if name == "bool":
+                return is_bool
+            return isinstance(value, _SIMPLE_TYPES[name][0]) and not is_bool
         case ast.Name(id=name):
             # Types are compared by name, because modules imported for annotations only are not
             # loaded at run time.
             return (
-                _accepts_any(kind)
+                _accepts_any(annotation)
                 or callable(value)
                 or name in [item.__name__ for item in type(value).__mro__]
             )
     return True
 
 
-_KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+_SIMPLE_TYPES: dict[str, tuple[tuple[type, ...], str]] = {
     "float": ((numbers.Real,), "a number"),
     "int": ((numbers.Integral,), "a whole number"),
     "bool": ((bool,), "True or False"),
     "str": ((str,), "a text"),
     "Path": ((os.PathLike,), "a path"),
 }
+"""Accepted types and description for messages, by the name in an annotation."""
 
 
-def _as_text(kind: ast.expr) -> str:
+def _as_text(annotation: ast.expr) -> str:
     """Return an annotation as text for a message."""
-    match kind:
+    match annotation:
         case ast.BinOp():
-            return f"{_as_text(kind.left)} or {_as_text(kind.right)}"
+            return f"{_as_text(annotation.left)} or {_as_text(annotation.right)}"
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
             return f"a sequence (each {_as_text(member)})"
         case ast.Name(id="Array" | "Numbers") | ast.Subscript(value=ast.Name(id="NDArray")):
             return "an array of numbers in one row"
-        case ast.Name(id=name) if name in _KINDS:
-            return _KINDS[name][1]
-    return ast.unparse(kind)
+        case ast.Name(id=name) if name in _SIMPLE_TYPES:
+            return _SIMPLE_TYPES[name][1]
+    return ast.unparse(annotation)
 
 
 Progress = Callable[[int, int], None]
 """Callable that receives the number of completed parts and the total number of parts."""
 
 
-def optional(package: str, purpose: str, extra: str = "notebook") -> Any:
+def import_optional(package: str, purpose: str, extra: str = "notebook") -> Any:
     """Import an optional package.
 
     Parameters
@@ -228,12 +242,12 @@ def optional(package: str, purpose: str, extra: str = "notebook") -> Any:
 
 
 @contextmanager
-def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Progress]:
+def progress_reporter(requested: bool | Progress, count: int, unit: str) -> Iterator[Progress]:
     """Return the callable that reports progress, as a context manager.
 
     Parameters
     ----------
-    asked : bool or callable
+    requested : bool or callable
         False for no report; True for a progress bar in a notebook or on a terminal (no bar is
         written to a pipe); or a callable that receives the completed and the total number of parts.
         Without tqdm, True results in a warning and no bar.
@@ -245,36 +259,36 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
     Raises
     ------
     UsageError
-        `asked` is neither a bool nor a callable.
+        `requested` is neither a bool nor a callable.
     """
-    if callable(asked):
-        yield asked
+    if callable(requested):
+        yield requested
         return
-    if not isinstance(asked, bool):
+    if not isinstance(requested, bool):
         raise UsageError(
-            f"progress must be True, False or a callable (done, total), got {asked!r:.60}"
+            f"progress must be True, False or a callable (done, total), got {requested!r:.60}"
         )
-    if not asked:
-        yield lambda done, of: None
+    if not requested:
+        yield lambda done, total: None
         return
     # In a notebook without ipywidgets, tqdm warns and draws a text bar, which is sufficient.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            tqdm = optional("tqdm.auto", "progress=True")
+            tqdm = import_optional("tqdm.auto", "progress=True")
         except UsageError as error:
-            logging.getLogger("tdint").warning("%s; it runs without a bar", error)
-            yield lambda done, of: None
+            logging.getLogger("tdint").warning("%s; no progress bar is shown", error)
+            yield lambda done, total: None
             return
     # By default (None) tqdm draws a bar on terminals only, which excludes notebooks.
     with tqdm.tqdm(
         total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None
     ) as bar:
 
-        def show(done: int, of: int) -> None:
+        def advance_bar(done: int, total: int) -> None:
             bar.update(done - bar.n)
 
-        yield show
+        yield advance_bar
 
 
 class Tabular:
@@ -295,7 +309,7 @@ class Tabular:
     figures: ClassVar[Callable[[], Any]]
 
     def _headline(self) -> str:
-        """Return a description of one line."""
+        """Return the description of the result in one line, for `repr` and the HTML caption."""
         raise NotImplementedError
 
     def to_dict(self, units: str = "") -> dict[str, Any]:
@@ -340,7 +354,7 @@ class Tabular:
         UsageError
             The result has no table, a unit is unknown, or pandas is not installed.
         """
-        return optional("pandas", "to_pandas").DataFrame(self.to_dict(units))
+        return import_optional("pandas", "to_pandas").DataFrame(self.to_dict(units))
 
     def to_parquet(self, file: str | Path) -> None:
         """Write the table in SI units as a Parquet file with the units of the columns as metadata.
@@ -387,8 +401,8 @@ class Tabular:
         UsageError
             The result has no figure or no main panel, or a unit is unknown.
         """
-        drawn: Figure | Axes = type(self).figures().plot(self, ax=ax, units=units)
-        return drawn
+        result: Figure | Axes = type(self).figures().plot(self, ax=ax, units=units)
+        return result
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self._headline()}>"
@@ -436,21 +450,24 @@ class ResultList(Tabular, Generic[Member]):
         )
 
 
-def each_of(function: Callable[..., Any]) -> Callable[..., Any]:
+def map_over_first(function: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a function so that its first argument may also be a list or a tuple.
 
     For a list or a tuple, the wrapper calls the function with each member and returns a
     `ResultList` of the results. Overloads at the function state both results for type checkers.
     """
-    first = next(iter(inspect.signature(function).parameters))
+    first_name = next(iter(inspect.signature(function).parameters))
 
     @functools.wraps(function)
     def wrapper(*arguments: Any, **keywords: Any) -> Any:
-        values, others = (arguments[0], arguments[1:]) if arguments else (keywords.get(first), ())
-        if not isinstance(values, list | tuple | ResultList):
+        if arguments:
+            first, further = arguments[0], arguments[1:]
+        else:  # the first argument is passed by name
+            first, further = keywords.get(first_name), ()
+        if not isinstance(first, list | tuple | ResultList):
             return function(*arguments, **keywords)
-        keywords.pop(first, None)
-        return ResultList(function(value, *others, **keywords) for value in values)
+        keywords.pop(first_name, None)
+        return ResultList(function(member, *further, **keywords) for member in first)
 
     return wrapper
 
@@ -464,7 +481,8 @@ class FunctionPackage(ModuleType):
     Attributes
     ----------
     functions : callable
-        Returns the function of a name; set by `tdint/__init__.py`, which knows all functions.
+        Returns the public function with a given name. Set by `tdint/__init__.py`, because only
+        this module has the list of all public functions.
     """
 
     functions: ClassVar[Callable[[str], Callable[..., Any]]]
@@ -490,12 +508,17 @@ class FunctionPackage(ModuleType):
 
 
 def declared_homes(file: str) -> dict[str, str]:
-    """Return the modules of the names that a module imports for type checkers only.
+    """Return the module that defines each name that a source file imports for type checkers only.
 
     Parameters
     ----------
     file : str
-        Source file of the module, with indented lines `from MODULE import NAME as NAME`.
+        Source file with indented lines `from MODULE import NAME as NAME`.
+
+    Returns
+    -------
+    dict of str to str
+        Module by name.
     """
     text = Path(file).read_text(encoding="utf-8")
     lines = re.findall(r"^    from (tdint\.\S+) import (?:\(\s*)?(\w+) as \2\b", text, re.MULTILINE)

@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any, get_args, get_type_hints
 
 from tdint.errors import UsageError, did_you_mean
-from tdint.written_numbers import number_text
+from tdint.number_parsing import number_text
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity, m/s^2 (CGPM 1901)."""
@@ -80,10 +80,10 @@ def parse_units(text: str) -> Units:
     """
     if not isinstance(text, str):
         raise UsageError(f"units are a text such as 'm/s^2', got {text!r}")
-    words = text.strip()
-    number = _NUMBER.match(words)
+    stripped = text.strip()
+    number = _NUMBER.match(stripped)
     factor = float(number[0]) if number else 1.0
-    unit = canonical(words[number.end() :] if number else words)
+    unit = canonical(stripped[number.end() :] if number else stripped)
     quantity = next((name for name, units in GROUND_MOTION.items() if unit in units), None)
     if quantity is None:
         # The message lists the units of acceleration only, because most records contain
@@ -91,11 +91,12 @@ def parse_units(text: str) -> Units:
         hint = did_you_mean(unit, ACCELERATION, cutoff=0.75)
         allowed = ", ".join(ACCELERATION)
         raise UsageError(
-            f"units {words[:40]!r}: use one of {allowed}, with a factor before it for counts{hint}"
+            f"units {stripped[:40]!r}: use one of {allowed}, with a factor before it for "
+            f"counts{hint}"
         )
     if not (isfinite(factor) and factor > 0.0):
-        raise UsageError(f"units {words[:40]!r}: the factor must be a positive number")
-    return Units(words, factor * GROUND_MOTION[quantity][unit], number is not None, quantity)
+        raise UsageError(f"units {stripped[:40]!r}: the factor must be a positive number")
+    return Units(stripped, factor * GROUND_MOTION[quantity][unit], number is not None, quantity)
 
 
 @dataclass(frozen=True)
@@ -124,8 +125,9 @@ _DRIFT_UNITS = {"": (1.0, "ratio"), "%": (0.01, "ratio"), "dy": (1.0, "yield dri
 
 
 _MIN_DRIFT, _MAX_DRIFT = 1e-60, 1e60
-"""Limits of a drift, a ratio or in m; products of numbers within them neither vanish nor overflow
-(`tdint.written_numbers.SMALLEST`)."""
+"""Limits of a drift ratio, or of a drift in m. Products of numbers between these limits neither
+underflow nor overflow (`tdint.number_parsing.SMALLEST`).
+"""
 
 
 def parse_drift(text: str) -> DriftSize:
@@ -137,9 +139,9 @@ def parse_drift(text: str) -> DriftSize:
     UsageError
         The text has another form, the number is not positive, or a drift ratio is larger than 1.
     """
-    words = "".join(text.split())
-    number = _NUMBER.match(words)
-    unit = words[number.end() :] if number else words
+    compact = "".join(text.split())
+    number = _NUMBER.match(compact)
+    unit = compact[number.end() :] if number else compact
     if number is None or unit not in _DRIFT_UNITS:
         units = ", ".join(LENGTH)
         raise UsageError(
@@ -154,9 +156,11 @@ def parse_drift(text: str) -> DriftSize:
         )
     if kind == "ratio" and value > 1.0:
         # A usual mistake is 2 instead of 2%.
-        hint = "" if unit else f"; a number without a unit is one, did you mean {words}%?"
+        hint = (
+            "" if unit else f"; a number without a unit is a drift ratio, did you mean {compact}%?"
+        )
         raise UsageError(f"drift {text!r}: a drift ratio is 1 at most{hint}")
-    return DriftSize(words, value, kind)
+    return DriftSize(compact, value, kind)
 
 
 def canonical(name: str) -> str:
@@ -260,25 +264,31 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
     They are in the order of the attribute `columns` of the class if it exists, otherwise in the
     order of declaration.
     """
-    # The names in an annotation are resolved in the module of the class, not in the class itself.
-    place: dict[str, Any] = {}
+    # Annotations are texts. Their names are defined in the modules of the class and of its bases.
+    namespace: dict[str, Any] = {}
     hints: dict[str, Any] = {}
     for base in reversed(declaring.__mro__):
-        place |= vars(sys.modules[base.__module__])
-    hints |= get_type_hints(declaring, place, include_extras=True)
+        namespace |= vars(sys.modules[base.__module__])
+    hints |= get_type_hints(declaring, namespace, include_extras=True)
+    # Properties declare their quantity in the annotation of the returned value.
     for name, member in vars(declaring).items():
         if isinstance(member, property) and "Quantity" in str(
             member.fget.__annotations__.get("return", "")
         ):
-            hints[name] = get_type_hints(member.fget, place, include_extras=True)["return"]
+            hints[name] = get_type_hints(member.fget, namespace, include_extras=True)["return"]
     declared = []
     for name in getattr(declaring, "columns", hints):
         hint = hints[name]
-        for stated in getattr(hint, "__metadata__", ()):
-            if isinstance(stated, Quantity):
-                kind = (*get_args(hint.__origin__), hint.__origin__)[0]
+        for quantity in getattr(hint, "__metadata__", ()):
+            if isinstance(quantity, Quantity):
+                # For `int | None`, the type of the values is the first member of the union.
+                value_type = (*get_args(hint.__origin__), hint.__origin__)[0]
                 declared.append(
-                    replace(stated, name=name, kind=kind if kind in (int, str) else stated.kind)
+                    replace(
+                        quantity,
+                        name=name,
+                        kind=value_type if value_type in (int, str) else quantity.kind,
+                    )
                 )
     return tuple(declared)
 
@@ -289,7 +299,7 @@ _MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
 """Unit of mass in texts and reports for a unit of force. Default: kg."""
 
 
-def mass_beside(force: str, length: str) -> str:
+def matching_mass_unit(force: str, length: str) -> str:
     """Return the unit of mass that belongs to units of force and length, for texts and reports."""
     return "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
 
@@ -361,21 +371,21 @@ class OutputUnits:
         A mass is in the unit that belongs to the unit of force, unless another unit of mass was
         chosen: t for kN, kip*s^2/in for kip and in.
         """
-        units = replace(self, mass=self.mass_beside) if si == "kg" else self
+        units = replace(self, mass=self.matching_mass_unit) if si == "kg" else self
         return f"{number_text(units.of(value, si))} {units.unit(si)[0]}"
 
     @property
-    def mass_beside(self) -> str:
+    def matching_mass_unit(self) -> str:
         """Unit of mass in texts and reports: the chosen unit, or the one that belongs to the unit
         of force."""
-        return mass_beside(self.force, self.length) if self.mass == "kg" else self.mass
+        return matching_mass_unit(self.force, self.length) if self.mass == "kg" else self.mass
 
     def label(self, si: str) -> str:
         """Return the output unit for the axis of a figure, such as m/s² or kip·in."""
         return self.unit(si)[0].replace("^2", "²").replace("*", "·")
 
     @property
-    def in_pictures(self) -> OutputUnits:
+    def in_figures(self) -> OutputUnits:
         """Units of figures: accelerations are in g unless another unit was requested."""
         return self if self.acceleration else replace(self, acceleration="g")
 
@@ -394,12 +404,13 @@ class OutputUnits:
         unit : str
             SI unit.
         """
-        shown, factor = self.unit(unit)
-        error = "_error" * name.endswith("_error")
-        bare, end = name.removesuffix("_error"), suffix(unit)
-        if shown == unit or not end or not bare.endswith(end):
+        output_unit, factor = self.unit(unit)
+        error_suffix = "_error" if name.endswith("_error") else ""
+        quantity_name, unit_suffix = name.removesuffix("_error"), suffix(unit)
+        if output_unit == unit or not unit_suffix or not quantity_name.endswith(unit_suffix):
             return name, factor
-        return f"{bare.removesuffix(end)}{suffix(shown)}{error}", factor
+        stem = quantity_name.removesuffix(unit_suffix)
+        return f"{stem}{suffix(output_unit)}{error_suffix}", factor
 
 
 SI = OutputUnits()
@@ -422,7 +433,8 @@ def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
     """
     units: dict[str, str] = {}
     for word in (part.strip() for part in text.split(",")):
-        # The exact spelling is tried first, because `canonical` is for units of ground motions.
+        # The exact spelling is tried first, because `canonical` returns lower case, and units such
+        # as kN contain upper case.
         unit = word if word in _UNITS else canonical(word)
         if unit not in _UNITS:
             hint = did_you_mean(word, _UNITS) or f"; known: {', '.join(_UNITS)}"

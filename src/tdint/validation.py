@@ -81,7 +81,7 @@ class ValidationCase:
 
 
 def cases_of(
-    group: str, answers: Mapping[str, tuple[Callable[[], Array], tuple[float, ...]]]
+    group: str, computations: Mapping[str, tuple[Callable[[], Array], tuple[float, ...]]]
 ) -> tuple[ValidationCase, ...]:
     """Return the cases of a group of `validation_cases.toml`.
 
@@ -89,14 +89,14 @@ def cases_of(
     ----------
     group : str
         Name of the group in the file.
-    answers : mapping of str to tuple
+    computations : mapping of str to tuple
         For each name of a case, the function that computes the values, and the reference values of
         a closed-form solution (empty if the file contains published values).
     """
     text = (files("tdint") / "validation_cases.toml").read_text(encoding="utf-8")
     cases = []
     for case in tomllib.loads(text)[group]:
-        computed, formula = answers[case["name"]]
+        computed, formula = computations[case["name"]]
         published = tuple(case.pop("published", ())) or formula
         quantities = tuple(case.pop("quantities"))
         cases.append(
@@ -188,7 +188,8 @@ def _oscillator(method: str, dt: float, duration: float, **keys: Any) -> History
     )
 
 
-def _last(history: History) -> float:
+def _final_displacement(history: History) -> float:
+    """Return the displacement (m) of the first floor at the end of a response history."""
     return float(history.displacement[-1, 0])
 
 
@@ -196,7 +197,7 @@ def _free_vibration() -> Array:
     """Return the displacement (m) at 1.3 s of a damped oscillator released at 1 m."""
     start = {"displacement": [1.0], "velocity": [0.0]}
     damped = {"damping": {"modal": _XI}, "initial": start}
-    return np.array([_last(_oscillator("exact", 0.1, 1.3, **damped))])
+    return np.array([_final_displacement(_oscillator("exact", 0.1, 1.3, **damped))])
 
 
 def _resonance() -> Array:
@@ -207,7 +208,10 @@ def _resonance() -> Array:
         "excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}
     }
     return np.array(
-        [_last(_oscillator(method, 0.01, 4.9, **force)) for method in ("moment4", "impulse4")]
+        [
+            _final_displacement(_oscillator(method, 0.01, 4.9, **force))
+            for method in ("moment4", "impulse4")
+        ]
     )
 
 
@@ -238,13 +242,13 @@ def _duffing() -> Array:
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
     return np.array(
         [
-            _last(_oscillator(method, period / 300.0, 13.3 * period, **start))
+            _final_displacement(_oscillator(method, period / 300.0, 13.3 * period, **start))
             for method in ("moment4", "impulse4")
         ]
     )
 
 
-def _energy_kept() -> Array:
+def _energy_conservation() -> Array:
     """Return the maximum change of the energy of the Duffing oscillator divided by its initial
     energy, over 200 steps of `moment4`.
     """
@@ -277,15 +281,15 @@ def closed_form_cases() -> tuple[ValidationCase, ...]:
     steps = tuple(2.0 * (period / (2.0 * math.pi)) ** 2 for period in (0.3, 1.0, 3.0))
     _, m = _duffing_frequency()
     duffing = 1.5 * float(ellipj(13.3 * 4.0 * float(ellipk(m)), m)[1])
-    answers = {
+    computations = {
         "free-vibration": (_free_vibration, (free,)),
         "resonance": (_resonance, (resonance,) * 2),
         "sudden-step": (_sudden_step, steps),
         "duffing": (_duffing, (duffing,) * 2),
-        "energy-kept": (_energy_kept, (0.0,)),
+        "energy-kept": (_energy_conservation, (0.0,)),
         "bilinear-loop": (_bilinear_loop, (4.0 * 0.95 * 10.0 * (0.03 - 0.01),)),
     }
-    return cases_of("closed-form", answers)
+    return cases_of("closed-form", computations)
 
 
 INCH = 0.0254
@@ -347,10 +351,12 @@ def _five_yielding_stories() -> Array:
 
 
 def _circular_frequencies(*stories: dict[str, Any]) -> Array:
+    """Return the circular frequencies (rad/s) of a building with these stories."""
     return np.asarray(modes(load_model({"stories": list(stories)})).omega)
 
 
 def _eigenvalues_of_three_masses() -> Array:
+    """Return the eigenvalues (squared circular frequencies, 1/s^2) of three masses."""
     stories = (
         {"mass": 11.1, "stiffness": 30},
         {"mass": 22.2, "stiffness": 20},
@@ -380,12 +386,15 @@ def _forced_by_a_sine() -> Array:
     return np.array(
         [
             modes(load_model(model)).omega[0] / (2.0 * math.pi),
-            _last(_history(model, method="impulse4")),
+            _final_displacement(_history(model, method="impulse4")),
         ]
     )
 
 
 def _stripes() -> Array:
+    """Return the median and the dispersion of a fragility curve, fitted to the numbers of collapses
+    in Baker's (2015) example of a multiple stripe analysis.
+    """
     fit = fit_stripes(
         [0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0], [0, 0, 0, 4, 6, 13, 12, 16], [40] * 8
     )

@@ -25,7 +25,7 @@ from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import Case
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.buildings import given_buildings
-from tdint.campaign.execute import Shard, carry_out, compile_for, threads
+from tdint.campaign.execute import Shard, compile_for, execute_plan, threads
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import EveryMotion, Scales
 from tdint.campaign.plan import Plan, make_plan
@@ -66,7 +66,7 @@ def study(method: str) -> None:
             store, _ = open_store(Path(folder), plan)
             began, used = time.perf_counter(), time.process_time()
             with store:
-                carry_out(plan, store, threads(jobs))
+                execute_plan(plan, store, threads(jobs))
                 spent = time.perf_counter() - began, time.process_time() - used
         return spent
 
@@ -182,7 +182,7 @@ def part(buildings: int, parts: int) -> None:
         store, _ = open_store(Path(name), plan, kept)
         reading = time.process_time() - began
         with store:
-            runs = carry_out(plan, store, threads(1), shard=shard).done
+            runs = execute_plan(plan, store, threads(1), shard=shard).done
             work = store.seconds()
     print(
         f"part {shard.text}: {len(kept)} of {buildings} buildings, {runs} of {plan.runs} runs; "

@@ -11,7 +11,7 @@ from common import ROOT, least
 
 from tdint import read_record
 from tdint.analysis.spectra.drift import drift_spectrum
-from tdint.written_numbers import parse_grid
+from tdint.number_parsing import parse_grid
 
 REPEATS = 5
 RECORD = ROOT / "records" / "firm-soil.mseed"

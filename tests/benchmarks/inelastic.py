@@ -17,7 +17,7 @@ from common import ROOT, least
 from references import finer
 from tdint import read_record
 from tdint.analysis.spectra.inelastic import constant_ductility
-from tdint.written_numbers import parse_grid
+from tdint.number_parsing import parse_grid
 
 REPEATS = 3
 DUCTILITIES = [2.0, 4.0]

@@ -18,7 +18,7 @@ from moment4 import reference, table
 
 from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
-from tdint.analysis.given import model_record
+from tdint.analysis.arguments import model_record
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.prepared import Motions, PreparedBuilding

@@ -22,7 +22,7 @@ from tdint import read_record, spectrum
 from tdint.analysis.defaults import PERIODS
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.ground_motion.horizontals import find_horizontals
-from tdint.written_numbers import parse_grid
+from tdint.number_parsing import parse_grid
 
 REPEATS = 15
 RECORD = ROOT / "records" / "firm-soil.mseed"

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from tdint.campaign import execute as module
-from tdint.campaign.execute import Advance, Shard, carry_out, threads
+from tdint.campaign.execute import Advance, Shard, execute_plan, threads
 from tdint.errors import UsageError
 
 CHUNKS = 9
@@ -55,13 +55,13 @@ def test_what_is_left_is_done_chunk_by_chunk(
             wanted.append(number)
     before = sum(size(number) for number in of_shard if number in ready)
     store, told = Kept(*ready), list[Advance]()
-    last = carry_out(
+    last = execute_plan(
         SimpleNamespace(chunks=CHUNKS, size=size),
         store,
         engine,
         shard=shard,
         max_runs=max_runs,
-        tell=told.append,
+        on_chunk=told.append,
     )
     assert store.added == wanted
     assert [one.done for one in told] == [

@@ -221,5 +221,7 @@ def test_tables_that_do_not_fit(tmp_path):
     (tmp_path / "measures.csv").write_text("\n".join(lines[:5]) + "\n")
     with pytest.raises(ModelError, match=r"row of a .* not found"):
         compare_measures(tmp_path, ["sa", "pgv"])
-    with pytest.raises(ModelError, match="column building has several values, "):
+    with pytest.raises(
+        ModelError, match="column building must have the same value in all rows, got "
+    ):
         compare_measures(folder_of(tmp_path, ("a", "b")), ["sa", "pgv"])

@@ -24,7 +24,7 @@ from tdint.ground_motion.measures import measure
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.reading.suites import read_components, read_pairs, read_suite
 from tdint.ground_motion.record import Record
-from tdint.written_numbers import Grid
+from tdint.number_parsing import Grid
 
 ROOT = Path(__file__).parents[2]
 FILES = [

@@ -18,7 +18,7 @@ from tdint.campaign.definition import (
     ParameterSweep,
     RecordFiles,
 )
-from tdint.campaign.execute import carry_out, threads
+from tdint.campaign.execute import execute_plan, threads
 from tdint.campaign.inputs import Inputs, suite_motions
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import make_plan
@@ -61,7 +61,7 @@ def stored(models, records, scales=(1.0,)):
     )
     plan = make_plan(campaign, Inputs(tuple(models), motions=FoundMotions(motions)))
     store, _ = open_store(None, plan)
-    carry_out(plan, store, threads(1))
+    execute_plan(plan, store, threads(1))
     return store
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from csv_rows import rows
 from tdint.analysis.assessment.paper_examples import DT
-from tdint.written_numbers import parse_grid
+from tdint.number_parsing import parse_grid
 from tdint_cli.commands import examples as commands
 
 FILES = {

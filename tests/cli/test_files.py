@@ -477,7 +477,7 @@ def test_what_a_command_reads_it_never_replaces(
     assert {file: after.get(file) for file in before} == before
 
 
-@pytest.mark.parametrize("where", ["exists already", "is a file, not a folder"])
+@pytest.mark.parametrize("where", ["exists already", "is a file, not a directory"])
 @pytest.mark.parametrize(
     "name",
     [
@@ -542,7 +542,7 @@ def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
         (("--plot=x.jpg",), "a figure must be written as .png, .pdf or .svg"),
         (("--plot", "mine.png"), "mine.png: exists already"),
         (("--report", "mine.html"), "mine.html: exists already"),
-        (("--report", "many/no/r.html"), "many is a file, not a folder"),
+        (("--report", "many/no/r.html"), "many is a file, not a directory"),
         (("--report", "r.pdf"), "the report is HTML"),
     ],
 )

@@ -104,7 +104,7 @@ def test_runs_of_a_campaign(folder, tdint):
             "building,status,peak_drift_ratio,im\na,done,0.1,1\nb,done,0.2,1\n",
             (),
             3,
-            "runs.csv: column building has several values, a, b: leave the rows of one",
+            "runs.csv: column building must have the same value in all rows, got a, b",
         ),
         ("building,status,peak_drift_ratio\na,done,0.1\n", (), 3, "no column sa_t1_m_s2"),
         (
@@ -191,7 +191,12 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             2,
             "threshold 0.02 not found; its thresholds are 0.1",
         ),
-        ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name has several values, pga, pgv"),
+        (
+            "capacity,im_name\n1,pga\n2,pgv\n",
+            (),
+            3,
+            "column im_name must have the same value in all rows, got pga, pgv",
+        ),
         ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "a demand threshold is required; specify --threshold"),
         (
             "im,edp\n1,2\n2,3\n3,5\n",
@@ -212,7 +217,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             "t.csv: no row has a threshold; add thresholds or remove the column",
         ),
         ("", (), 3, "t.csv: is empty"),
-        ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the column im is there twice"),
+        ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the header contains the column im twice"),
     ],
 )
 def test_tables_that_are_refused(folder, tdint, text, arguments, code, message):

@@ -201,7 +201,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
         ),
         (["forced.yaml", *UNSTABLE], 5, "diverged after"),
         (["forced.yaml", "-o", ""], 2, "-o is empty; specify a name"),
-        (["forced.yaml", "-o", "forced.yaml"], 6, "forced.yaml is a file, not a folder"),
+        (["forced.yaml", "-o", "forced.yaml"], 6, "forced.yaml is a file, not a directory"),
         (
             ["shaken.yaml", "--tolerance", "1%", "--no-check"],
             2,

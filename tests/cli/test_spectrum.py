@@ -10,7 +10,7 @@ from csv_rows import rows
 from tdint.analysis import defaults
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.ground_motion.reading.read import read_record
-from tdint.written_numbers import parse_grid
+from tdint.number_parsing import parse_grid
 
 COLUMNS = "record,component,damping,period_s,sd_m,psv_m_s,psa_m_s2,sv_m_s,sa_m_s2"
 PERIODS = ("--period", "0.2", "--period", "1.0")

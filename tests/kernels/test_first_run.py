@@ -100,7 +100,7 @@ def of_user(tmp_path, monkeypatch):
     )
     started = []
     monkeypatch.setattr(
-        load_or_compile, "start_apart", lambda arguments, folder: started.append(arguments)
+        load_or_compile, "spawn_detached", lambda arguments, folder: started.append(arguments)
     )
     return started
 
@@ -151,7 +151,7 @@ def test_where_no_process_can_be_started_the_run_goes_on(of_user, monkeypatch, c
     def refused(*_):
         raise BlockingIOError(11, "Resource temporarily unavailable")
 
-    monkeypatch.setattr(load_or_compile, "start_apart", refused)
+    monkeypatch.setattr(load_or_compile, "spawn_detached", refused)
     assert begun()
     assert "no process can be started" in caplog.text
     assert "in the background" not in caplog.text

@@ -14,10 +14,10 @@ import pytest
 
 from tdint.errors import OutputError
 from tdint.files import (
-    KEPT,
+    PROTECTED,
     check_outputs,
-    keep_input,
-    refuse_kept,
+    protect_input,
+    refuse_protected,
     remove_abandoned,
     write_file,
     write_files,
@@ -139,12 +139,12 @@ def test_what_stands_in_the_way_is_named(tmp_path):
     (tmp_path / "file").write_bytes(b"")
     os.mkfifo(tmp_path / "pipe")
     for path, message in (
-        ("folder", "is a folder; give the name of a file"),
-        ("file/a.csv", "file is a file, not a folder"),
-        ("file/new/a.csv", "file is a file, not a folder"),
+        ("folder", "is a directory; give the name of a file"),
+        ("file/a.csv", "file is a file, not a directory"),
+        ("file/new/a.csv", "file is a file, not a directory"),
         ("pipe", "is a device or a pipe, not a file"),
         ("x" * 300, "File name too long"),
-        ("a\0b", "has no null character"),
+        ("a\0b", "must not contain a null character"),
     ):
         with pytest.raises(OutputError, match=message):
             check_outputs([tmp_path / path], overwrite=True)  # fmt: skip
@@ -154,7 +154,7 @@ def test_what_stands_in_the_way_is_named(tmp_path):
 
 def test_a_folder_without_permission_is_named_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
-    with pytest.raises(OutputError, match="no permission to write in the folder"):
+    with pytest.raises(OutputError, match="no permission to write in the directory"):
         check_outputs([tmp_path / "a.csv"], overwrite=False)
 
 
@@ -181,7 +181,7 @@ def test_the_last_file_is_made_of_the_digests_of_the_others(tmp_path):
             last,
             lambda digests: json.dumps({one.name: sha for one, sha in digests.items()}).encode(),
         ),
-        tell=made.append,
+        on_written=made.append,
     )
     said = json.loads(last.read_bytes())
     assert said == {one.name: sha256(one.read_bytes()).hexdigest() for one in (first, packed)}
@@ -191,9 +191,9 @@ def test_the_last_file_is_made_of_the_digests_of_the_others(tmp_path):
 @pytest.fixture
 def reading():
     """As within a command, which is never to write what it reads."""
-    before = KEPT.set({})
+    before = PROTECTED.set({})
     yield
-    KEPT.reset(before)
+    PROTECTED.reset(before)
 
 
 @pytest.mark.usefixtures("reading")
@@ -204,13 +204,13 @@ def test_what_is_read_is_never_written_or_removed(tmp_path):
     hard.hardlink_to(model)
     other.write_bytes(b"old")
     for read in (link, hard, model):
-        KEPT.set({})
-        keep_input(read)
+        PROTECTED.set({})
+        protect_input(read)
         for file in (model, link, hard, tmp_path / "." / "m.yaml"):
             with pytest.raises(OutputError, match="is read by this command"):
                 write_files({other: b"new", file: b"new"}, overwrite=True)
             with pytest.raises(OutputError, match="is read by this command"):
-                refuse_kept([file])
+                refuse_protected([file])
     assert (model.read_bytes(), other.read_bytes()) == (b"mine", b"old")
     write_files({other: b"new"}, overwrite=True, stale={model: sha256(b"mine").hexdigest()})
     assert model.read_bytes() == b"mine"

@@ -293,7 +293,7 @@ def test_axes_and_suites(axes, count):
 def test_scales_of_a_spectrum_in_any_units(units):
     """psv = sd omega = psa / omega: names of scales lie where they say, none over another; so do
     rays."""
-    shown = parse_output_units(units).in_pictures
+    shown = parse_output_units(units).in_figures
     spectra = [spectrum(motion(), np.geomspace(0.05, 10.0, 30))]
     axes = draw_tripartite(spectra, ["one"], shown).axes[0]
     seconds_in = {shown.label(si): shown.unit(si)[1] for si in ("m", "m/s^2")}

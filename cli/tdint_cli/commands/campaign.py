@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import ModelError, RecordError, TdintError, UsageError
+from tdint.number_parsing import parse_head, pluralize
 from tdint.system import processors
 from tdint.units import OutputUnits
-from tdint.written_numbers import how_many, parse_head
 from tdint_cli import options
 from tdint_cli.campaigns import (
     Profiles,
@@ -265,10 +265,10 @@ def _status(request: CampaignRequest) -> None:
         statuses, every = store.statuses(), int(store.meta("runs"))
         done = sum(statuses.values())
         emit_table(status_table(statuses, every - done))
-        say(f"{store.meta('name')}: {done} of {how_many(every, 'run')} completed.")
+        say(f"{store.meta('name')}: {done} of {pluralize(every, 'run')} completed.")
         for kind, reasons in store.unused().items():
             if reasons:
-                warn(f"{how_many(len(reasons), kind)} could not be used:\n" + "\n".join(reasons))
+                warn(f"{pluralize(len(reasons), kind)} could not be used:\n" + "\n".join(reasons))
 
 
 def _export(request: CampaignRequest) -> None:
@@ -357,7 +357,7 @@ def _unused_inputs(store: Store) -> list[TdintError]:
         if kind == "building" and all("max_distance is " in reason for reason in reasons):
             error = RecordError
         if reasons:
-            text = f"{store.name}: {how_many(len(reasons), kind)} could not be used"
+            text = f"{store.name}: {pluralize(len(reasons), kind)} could not be used"
             errors.append(error(f"{text}, such as {reasons[0]}"))
     return errors
 

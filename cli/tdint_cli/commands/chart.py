@@ -12,8 +12,8 @@ import click
 from tdint.analysis.defaults import PEAKS, QUANTITIES
 from tdint.errors import UsageError
 from tdint.model.plugins import peers
+from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
-from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion, with_motion
 from tdint_cli.options.grammar import Count, FileName, ListOf, Mode, Number, Ratio, refuse_idle
@@ -199,7 +199,7 @@ def command(request: Request) -> None:
         return
     refuse_idle(_SIZES if request.stories else _ONE, MODES)
     building = _check(request)
-    from tdint.analysis.given import model_record
+    from tdint.analysis.arguments import model_record
     from tdint.model.config.model_file import load_model
 
     model = with_motion(load_model(building.model), building)
@@ -227,7 +227,7 @@ def command(request: Request) -> None:
     for chart in charts:
         reference = chart.reference
         say(
-            f"{how_many(chart.stories, 'story')}: the reference is {reference.method} with dt "
+            f"{pluralize(chart.stories, 'story')}: the reference is {reference.method} with dt "
             f"{reference.dt:.6g} s; {reference.confirmed_by} differs from it by "
             f"{reference.gap.of(request.target_error):.1e} ({request.target_error})."
         )
@@ -329,7 +329,8 @@ def _chart_many(request: Request) -> None:
     )
     leaders = chart.leaders()
     say(
-        f"{how_many(len(chart.measured), 'problem')}. Best overall (most problems within twice the "
+        f"{pluralize(len(chart.measured), 'problem')}. Best overall (most problems within twice "
+        "the "
         f"lowest cost): {leaders.overall}; for errors of 3 % and more: {leaders.coarse}; most "
         f"robust (fewest failures): {leaders.safest}."
     )

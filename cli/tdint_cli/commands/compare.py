@@ -12,8 +12,8 @@ import click
 
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.output import figures
-from tdint.written_numbers import first_few, how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import FileName, ListOf, Written
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from tdint.arrays import Array
     from tdint.files import Content
     from tdint.model.definition import Model
+    from tdint.number_parsing import Grid
     from tdint.units import OutputUnits
-    from tdint.written_numbers import Grid
 
 TABLE, SPECTRA, FIT, SUMMARY = "comparison.csv", "spectra.csv", "fit.csv", "summary.json"
 FITTED = "fitted.yaml"
@@ -297,7 +297,7 @@ def _page(
             (not failures, f"Required of every floor: {limits}. {'; '.join(failures) or 'Met'}.")
         ]
     sentences = [_driven(item, units) for item in comparisons]
-    sentences += [f"The values were fitted in {how_many(fitted.runs, 'run')}."] if fitted else []
+    sentences += [f"The values were fitted in {pluralize(fitted.runs, 'run')}."] if fitted else []
     # The notes of the terminal: removed offsets, disabled checks.
     notes = [text for item in comparisons for text in (*item.event.notes, *item.response.notes)]
     notes += fitted.notes if fitted else ()
@@ -363,7 +363,10 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
             for item in values
         ]
         source = comparisons[0].event.recording.source
-        say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {first_few(changes, _LISTED)}.")
+        say(
+            f"Fitted to {source} in {pluralize(fitted.runs, 'run')}: "
+            f"{abbreviate(changes, _LISTED)}."
+        )
     note(
         *dict.fromkeys(
             text for item in comparisons for text in (*item.event.notes, *item.response.notes)

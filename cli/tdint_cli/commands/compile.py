@@ -8,7 +8,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.files import check_outputs
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.grammar import ListOf, Mode, refuse_idle
 from tdint_cli.terminal import emit, progress_bar, say
@@ -76,7 +76,7 @@ def command(request: Request) -> None:
     if request.clean:
         from tdint.kernels.building import store
 
-        say(f"{how_many(store.clean(), 'compiled time loop')} removed.")
+        say(f"{pluralize(store.clean(), 'compiled time loop')} removed.")
         if not is_requested:
             return
     if not is_requested:
@@ -113,4 +113,4 @@ def command(request: Request) -> None:
     if not written:
         say("All time loops are compiled already.")
     else:
-        say(f"{how_many(len(written), 'time loop')} compiled, in {written[0].parent}")
+        say(f"{pluralize(len(written), 'time loop')} compiled, in {written[0].parent}")

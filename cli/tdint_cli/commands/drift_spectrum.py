@@ -9,8 +9,8 @@ import click
 
 from tdint.analysis.defaults import DRIFT_PERIODS, HEIGHT_PERIOD, STORY_HEIGHT
 from tdint.errors import UsageError
+from tdint.number_parsing import Grid
 from tdint.output import figures
-from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.commands.spectrum import make_tables
 from tdint_cli.commands.spectrum_kinds import Kind, Results, TablesRequest

@@ -11,9 +11,9 @@ import click
 
 from tdint.analysis.defaults import BETAS
 from tdint.files import check_outputs, is_there, write_files
+from tdint.number_parsing import Grid
 from tdint.output import figures, tables
 from tdint.units import SI
-from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import ListOf, Number

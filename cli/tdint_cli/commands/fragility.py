@@ -12,8 +12,8 @@ import click
 
 from tdint.errors import UsageError
 from tdint.files import check_outputs, is_file, write_files
+from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
-from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Number, refuse_idle, span
 from tdint_cli.options.output import Outputs
@@ -176,7 +176,7 @@ def _compare(request: Request) -> None:
     best = fits[0]
     say(
         f"{best.im} leaves the least: beta {best.beta:.3g} about its line, "
-        f"{how_many(best.runs, 'run')}; {best.left_out} left out."
+        f"{pluralize(best.runs, 'run')}; {best.left_out} left out."
     )
     for slope in best.dependences:
         if slope.p_value < SIGNIFICANT:
@@ -264,7 +264,7 @@ def _fragility(request: Request) -> None:
     if by:
         types = dict.fromkeys(function.type for function in functions)
         fits = " and ".join(dict.fromkeys(function.fit for function in functions))
-        say(f"{how_many(len(functions), 'function')} of {how_many(len(types), by)}: {fits}.")
+        say(f"{pluralize(len(functions), 'function')} of {pluralize(len(types), by)}: {fits}.")
     else:
         say(*map(_words, functions))
     warn(*map(str, result.failures))
@@ -308,7 +308,7 @@ def _in_g(function: Fragility) -> Fragility:
     """Return a function with its intensity in g if it is an acceleration in m/s^2."""
     from tdint.units import SI
 
-    return function.in_units(SI.in_pictures) if function.unit == "m/s^2" else function
+    return function.in_units(SI.in_figures) if function.unit == "m/s^2" else function
 
 
 def _losses(folder: Path) -> dict[str, tuple[float, ...]]:

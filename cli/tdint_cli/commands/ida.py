@@ -11,10 +11,10 @@ import click
 
 from tdint.errors import UsageError
 from tdint.files import check_outputs, is_there, write_files
+from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint.system import processors
 from tdint.units import GROUND_MOTION
-from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import FileName, ListOf, Name, PairWish, Ratio, intensity, period
@@ -343,7 +343,7 @@ def _write(
     with open_written(Path(request.output) / STORE) as store:
         if not request.overwrite:
             store.refuse_foreign(files)
-        write_files(files, overwrite=True, tell=store.will_write)
+        write_files(files, overwrite=True, on_written=store.will_write)
 
 
 def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:
@@ -413,14 +413,14 @@ def _report(study: IdaStudy, precision: float) -> None:
     paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
     records = motions_text(len(study.states[0].curves), paired)
     say(
-        f"{study.model.name}: {records}, {how_many(len(runs), 'run')} with {study.method}.",
+        f"{study.model.name}: {records}, {pluralize(len(runs), 'run')} with {study.method}.",
         *map(_median, study.states),
     )
     # Report runs that required a smaller time step, and resurrections above the first collapse.
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
         note(
-            f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the "
+            f"{pluralize(finer, 'run')} repeated with a finer step, for want of a result with the "
             "first one"
         )
     again = sum(curve.resurrection for curve in study.curves)

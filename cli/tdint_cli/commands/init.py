@@ -11,7 +11,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.files import write_files
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.grammar import Count, FileName, Mode, Name, Written, refuse_idle
 from tdint_cli.terminal import emit, say
@@ -217,7 +217,7 @@ def _laws(request: Request) -> list[FittedLaw]:
     curves = read_story_curves(request.from_pushover)
     # Each floor stands on one story: there is a curve for each weight.
     if len(curves) != len(request.weights):
-        stories, floors = how_many(len(curves), "story"), how_many(len(request.weights), "floor")
+        stories, floors = pluralize(len(curves), "story"), pluralize(len(request.weights), "floor")
         raise UsageError(f"{request.from_pushover} has {stories}, --weights {floors}")
     fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
     worst = max(fits, key=lambda fit: fit.misfit)

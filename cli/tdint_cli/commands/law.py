@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import UsageError
+from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
-from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.options.grammar import Count, FileName, ListOf, Mode, drift_size, refuse_idle
 from tdint_cli.options.output import Outputs
@@ -143,7 +143,7 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
     if not cycles:
         path = test.path
         say(
-            f"{how_many(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
+            f"{pluralize(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
             f"{units.text(path.drift.max(), 'm')}, forces from "
             f"{units.of(path.shear.min(), 'N'):.4g} to {units.text(path.shear.max(), 'N')}, "
             f"{units.text(path.hysteretic_energy[-1], 'J')} dissipated."

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from tdint.errors import UsageError
 from tdint.files import write_files
+from tdint.number_parsing import pluralize
 from tdint.output import tables
 from tdint.system import processors
-from tdint.written_numbers import how_many
 from tdint_cli.campaigns import (
     Profiles,
     advance_with_bar,
@@ -70,7 +70,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         profiles = Profiles(store, request)
         advance = advance_with_bar(plan, store, engine)
         emit_table(tables.campaign.runs_table(store).in_units(profiles.units))
-        say(f"{how_many(advance.done, 'run')}.")
+        say(f"{pluralize(advance.done, 'run')}.")
         tell_outcomes(store)
         picture = request.picture(None)
         more: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
@@ -119,7 +119,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     elif table:
         table, motions = read_listed_motions(table, record_files)
     else:
-        from tdint.analysis.given import model_record
+        from tdint.analysis.arguments import model_record
         from tdint.ground_motion.reading.suites import suite_motions
 
         # Use the unscaled record of the model: --scale defines the levels.

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import AnalysisError, TdintError
+from tdint.number_parsing import Grid
 from tdint.output import figures, tables
-from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.options.grammar import Count, grid
 from tdint_cli.options.output import Outputs

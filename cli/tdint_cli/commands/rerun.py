@@ -19,9 +19,9 @@ import click
 
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import STDIN, digest_of, is_file, is_folder, is_there
+from tdint.number_parsing import pluralize
 from tdint.output import tables
 from tdint.output.printed import TRUSTED
-from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import (
@@ -730,10 +730,10 @@ def _judge(
         largest = max(largest or difference, difference, key=_size)
         shown += [difference] if len(shown) < SHOWN else []
     if not count:
-        digits = f": {how_many(rounded, 'number')} with different last digits" if rounded else ""
+        digits = f": {pluralize(rounded, 'number')} with different last digits" if rounded else ""
         text = f"equal within rounding{digits}" if rounded else f"the same, {how}"
         return f"{name}: {text}", True, []
-    text = f"{name}: {how_many(count, 'difference')}"
+    text = f"{name}: {pluralize(count, 'difference')}"
     if largest is not None and not math.isnan(largest.relative):
         row = "" if largest.row is None else f", row {largest.row}"
         text += f", at most {100.0 * largest.relative:.3g} % ({largest.column}{row})"

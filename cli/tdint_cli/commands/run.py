@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import check_room, is_folder, is_there, write_files
+from tdint.files import check_disk_space, is_folder, is_there, write_files
+from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
-from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.commands.run_request import (
     ALL_FILES,
@@ -136,7 +136,7 @@ def _run(request: Request) -> None:
         Options of the command line.
     """
     began = time.perf_counter()
-    from tdint.analysis.given import model_record, number_of
+    from tdint.analysis.arguments import model_record, number_of
     from tdint.analysis.run.error_estimate import reference
     from tdint.analysis.run.outcome import FailedRun
     from tdint.analysis.run.prepared import run_interpreted
@@ -307,7 +307,7 @@ def _check_room(request: Request, stories: int, steps: int) -> None:
     """
     if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
-        check_room(
+        check_disk_space(
             file,
             (steps // request.history_every + 1) * columns * _MIN_BYTES[file.suffix == ".gz"],
         )
@@ -521,8 +521,8 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
     cost = "" if page else f"{1e6 * response.solver_time / response.steps:.3g} us per step{clock}, "
     lines = [
-        f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
-        f"{response.method}: {how_many(response.steps, 'step')} of {response.dt:.6g} s, "
+        f"{response.model.name}: {pluralize(len(response.model.stories), 'story')}, {motion}.",
+        f"{response.method}: {pluralize(response.steps, 'step')} of {response.dt:.6g} s, "
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Maximum {_largest(response.model, response.stories, units, page)}.",
     ]
@@ -654,7 +654,7 @@ def _chosen(response: Response, choice: StepChoice) -> str:
     """
     line = (
         f"Time step selected for peak drift errors below {100.0 * choice.tolerance:g} %, from "
-        f"{how_many(choice.runs, 'run')}: "
+        f"{pluralize(choice.runs, 'run')}: "
     )
     line += f"{response.dt:.6g} s"
     if choice.samples is not None:

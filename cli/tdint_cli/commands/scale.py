@@ -10,8 +10,8 @@ import click
 
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
+from tdint.number_parsing import abbreviate, pluralize
 from tdint.output import figures, tables
-from tdint.written_numbers import first_few, how_many
 from tdint_cli import options
 from tdint_cli.options.grammar import (
     Count,
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.target import TargetSpectrum
     from tdint.arrays import Array
     from tdint.campaign.scaling import Scaling
+    from tdint.number_parsing import Grid
     from tdint.units import OutputUnits, Units
-    from tdint.written_numbers import Grid
 
 _VALUES = ("sa", "sa-avg", "pga", "pgv", "arias", "cav")
 _RULES = ("mean", "asce7", "ec8")
@@ -321,7 +321,7 @@ def _aim(request: ScaleRequest) -> Any:
         measure = measure_at(name, request.damping, request.at or math.nan)
         return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
     from tdint.analysis.spectra.target import read_target
-    from tdint.written_numbers import Grid
+    from tdint.number_parsing import Grid
 
     target = read_target(request.target)
     # Select the periods at which the spectra are compared with the target.
@@ -445,7 +445,7 @@ def _doubts(scaling: Scaling) -> list[str]:
     if scaling.target is not None:
         bounds, why = BOUNDS, "the range of common practice"
     if beyond := scaling.beyond(*bounds):
-        named = first_few([f"{name} {factor:.4g}" for name, factor in beyond], 5)
+        named = abbreviate([f"{name} {factor:.4g}" for name, factor in beyond], 5)
         doubts.append(f"factors outside {bounds[0]:g} to {bounds[1]:g}, {why}: {named}")
     return doubts
 
@@ -503,7 +503,7 @@ def _at_limits(scaling: Scaling) -> str:
     low, high = scaling.limits or (0.0, math.inf)
     if not scaling.at_limit and not scaling.others_at_limit:
         return ""
-    listed = first_few([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
+    listed = abbreviate([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
     return (
         f"\nAt a limit of the factors ({low:g} to {high:g}): {len(scaling.at_limit)} of "
         f"{len(scaling.factors)} selected{f' ({listed})' if listed else ''}, "
@@ -526,7 +526,7 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
     from tdint.ground_motion.record import Record
 
     factors = scaling.factors
-    text = how_many(len(factors), "record" if isinstance(scaling.motions[0], Record) else "pair")
+    text = pluralize(len(factors), "record" if isinstance(scaling.motions[0], Record) else "pair")
     if scaling.rule == "p695":
         text += " normalized by peak velocity"
     if scaling.measure is not None and scaling.value is not None:

@@ -7,10 +7,10 @@ from pathlib import Path
 import click
 
 from tdint.errors import UsageError
-from tdint.files import digest_of, is_folder, note_input
+from tdint.files import digest_of, is_folder, record_digest
+from tdint.number_parsing import parse_ratio, pluralize
 from tdint.output import figures
 from tdint.system import processors
-from tdint.written_numbers import how_many, parse_ratio
 from tdint_cli import options
 from tdint_cli.options.grammar import FileName, Mode, refuse_idle
 from tdint_cli.options.output import Outputs
@@ -114,7 +114,7 @@ def command(request: Request) -> None:
         with open_existing(Path(request.building)) as store:
             check_chunks(store)
             warn_unfinished(store)
-            note_input(store.name, lambda: digest_of(Path(store.name)))
+            record_digest(store.name, lambda: digest_of(Path(store.name)))
             correlations = rank_correlations(store)
         request.outputs.deliver(Table.of_results(CORRELATIONS, correlations))
         return
@@ -156,7 +156,7 @@ def _one_at_a_time(request: Request) -> None:
     )
     first = of_parameters[0]
     say(
-        f"{how_many(advance.done, 'run')}. {first.parameter} has the largest effect on the peak "
+        f"{pluralize(advance.done, 'run')}. {first.parameter} has the largest effect on the peak "
         f"drift ratio: {100.0 * first.effect:.3g} %."
     )
     if plan.failures:

@@ -12,8 +12,8 @@ import click
 from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN
+from tdint.number_parsing import Grid, parse_positive
 from tdint.output import figures, tables
-from tdint.written_numbers import Grid, parse_positive
 from tdint_cli import options
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import BESIDE, FileName, ListOf, Mode, Number, Ratio, pair_names

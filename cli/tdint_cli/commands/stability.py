@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tdint.analysis.defaults import BETAS
+from tdint.number_parsing import Grid
 from tdint.output import figures, tables
-from tdint.written_numbers import Grid
 from tdint_cli import options
 from tdint_cli.options.grammar import ListOf, grid
 from tdint_cli.terminal import say_table, warn

@@ -56,12 +56,12 @@ def damping_of(quantity: str, **settings: Any) -> grammar.Declaration:
 
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
     if files:
-        from tdint.files import note_input
+        from tdint.files import record_digest
         from tdint.methods.catalogue import load_plugin
 
         for file in files:
             load_plugin(file)
-            note_input(file, Path(file).read_bytes())
+            record_digest(file, Path(file).read_bytes())
     return files
 
 

@@ -17,7 +17,8 @@ from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from tdint.errors import UsageError
-from tdint.files import STDIN, keep_input
+from tdint.files import STDIN, protect_input
+from tdint.number_parsing import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
 from tdint.units import (
     ACCELERATION,
     FORCE,
@@ -30,7 +31,6 @@ from tdint.units import (
     parse_output_units,
     parse_units,
 )
-from tdint.written_numbers import LARGEST, SMALLEST, Grid, parse_grid, parse_ratio
 from tdint_cli.terminal import Settings, emit
 
 if TYPE_CHECKING:
@@ -393,7 +393,7 @@ class FileName(ValueType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if not self.written:
-            keep_input(value)
+            protect_input(value)
         elif (elsewhere := ELSEWHERE.get()) and value not in ("", STDIN, BESIDE):
             return elsewhere(param.name or "" if param else "", value, self.kind == "dir")
         return value

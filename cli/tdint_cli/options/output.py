@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from tdint.errors import OutputError, UsageError
-from tdint.files import STDIN, check_outputs, is_folder, keep_input, write_files
+from tdint.files import STDIN, check_outputs, is_folder, protect_input, write_files
 from tdint.units import SI, OutputUnits
 from tdint_cli.drawing import emit_table
 from tdint_cli.options import grammar
@@ -167,7 +167,7 @@ def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tu
         for text in texts:
             PRINTED.set(parse_style(text, before=PRINTED.get()))
         if sheet := PRINTED.get().style:
-            keep_input(sheet)
+            protect_input(sheet)
     return texts
 
 
@@ -303,9 +303,9 @@ class Outputs:
         table = Path(output) if output else None
         if table and is_parquet(table):
             from tdint.output.tables.table import PARQUET
-            from tdint.tabular import optional
+            from tdint.tabular import import_optional
 
-            optional("pyarrow", *PARQUET)
+            import_optional("pyarrow", *PARQUET)
         picture = picture_file(plot, table)
         # Check the files first, because the check of the figure format loads matplotlib.
         page = Path(report) if report else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from tdint.written_numbers import first_few
+from tdint.number_parsing import abbreviate
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Function, ListOf, Nonzero, Number, SampleUnitsType
 
@@ -230,7 +230,7 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
         for text in record.warnings:
             _, names = kinds.setdefault(" ".join(text.split()[:3]), (text, {}))
             names[f"{record.source} {record.component}".rstrip()] = None
-    return [f"{first_few(list(names), 3)}: {text}" for text, names in kinds.values()]
+    return [f"{abbreviate(list(names), 3)}: {text}" for text, names in kinds.values()]
 
 
 def notes_of_components(

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import FloorSuite
     from tdint.campaign.store import Store
     from tdint.files import Content
+    from tdint.number_parsing import Grid
     from tdint.units import OutputUnits
-    from tdint.written_numbers import Grid
 
 option = partial(grammar.option, heading=grammar.SPECTRUM)
 
@@ -105,7 +105,7 @@ def chosen_periods(given: Iterable[float | Grid] | None, default: str) -> NDArra
     """Return the periods of --period, or the default periods, s."""
     import numpy as np
 
-    from tdint.written_numbers import parse_grid
+    from tdint.number_parsing import parse_grid
 
     parts = given or [parse_grid(default)]
     return np.hstack([part if isinstance(part, float) else part.values() for part in parts])

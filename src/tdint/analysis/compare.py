@@ -11,7 +11,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import minimize_scalar
 
-from tdint.analysis.given import AnyModel, model_of
+from tdint.analysis.arguments import AnyModel, model_of
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.run import prepare
@@ -25,9 +25,9 @@ from tdint.ground_motion.record import Input, Record
 from tdint.ground_motion.signal import Signal, at_times, has_offset, in_band, without_offset
 from tdint.model.definition import Excitation, Model
 from tdint.model.recorded import AUTO, Recording, Sensor, load_recording
+from tdint.number_parsing import number_text, parse_positive, pluralize
 from tdint.tabular import Tabular
 from tdint.units import GROUND_MOTION
-from tdint.written_numbers import how_many, number_text, parse_positive
 
 # ---- Recorded event with a common clock: the ground motion that drives the model, and the motions
 # of the floors at its sampling times
@@ -418,7 +418,7 @@ class Comparison(Tabular):
     def _headline(self) -> str:
         least, floors = (
             min(floor.correlation for floor in self.floors),
-            how_many(len(self.floors), "floor"),
+            pluralize(len(self.floors), "floor"),
         )
         return f"of {self.response.model.name!r}: {floors}, correlations of {least:.3f} and more"
 

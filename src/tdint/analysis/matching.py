@@ -23,7 +23,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyMotion, damping_of, motion_of
+from tdint.analysis.arguments import AnyMotion, damping_of, motion_of
 from tdint.analysis.spectra.elastic import SA_DAMPING, recursion_table, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target

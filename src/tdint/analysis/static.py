@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyModel, drift_of, model_of
+from tdint.analysis.arguments import AnyModel, drift_of, model_of
 from tdint.arrays import Array, halved
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
@@ -35,9 +35,9 @@ from tdint.kernels.stories.law_state import (
 )
 from tdint.model.building import Building, assemble, variant
 from tdint.model.definition import Model
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import DriftSize
-from tdint.written_numbers import how_many
 
 # ---- Cyclic test of a story: its hysteretic law along cycles of specified amplitudes (command
 # `tdint law`)
@@ -141,7 +141,7 @@ class CyclicTest(Tabular):
     def _headline(self) -> str:
         return (
             f"of {self.model.name!r}, story {self.story}, {self.law} law, "
-            f"{how_many(self.path.drift.size, 'point')}"
+            f"{pluralize(self.path.drift.size, 'point')}"
         )
 
     @property
@@ -312,7 +312,7 @@ def _check_story(model: Model, story: int) -> None:
     """Raise UsageError if the model does not have the story."""
     if not 1 <= story <= len(model.stories):
         raise UsageError(
-            f"story {story}: the model has {how_many(len(model.stories), 'story')}, numbered from "
+            f"story {story}: the model has {pluralize(len(model.stories), 'story')}, numbered from "
             "1 at the bottom"
         )
 

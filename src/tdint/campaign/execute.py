@@ -26,9 +26,9 @@ from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.time_loop.loop import integrate_many
+from tdint.number_parsing import first_warning, pluralize
 from tdint.system import on_threads, processors
-from tdint.tabular import Progress, Tabular, told_progress
-from tdint.written_numbers import how_many, warned_first
+from tdint.tabular import Progress, Tabular, progress_reporter
 
 if TYPE_CHECKING:
     from tdint.model.limits import LimitCheck
@@ -79,14 +79,14 @@ class Advance:
         return (self.done - self.before) / self.seconds if self.seconds > 0.0 else 0.0
 
 
-def carry_out(
+def execute_plan(
     plan: Plan,
     store: Store,
     engine: Engine,
     *,
     shard: Shard | None = None,
     max_runs: int | None = None,
-    tell: Callable[[Advance], None] = lambda advance: None,
+    on_chunk: Callable[[Advance], None] = lambda advance: None,
 ) -> Advance:
     """Run the missing chunks of a campaign or shard, and store each chunk when it is completed.
 
@@ -102,8 +102,8 @@ def carry_out(
         Shard to run; by default the complete campaign.
     max_runs : int, optional
         Stop after the chunk in which this number of additional runs is reached.
-    tell : callable
-        Called with the progress after every chunk.
+    on_chunk : callable
+        Called with the progress after each completed chunk.
 
     Returns
     -------
@@ -140,7 +140,7 @@ def carry_out(
         advance = Advance(
             advance.done + len(done.rows.runs), advance.runs, before, time.perf_counter() - began
         )
-        tell(advance)
+        on_chunk(advance)
     return advance
 
 
@@ -271,8 +271,8 @@ class CampaignRuns(Tabular):
     def _headline(self) -> str:
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         return (
-            f"of {self.name!r}: {sum(self.statuses.values())} of {how_many(self.asked, 'run')} "
-            f"({ended}){warned_first(self.warnings)}"
+            f"of {self.name!r}: {sum(self.statuses.values())} of {pluralize(self.asked, 'run')} "
+            f"({ended}){first_warning(self.warnings)}"
         )
 
 
@@ -332,15 +332,15 @@ def campaign(
         # After an interrupt only chunks in progress are lost; completed runs are returned if
         # `partial` is true.
         try:
-            with told_progress(
+            with progress_reporter(
                 progress, sum(map(plan.size, range(plan.chunks))), "run"
             ) as report_progress:
-                carry_out(
+                execute_plan(
                     plan,
                     store,
                     engine,
                     max_runs=max_runs,
-                    tell=lambda now: report_progress(now.done, now.runs),
+                    on_chunk=lambda now: report_progress(now.done, now.runs),
                 )
         except KeyboardInterrupt:
             if not partial:
@@ -474,7 +474,9 @@ def _describe_missing(parts: Sequence[_Part]) -> str:
     if not missing:
         return ""
     every = parts[0].runs
-    message = f"{every - sum(stored.values())} of {how_many(every, 'run')} are not in any directory"
+    message = (
+        f"{every - sum(stored.values())} of {pluralize(every, 'run')} are not in any directory"
+    )
     # Missing shards can be named if all shards have the same N of K/N, the usual case.
     requested = {text for part in parts for text in part.shards}
     if len(divisions := {int(text.partition("/")[2]) for text in requested}) != 1:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint.analysis.given import AnyModel, AnyMotion, model_of, motion_of
+from tdint.analysis.arguments import AnyModel, AnyMotion, model_of, motion_of
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import UNSTABLE
 from tdint.analysis.run.prepared import Motions
@@ -44,10 +44,10 @@ from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import Building
 from tdint.model.definition import Model
+from tdint.number_parsing import pluralize
 from tdint.system import on_threads
-from tdint.tabular import Progress, Tabular, told_progress
+from tdint.tabular import Progress, Tabular, progress_reporter
 from tdint.units import OutputUnits
-from tdint.written_numbers import how_many
 
 THRESHOLDS = (0.01, 0.02, 0.04)
 """Drift ratios for which capacities are reported in addition to collapse, if neither the settings
@@ -152,7 +152,7 @@ class IdaStudy(Tabular):
 
     def _headline(self) -> str:
         return (
-            f"of {self.model.name!r}: {how_many(len(self.curves), 'record')}, levels of "
+            f"of {self.model.name!r}: {pluralize(len(self.curves), 'record')}, levels of "
             f"{self.im_name}, {self.method}"
         )
 
@@ -301,7 +301,7 @@ def ida(
     identity = _identity(subject, chosen, settings, [work.record for work in works], paired)
     with (
         _open_locked(Path(folder) if folder else None, identity) as (store, remarks),
-        told_progress(progress, len(works), "record") as report_progress,
+        progress_reporter(progress, len(works), "record") as report_progress,
     ):
         runs_of_works, resumed = _run_all(works, store, jobs, report_progress)
     collapse_drift = subject.model.collapse_drift

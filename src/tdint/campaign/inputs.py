@@ -38,9 +38,9 @@ from tdint.campaign.motions import (
     nearest,
 )
 from tdint.campaign.sites import read_field, read_grid
-from tdint.csv_table import no_number, number, read_table
+from tdint.csv_table import number, number_error, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
-from tdint.files import MOST_BYTES, note_input, read_at_most
+from tdint.files import MOST_BYTES, read_at_most, record_digest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
 from tdint.ground_motion.reading.suites import (
@@ -57,7 +57,7 @@ from tdint.model.damage_states import COST, NUMBER
 from tdint.model.definition import Model
 from tdint.model.inventory import InventoryRows, read_inventory
 from tdint.model.keys.fields import resolve
-from tdint.written_numbers import first_few
+from tdint.number_parsing import abbreviate
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
 _MOST_NAMES = 10  # names listed in a message
@@ -247,7 +247,7 @@ def _check_costs(rows: InventoryRows) -> None:
         faults += rows.faults(
             name,
             lambda _, text: (
-                no_number(text, "zero or a positive number")
+                number_error(text, "zero or a positive number")
                 if text and not number(text) >= 0.0
                 else ""
             ),
@@ -543,7 +543,7 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
         if settings["schema"]["name"] == "tdint scale" and settings["factors_sha256"] == digest:
             scaled = settings
     if scaled:
-        note_input(settings_file, content)
+        record_digest(settings_file, content)
     return FactorTable(file, {name: tuple(numbers) for name, numbers in by_motion.items()}, scaled)
 
 
@@ -644,7 +644,7 @@ def _located(table: FactorTable) -> FactorTable:
             located[file] = file if path == candidates[0] else str(path)
     missing = [file for file, _ in table.by_name if file not in located]
     if missing:
-        named = first_few(list(dict.fromkeys(file or "(empty)" for file in missing)), _MOST_NAMES)
+        named = abbreviate(list(dict.fromkeys(file or "(empty)" for file in missing)), _MOST_NAMES)
         raise ModelError(
             f"{table.source}: records not found: {named}; a record is a file relative to the "
             "working directory or to the directory of the table"
@@ -659,5 +659,7 @@ def _factor(file: str, line: int, text: str) -> float:
     """Return the number of a cell of the column factor, or raise ModelError."""
     factor = number(text)
     if math.isnan(factor) or factor == 0.0:
-        raise ModelError(f"{file}:{line}: factor: {no_number(text, 'a number that is not zero')}")
+        raise ModelError(
+            f"{file}:{line}: factor: {number_error(text, 'a number that is not zero')}"
+        )
     return factor

@@ -23,7 +23,7 @@ from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record
-from tdint.written_numbers import Grid
+from tdint.number_parsing import Grid
 
 GEOMETRIC_MEAN = "geometric-mean"
 PAIRS: dict[str, int | None] = {GEOMETRIC_MEAN: None, "rotd50": 50, "rotd100": 100}

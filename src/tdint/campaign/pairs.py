@@ -31,7 +31,7 @@ from tdint.ground_motion.horizontals import (
     motion_names,
 )
 from tdint.ground_motion.record import Record
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -225,15 +225,15 @@ def motions_text(records: int, pairs: int) -> str:
     """
     singles = records - 2 * pairs
     if not pairs:
-        return how_many(records, "record")
-    text = how_many(pairs, "pair")
-    return f"{text} and {how_many(singles, 'single record')}" if singles else text
+        return pluralize(records, "record")
+    text = pluralize(pairs, "pair")
+    return f"{text} and {pluralize(singles, 'single record')}" if singles else text
 
 
 def note(pairs: int, demand: str) -> str:
     """Return one line that reports recognized pairs and the choice that was not made explicitly."""
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
     return (
-        f"{how_many(pairs, 'pair')} of horizontal components: {describe_demand(demand)} "
+        f"{pluralize(pairs, 'pair')} of horizontal components: {describe_demand(demand)} "
         f"(pair_demand: {demand}; --pair-demand {others} changes this)"
     )

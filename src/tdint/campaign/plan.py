@@ -40,7 +40,7 @@ from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
 from tdint.model.plausibility import on_plausibility
-from tdint.written_numbers import first_few
+from tdint.number_parsing import abbreviate
 
 _COLLAPSE_DRIFT = 0.10
 """Default collapse drift of buildings of an inventory."""
@@ -437,7 +437,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
     if repeated:
         notes.append(
             "listed more than once, and run the same number of times: "
-            f"{first_few(list(dict.fromkeys(repeated)), _MOST_NAMES)}"
+            f"{abbreviate(list(dict.fromkeys(repeated)), _MOST_NAMES)}"
         )
     # A method of the campaign replaces the methods of the models.
     subjects = []

@@ -32,9 +32,9 @@ from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import motion_names
 from tdint.model.damage_states import DONE, FALLEN
 from tdint.model.limits import Limit, LimitCheck, check_limits, chosen_limits, isolator_limits
+from tdint.number_parsing import abbreviate
 from tdint.system import on_threads
 from tdint.units import Quantity
-from tdint.written_numbers import first_few
 
 DRIFT_RATIO = "peak_drift_ratio"
 _RANK = ("level", "")
@@ -255,7 +255,7 @@ def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
         suggestion = did_you_mean(baseline, names)
         raise UsageError(
             f"building {baseline!r} not found{suggestion}; available buildings: "
-            f"{first_few(names, 10)}"
+            f"{abbreviate(names, 10)}"
         )
     if len(names) == 1:
         raise UsageError(f"no other building to compare with {baseline!r}; add a building")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tdint.analysis.given import AnyMotion, motion_of, numbers_of
+from tdint.analysis.arguments import AnyMotion, motion_of, numbers_of
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array, Numbers
@@ -30,8 +30,8 @@ from tdint.campaign.intensity import (
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
-from tdint.written_numbers import how_many
 
 LEAST_PAIRS = 11
 """Minimum number of ground motions in ASCE 7-16 (16.2.2)."""
@@ -123,7 +123,7 @@ class Scaling(Tabular):
     def _headline(self) -> str:
         low, high = np.min(self.factors), np.max(self.factors)
         return (
-            f"of {how_many(len(self.motions), 'motion')} by the rule {self.rule}, factors "
+            f"of {pluralize(len(self.motions), 'motion')} by the rule {self.rule}, factors "
             f"{low:.4g} to {high:.4g}"
         )
 

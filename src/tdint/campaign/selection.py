@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import AnyMotion, motion_of
+from tdint.analysis.arguments import AnyMotion, motion_of
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.target import TargetSpectrum
 from tdint.arrays import Array, Numbers
@@ -37,7 +37,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.events import SAME_DATE, Earthquake, event_of, is_same_event
 from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
-from tdint.written_numbers import first_few, how_many
+from tdint.number_parsing import abbreviate, pluralize
 
 _START_LIMITS, _EVALUATED_ROWS = (10, 200), 20_000
 """Minimum and maximum number of starting points, and total number of motions evaluated in all of
@@ -155,7 +155,7 @@ def select(
     if possible < count:
         why = [f"{number} {reason}" for reason, number in left_out.items() if number]
         why += (
-            [f"at most {per_event} of an event, {how_many(int(np.max(numbers)) + 1, 'event')}"]
+            [f"at most {per_event} of an event, {pluralize(int(np.max(numbers)) + 1, 'event')}"]
             if per_event is not None
             else []
         )
@@ -263,7 +263,7 @@ def _within_limits(
         common = largest / float(np.max(factors[chosen]))
         upper = max(min(high / common, upper * _LIMIT_REDUCTION), float(np.min(fitted.factors)))
     assert nearest is not None
-    over = first_few([f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5)
+    over = abbreviate([f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5)
     needed = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
     raise AnalysisError(
         f"no selection of {len(nearest.motions)} motions with factors from {low:g} to {high:g} "
@@ -409,7 +409,7 @@ def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) 
     unknown = [motion.source for motion, event in zip(motions, events, strict=True) if not event]
     if unknown:
         raise UsageError(
-            f"per_event: the event of {how_many(len(unknown), 'motion')} is unknown: "
+            f"per_event: the event of {pluralize(len(unknown), 'motion')} is unknown: "
             f"{', '.join(dict.fromkeys(unknown))}; name the events of the files (--events FILE), "
             "or omit these files"
         )

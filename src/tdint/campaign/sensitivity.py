@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, record_of
+from tdint.analysis.arguments import AnyModel, AnyRecord, model_of, record_of
 from tdint.analysis.run.demands import RUN
 from tdint.arrays import Array
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
-from tdint.campaign.execute import carry_out, threads
+from tdint.campaign.execute import execute_plan, threads
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
@@ -26,7 +26,7 @@ from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
 from tdint.system import processors
-from tdint.tabular import Progress, ResultList, told_progress
+from tdint.tabular import Progress, ResultList, progress_reporter
 from tdint.units import Quantity
 
 _PEAK_NAMES = (
@@ -186,14 +186,14 @@ def sensitivity(
     motions = FoundMotions(suite_motions([record_of(motion) for motion in record_list]))
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
-        with told_progress(
+        with progress_reporter(
             progress, sum(map(plan.size, range(plan.chunks))), "run"
         ) as report_progress:
-            carry_out(
+            execute_plan(
                 plan,
                 store,
                 threads(jobs or processors()),
-                tell=lambda now: report_progress(now.done, now.runs),
+                on_chunk=lambda now: report_progress(now.done, now.runs),
             )
         return ResultList(parameter_effects(store, building.name, ranges))
 

@@ -20,7 +20,7 @@ from tdint.arrays import Array
 from tdint.campaign.definition import FieldFile
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMotions, PointMotion
-from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
+from tdint.csv_table import CsvTable, number, number_error, read_table, stream_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_whole
 from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_names
@@ -35,8 +35,8 @@ from tdint.ground_motion.reading.suites import (
 )
 from tdint.ground_motion.record import Record
 from tdint.model.keys.fields import resolve
+from tdint.number_parsing import pluralize
 from tdint.units import STANDARD_GRAVITY, parse_units
-from tdint.written_numbers import how_many
 
 # ---- Read a grid in the format of SimCenter's regional workflow, or fields of many events
 #
@@ -214,7 +214,8 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     missing = [name for name in events if name not in rates]
     if missing:
         raise ModelError(
-            f"{file}: the rate of {how_many(len(missing), 'event')} of the fields is missing, such "
+            f"{file}: the rate of {pluralize(len(missing), 'event')} of the fields is missing, "
+            "such "
             f"as {missing[0]!r}; add a row for each event"
         )
     return {name: rates[name] for name in events}
@@ -366,7 +367,7 @@ def _field_rows(
                 continue
         if table.overfull(cells):
             faults.append(
-                f"{file}:{line}: {how_many(len(cells), 'cell')}, but {how_many(width, 'column')}"
+                f"{file}:{line}: {pluralize(len(cells), 'cell')}, but {pluralize(width, 'column')}"
             )
             continue
         # Missing cells at the end of a row are empty.
@@ -384,7 +385,7 @@ def _field_rows(
         elif math.isnan(factor) or (measure and factor <= 0.0):
             faults.append(
                 f"{file}:{line}: {value} "
-                f"{no_number(text, 'a positive number' if measure else 'a number')}"
+                f"{number_error(text, 'a positive number' if measure else 'a number')}"
             )
         elif factor == 0.0:
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")

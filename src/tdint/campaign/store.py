@@ -38,7 +38,7 @@ from tdint.campaign.store_schema import (
     transaction,
 )
 from tdint.errors import OutputError, UsageError
-from tdint.files import digest_of, is_file, is_there, keep_input, refuse_kept
+from tdint.files import digest_of, is_file, is_there, protect_input, refuse_protected
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.system import __version__
@@ -759,7 +759,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
             f"{folder}: no campaign in this directory ({FILE} not found); give the directory of -o "
             "of `tdint campaign`"
         )
-    keep_input(folder / FILE)
+    protect_input(folder / FILE)
     name = str(folder / FILE)
     with sqlite_errors_reported(name):
         store = Store(connect(name) if write else connect_to_read(folder / FILE), name)
@@ -855,7 +855,7 @@ def forget(file: Path) -> None:
     OutputError
         The store cannot be removed, or is an input of this command.
     """
-    refuse_kept([file])
+    refuse_protected([file])
     for end in ("", "-wal", "-shm", "-journal"):
         remove(file.with_name(file.name + end))
 

@@ -22,7 +22,7 @@ from tdint.ground_motion.miniseed_checks import (
     check_step,
     compare,
 )
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 # SAC (SAC manual, data format): the header of 158 words states several values that can be computed
 # from the samples.
@@ -197,7 +197,7 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
         raise Damaged("the compressed data contain an invalid character")
     got = len(_CM6_LAST.findall(samples))
     if got != count:
-        raise Damaged(f"its header states {how_many(count, 'sample')}, the section has {got}")
+        raise Damaged(f"its header states {pluralize(count, 'sample')}, the section has {got}")
 
 
 # Text formats: SLIST and TSPAIR (web services), and K-NET.

@@ -16,7 +16,7 @@ from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.events import is_same_event, parse_event
 from tdint.ground_motion.record import Record
-from tdint.written_numbers import first_few
+from tdint.number_parsing import abbreviate
 
 _VERTICAL = re.compile(r"UP?|D(OW)?N|DWN|V|VER|VERT|VERTICAL|U-?D\d?|([A-Z]{2})?Z", re.IGNORECASE)
 _AZIMUTH = re.compile(r"\d{1,3}")
@@ -439,7 +439,7 @@ def files_of_motions(
         motions.setdefault(name, []).append(file)
     others = motions.pop("", [])
     if files and not motions:
-        listed = first_few(others, _SHOWN)
+        listed = abbreviate(others, _SHOWN)
         raise UsageError(f"no file is named {names.first} or {names.second}; there are {listed}")
     return [tuple(members) for members in motions.values()], others
 
@@ -464,7 +464,7 @@ def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
     if len(single) < 2:
         return list(failures)
     files = [failure.file for failure in single]
-    listed = first_few(files, _SHOWN)
+    listed = abbreviate(files, _SHOWN)
     text = (
         f"{len(files)} files have a single horizontal component and, by their names, no partner: "
         f"{listed}"

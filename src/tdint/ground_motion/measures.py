@@ -19,8 +19,8 @@ import numpy as np
 
 from tdint.arrays import Array, halved
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
+from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
-from tdint.written_numbers import first_few
 
 HOUSNER_PERIODS = (0.1, 2.5)
 """Period range of the spectrum intensity, s; the spectrum has 5 % damping (Housner 1952)."""
@@ -253,7 +253,7 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
                 parts.append(f"{record.name} {100.0 * left / energy[-1]:.2g} %")
     told = (
         f"the run ends at {end:.6g} s, before so much of the Arias intensity: "
-        f"{first_few(parts, _MOST_NAMES)}"
+        f"{abbreviate(parts, _MOST_NAMES)}"
     )
     return [told] if parts else []
 

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from tdint.errors import RecordError
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 # ---- Values stated in a file, and their comparison with the samples that were read
 
@@ -309,7 +309,7 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
         if slips:
             worst, number = max(slips, key=lambda slip: abs(slip[0]))
             warnings.warn(
-                f"{how_many(len(slips), 'break')} between the records of {name}, the largest "
+                f"{pluralize(len(slips), 'break')} between the records of {name}, the largest "
                 f"{1e3 * worst:+.3g} ms before record {number}: less than half a sampling interval "
                 "each, joined without them",
                 stacklevel=2,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
+from tdint.number_parsing import parse_named, parse_positive
 from tdint.units import ACCELERATION, parse_with_unit
-from tdint.written_numbers import parse_named, parse_positive
 
 _DT, _SAMPLES_PER_CYCLE = 0.01, 40  # s, maximum time step; minimum samples per cycle
 _REST, _SHORTEST = 5.0, 20.0  # s; rest after the motion, minimum total duration

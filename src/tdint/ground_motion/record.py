@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import OutputError, RecordError, UsageError
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY
-from tdint.written_numbers import how_many
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Record(Tabular):
 
     def _headline(self) -> str:
         return (
-            f"{self.name}: {how_many(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA "
+            f"{self.name}: {pluralize(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA "
             f"{self.pga:.4g} m/s^2"
         )
 
@@ -204,7 +204,7 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
     label = source or "record"
     array = np.asanyarray(acceleration)
     if masked := masked_samples(array):
-        raise RecordError(f"{label}: {how_many(masked, 'sample')} masked; fill or remove them")
+        raise RecordError(f"{label}: {pluralize(masked, 'sample')} masked; fill or remove them")
     if array.dtype.kind not in "iuf":
         raise RecordError(f"{label}: the acceleration must be real numbers, got {array.dtype.name}")
     if array.ndim != 1 or array.size < 2:

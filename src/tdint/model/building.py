@@ -35,9 +35,9 @@ from tdint.model.definition import (
     story_numbers,
 )
 from tdint.model.modes import FreeVibration, Modes
+from tdint.number_parsing import abbreviate
 from tdint.system import memory
 from tdint.units import STANDARD_GRAVITY
-from tdint.written_numbers import first_few
 
 _TURNS = 5  # iterations towards the fastest mode
 _MAX_NAMED = 5  # maximum number of stories named in a message
@@ -474,7 +474,7 @@ def falling_stories(model: Model) -> tuple[str, ...]:
         return ()
     return (
         "P-delta takes more than the stiffness after yield, so that a story falls once it has "
-        f"yielded; weight over height and that stiffness, {unit}: {first_few(places, _MAX_NAMED)}",
+        f"yielded; weight over height and that stiffness, {unit}: {abbreviate(places, _MAX_NAMED)}",
     )
 
 

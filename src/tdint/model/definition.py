@@ -29,8 +29,8 @@ from tdint.model.plugins import (
     module_of,
     same_file,
 )
+from tdint.number_parsing import parse_ratio, pluralize
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import how_many, parse_ratio
 
 if TYPE_CHECKING:
     from tdint.model.limits import Limit
@@ -520,7 +520,7 @@ class Model:
 
     def __repr__(self) -> str:
         count = len(self.stories)
-        return f"<Model {self.name!r}: {how_many(count, 'story')}>"
+        return f"<Model {self.name!r}: {pluralize(count, 'story')}>"
 
 
 def simple_story(
@@ -715,7 +715,7 @@ def changes_of(model: Model, name: str) -> list[Change]:
     if number and not 1 <= int(number) <= len(model.stories):
         counted = "" if int(number) else "; counting starts at 1"
         raise UsageError(
-            f"{name}: {model.name} has {how_many(len(model.stories), 'story')}{counted}"
+            f"{name}: {model.name} has {pluralize(len(model.stories), 'story')}{counted}"
         )
     indices = [int(number) - 1] if number else range(len(model.stories))
     # The index of a number depends on the law of the story.

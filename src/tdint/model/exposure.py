@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
+from tdint.csv_table import CsvTable, number, number_error, read_table, stream_table
 from tdint.errors import ModelError, ModelFault
-from tdint.files import MOST_BYTES, is_file, note_input, read_whole
+from tdint.files import MOST_BYTES, is_file, read_whole, record_digest
 from tdint.model.damage_states import COST, NUMBER
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 TAXONOMY = "taxonomy"
 """Column of the taxonomy in the mapping table, and in the inventory that is read."""
@@ -122,7 +122,7 @@ def stream_exposure(
     # Standard input and pipes, which can be read only once, contain the CSV file.
     data = read_whole(source, ModelError, {}, large, MOST_BYTES) if is_file(source) else b""
     if data.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
-        note_input(source, data)
+        record_digest(source, data)
         model = _parse(source, data)
         files = [str(Path(source).parent / name) for name in model.files.split()]
         if bool(files) == bool(model.assets):
@@ -184,7 +184,7 @@ class _Assets:
 
     def read_csv(self, name: str) -> None:
         """Read the assets of a CSV file."""
-        table, rows = stream_table(name, _NEEDS, columns=(), whole=True)
+        table, rows = stream_table(name, _NEEDS, columns=(), read_first=True)
         fields = {of: self._column(table, of) for of in _FIELDS}
         missing = [of for of in _FIELDS[:5] if fields[of] is None]
         if self._model.cost_type:
@@ -204,8 +204,8 @@ class _Assets:
         for line, cells in rows:
             if len(cells) > len(table.header) and table.overfull(cells):
                 raise ModelError(
-                    f"{name}:{line}: {how_many(len(cells), 'cell')} under "
-                    f"{how_many(len(table.header), 'column')}"
+                    f"{name}:{line}: the row has {pluralize(len(cells), 'cell')}, but "
+                    f"the header has {pluralize(len(table.header), 'column')}"
                 )
             self._add(
                 name,
@@ -253,7 +253,9 @@ class _Assets:
             value = number(text)
             if not value >= 0.0:
                 expected = "zero or a positive number"
-                fault(name, no_number(text, expected) if text else f"is missing; give {expected}")
+                fault(
+                    name, number_error(text, expected) if text else f"is missing; give {expected}"
+                )
             return value
 
         name, taxonomy = values.get("id", ""), values.get(TAXONOMY, "")
@@ -313,7 +315,7 @@ class _Assets:
             raise ModelError("\n".join(lines))
         if self._unmapped:
             listed = ", ".join(
-                f"{name[:60]!r} ({how_many(of, 'asset')})"
+                f"{name[:60]!r} ({pluralize(of, 'asset')})"
                 for name, of in self._unmapped.most_common(_SHOWN)
             )
             raise ModelError(

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
-from tdint.csv_table import BLOCK, CsvTable, no_number, number, numbers_in, stream_table
+from tdint.csv_table import BLOCK, CsvTable, number, number_error, numbers_in, stream_table
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.model import mdof_lu
 from tdint.model.capacity import (
@@ -48,9 +48,9 @@ from tdint.model.mdof_lu import (
     DerivedBuilding,
     Scatter,
 )
+from tdint.number_parsing import pluralize
 from tdint.tabular import ResultList
 from tdint.units import LENGTH
-from tdint.written_numbers import how_many
 
 # ---- Read an inventory. Column names are those of SimCenter's regional workflow.
 
@@ -154,7 +154,7 @@ def read_inventory(
     arguments = (length, mass_only, classes, as_published)
     if mapping is None:
         needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
-        table, rows = stream_table(source, needs, columns=columns, whole=True)
+        table, rows = stream_table(source, needs, columns=columns, read_first=True)
     else:
         of_types = read_mapping(mapping)
         of_types.need(*needed[1:])
@@ -187,7 +187,10 @@ def _checked(of: _Table) -> tuple[InventoryRows, list[ModelFault]]:
         # A surplus cell shifts the cells after it, so no cell of the row can be trusted.
         if at in of.overfull:
             row.fault(
-                width, "", f"{how_many(of.overfull[at], 'cell')} under {how_many(width, 'column')}"
+                width,
+                "",
+                f"the row has {pluralize(of.overfull[at], 'cell')}, but the header has "
+                f"{pluralize(width, 'column')}",
             )
             continue
         building = row.building()
@@ -551,7 +554,7 @@ class _Row:
         if not math.isnan(value) and bounds.allow(value):
             return value
         expected = expected or str(bounds)
-        message = no_number(text, expected) if text else f"is missing; give {expected}"
+        message = number_error(text, expected) if text else f"is missing; give {expected}"
         self.fault(self._places[name], name, message)
         return math.nan
 

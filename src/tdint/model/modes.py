@@ -9,8 +9,8 @@ import numpy as np
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
-from tdint.written_numbers import how_many
 
 CLASSICAL = 1e-12
 """Limit of off-diagonal terms of the modal damping matrix relative to its diagonal; smaller terms
@@ -45,7 +45,7 @@ class Modes(Tabular):
     damping: Array | None = None
 
     def _headline(self) -> str:
-        return f"of {how_many(self.omega.size, 'floor')}, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
+        return f"of {pluralize(self.omega.size, 'floor')}, T1 {2.0 * math.pi / self.omega[0]:.4g} s"
 
     @property
     def participation(self) -> Array:

@@ -15,8 +15,8 @@ from tdint.arrays import Array
 from tdint.ground_motion.record import doubt_of_peak
 from tdint.model.building import Building, falling_stories, stiffness_after_yield
 from tdint.model.definition import Model
+from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
-from tdint.written_numbers import first_few
 
 _MAX_LISTED = 3  # maximum number of stories or ground motions that one warning lists
 _MANY = 10  # maximum number of warnings on the buildings of a study
@@ -275,4 +275,4 @@ def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
     listed = [
         f"{bound.text(value)} in {name}" for name, value in values.items() if not bound.holds(value)
     ]
-    return [bound.warning(first_few(listed, _MAX_LISTED))] if listed else []
+    return [bound.warning(abbreviate(listed, _MAX_LISTED))] if listed else []

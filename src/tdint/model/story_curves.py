@@ -15,8 +15,8 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import ModelError, UsageError
+from tdint.number_parsing import pluralize
 from tdint.units import FORCE, LENGTH, MASS, STANDARD_GRAVITY
-from tdint.written_numbers import how_many
 
 # ---- The text of a first model file: a building that runs as it is, with comments on what to
 # replace
@@ -128,7 +128,7 @@ def story_model(
     pulled = [0.005 * units.height * story for story in range(1, stories + 1)]
     return "\n".join(
         [
-            f"# A building of {how_many(stories, 'story')}{made}, made by `tdint init`:",
+            f"# A building of {pluralize(stories, 'story')}{made}, made by `tdint init`:",
             "# an example to replace.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {units.units}"
@@ -217,7 +217,7 @@ def type_model(
     lengths = units.units if system == "si" else "{length: ft, force: kip}"
     return "\n".join(
         [
-            f"# A {structure} building of {how_many(stories, 'story')}, made by `tdint init`: an "
+            f"# A {structure} building of {pluralize(stories, 'story')}, made by `tdint init`: an "
             "example to replace.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {lengths}",

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from tdint.number_parsing import table_number
 from tdint.output import figures
 from tdint.output.summary import versions
 from tdint.output.tables.table import TEXT, Cell, Table, converted
 from tdint.units import OutputUnits, suffix
-from tdint.written_numbers import table_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -129,7 +129,7 @@ def page_units(units: OutputUnits) -> OutputUnits:
     and no number needs a power of ten.
     """
     units = replace(units, force="kN") if units.force == "N" else units
-    return replace(units, mass=units.mass_beside).in_pictures
+    return replace(units, mass=units.matching_mass_unit).in_figures
 
 
 class _Flow:

@@ -138,7 +138,7 @@ def plot(
         if kind.on_axes is None:
             raise UsageError(f"a {type(several[0]).__name__} has no main panel; plot it without ax")
         with style_context():
-            kind.on_axes(ax, shown, output_units.in_pictures)
+            kind.on_axes(ax, shown, output_units.in_figures)
         return ax
     # Drawing functions read the settings from a context variable, which is valid for this call.
     before = PRINTED.set(printed)

@@ -25,6 +25,7 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.page import Chapter, Part, Picture, Told, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
@@ -35,7 +36,6 @@ from tdint.output.tables.responses import story_table
 from tdint.output.tables.spectra import motion_table
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits, suffix
-from tdint.written_numbers import how_many, number_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,7 +86,7 @@ def model_chapter(
         )
         isolator_note = f" (before the isolators yield{secant})"
     facts = (
-        f"{how_many(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} "
+        f"{pluralize(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} "
         f"s{isolator_note} with {100.0 * damping:.3g} % damping, {p_delta}, "
         f"{damping_text(model)}. "
         f"A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
@@ -241,7 +241,7 @@ def run_page(
             period=first_period(model),
         ),
         _assumptions(
-            f"{method_text(response.method)}, {how_many(response.steps, 'time step')} of "
+            f"{method_text(response.method)}, {pluralize(response.steps, 'time step')} of "
             f"{response.dt:.6g} s",
             (),
         ),
@@ -408,7 +408,7 @@ def suite_page(
         told, warnings=[*plan.warnings, *told.warnings, *doubts, *of_records], inputs=inputs
     )
     return page(
-        plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told
+        plan.name, f"{runs['done']} of {pluralize(runs['all'], 'run')}: {about}.", chapters, told
     )
 
 
@@ -789,7 +789,7 @@ def mode_page(
         f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping."
     )
     shown = replace(table, rows=table.rows[:_MOST_MODES])
-    more = f"The first {_MOST_MODES} of {how_many(len(table.rows), 'mode')}."
+    more = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
     chapters = [
         Chapter("Modes", (list(told.said), Picture(draw, "Shapes of the first modes"), shown)),
         Chapter("Further modes", (more,) if len(table.rows) > _MOST_MODES else ()),

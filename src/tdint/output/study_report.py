@@ -14,6 +14,7 @@ from tdint.campaign.fragility.fits import CLOUD, IDA, STRIPES, Fragility, fit_ca
 from tdint.campaign.ida_curve import IdaCurve, PairCurve, fractiles
 from tdint.campaign.pairs import SEPARATE, describe_demand, motions_text
 from tdint.errors import AnalysisError
+from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.figures.collapse import measure_words
 from tdint.output.page import Chapter, Part, Picture, Told, page, page_units
@@ -28,7 +29,6 @@ from tdint.output.summary import told_of
 from tdint.output.tables.studies import motion_rows
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import how_many, number_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -123,7 +123,7 @@ def ida_page(
         Chapter("Methods and assumptions", (_ida_points(study, settings, damping),)),
     ]
     about = (
-        f"Incremental dynamic analysis of {study.model.name}: {motions}, {how_many(runs, 'run')}."
+        f"Incremental dynamic analysis of {study.model.name}: {motions}, {pluralize(runs, 'run')}."
     )
     verdict = [(None, text) for text in _medians(study)]
     return page(study.model.name, about, chapters, replace(told, verdict=verdict))
@@ -140,7 +140,7 @@ def _curves_text(study: IdaStudy) -> str:
     collapses = sum(not curve.collapse.censored for curve in study.motion_curves)
     text = (
         f"The building collapses under {collapses} of "
-        f"{how_many(len(study.motion_curves), 'motion')} (a drift ratio above "
+        f"{pluralize(len(study.motion_curves), 'motion')} (a drift ratio above "
         f"{100.0 * study.model.collapse_drift:g} %, or loss of resistance)"
     )
     again = sum(curve.resurrection for curve in study.motion_curves)
@@ -383,7 +383,7 @@ def fragility_page(
             ),
         ),
     ]
-    about = f"Fragility functions fitted to {source}: {how_many(len(functions), 'function')}."
+    about = f"Fragility functions fitted to {source}: {pluralize(len(functions), 'function')}."
     return page("Fragility functions", about, chapters, replace(told, verdict=verdict))
 
 
@@ -470,7 +470,7 @@ def _study(source: Path) -> tuple[Part, ...]:
     ]
     units = {"dt_s": "s", "samples": "1", "pga_m_s2": "m/s^2"}
     meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}
-    table = Table(columns, rows[:_MOST_RECORDS], meanings).in_units(SI.in_pictures)
+    table = Table(columns, rows[:_MOST_RECORDS], meanings).in_units(SI.in_figures)
     more = f"The first {_MOST_RECORDS} of {len(rows)} records." * (len(rows) > _MOST_RECORDS)
     return (facts, "Records of the study, unscaled:", table, more)
 
@@ -481,9 +481,9 @@ def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     for fit, runs, motions, censored in dict.fromkeys(
         (one.fit, one.runs, one.motions, one.censored) for one in functions
     ):
-        under = f" under {how_many(motions, 'ground motion')}" if motions else ""
-        points.append(f"{fit}: {how_many(runs, 'observation')}{under}, {censored} censored")
+        under = f" under {pluralize(motions, 'ground motion')}" if motions else ""
+        points.append(f"{fit}: {pluralize(runs, 'observation')}{under}, {censored} censored")
     failed = max(function.failed for function in functions)
     if failed:
-        points.append(f"{how_many(failed, 'run')} without a result are omitted")
+        points.append(f"{pluralize(failed, 'run')} without a result are omitted")
     return ([f"{text[0].upper()}{text[1:]}." for text in points],)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.analysis.defaults import PEAKS, QUANTITIES
-from tdint.files import READ
+from tdint.files import INPUT_DIGESTS
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model
@@ -260,7 +260,9 @@ def merged_inputs(*lists: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
 
 def files_read() -> list[dict[str, str]]:
     """Return all files that the running command has read so far, with their SHA-256."""
-    return [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
+    return [
+        {"file": file, "sha256": digest} for file, digest in (INPUT_DIGESTS.get() or {}).items()
+    ]
 
 
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:

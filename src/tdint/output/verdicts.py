@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from tdint.model.limits import DRIFT_RATIO, ISOLATOR, QUANTITIES, LimitCheck, by_level
+from tdint.number_parsing import DIGITS, number_text, pluralize
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import OutputUnits, suffix
-from tdint.written_numbers import DIGITS, how_many, number_text
 
 
 class Verdict(NamedTuple):
@@ -59,7 +59,7 @@ class LostMotions(NamedTuple):
         """Addition to the result; empty if all runs are completed without collapse."""
         if not self.lost:
             return ""
-        return f", for {self.lost} of {how_many(self.motions, 'motion')} collapsed or failed"
+        return f", for {self.lost} of {pluralize(self.motions, 'motion')} collapsed or failed"
 
 
 def suite_verdicts(

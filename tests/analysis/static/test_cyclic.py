@@ -197,7 +197,11 @@ def test_amplitudes(text, meters):
         ("0", "must be a positive number"),
         ("-2%", "must be a positive number"),
         ("1e999mm", "must be a positive number"),
-        ("2", "a drift ratio is 1 at most; a number without a unit is one, did you mean 2%?"),
+        (
+            "2",
+            "a drift ratio is 1 at most; a number without a unit is a drift ratio, did you mean "
+            "2%?",
+        ),
         ("101%", "a drift ratio is 1 at most"),
     ],
 )

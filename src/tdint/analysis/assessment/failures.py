@@ -24,7 +24,7 @@ from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import DONE
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
-from tdint.tabular import Progress, ResultList, told_progress
+from tdint.tabular import Progress, ResultList, progress_reporter
 
 # ---- Definitions of the problems: building, load, time steps, judged quantity, bounds, reference
 #
@@ -524,7 +524,7 @@ def failures(
     pairs = [(problem, method) for problem in hard for method in integrators]
     compile_for(integrators, hard)
     trials: list[Trial] = []
-    with told_progress(progress, len(pairs), "trial") as told:
+    with progress_reporter(progress, len(pairs), "trial") as told:
         for done, (problem, method) in enumerate(pairs, start=1):
             trials += attempt(method, problem)
             told(done, len(pairs))

@@ -11,8 +11,8 @@ from typing import overload
 
 import numpy as np
 
+from tdint.analysis.arguments import between
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
-from tdint.analysis.given import between
 from tdint.analysis.run.compiled_steps import VALIDATED_STEPS, find_instability
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.static import cyclic_test
@@ -32,7 +32,7 @@ from tdint.methods.step_check import (
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
 from tdint.model.law_checks import path_faults
-from tdint.tabular import ResultList, Tabular, each_of
+from tdint.tabular import ResultList, Tabular, map_over_first
 
 LOADS = ("free", "harmonic", "record")
 
@@ -159,7 +159,7 @@ def order(
 ) -> ResultList[ObservedOrder]: ...
 
 
-@each_of
+@map_over_first
 def order(
     method: Integrator | str,
     *,

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 
-from tdint.analysis.given import numbers_of
+from tdint.analysis.arguments import numbers_of
 from tdint.analysis.run.outcome import DIVERGED, FailedRun
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run

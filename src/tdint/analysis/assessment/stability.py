@@ -14,7 +14,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import between, numbers_of
+from tdint.analysis.arguments import between, numbers_of
 from tdint.analysis.run.compiled_steps import STABLE, amplification, spectral_radius
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps
@@ -23,8 +23,8 @@ from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, oscillators
-from tdint.tabular import ResultList, Tabular, each_of
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
+from tdint.tabular import ResultList, Tabular, map_over_first
 
 _MOST_STEPS = 1e6  # maximum number of steps of an overshoot, which occurs in the first ten
 _SMALLEST = 1e-3  # dt/T at which the principal root is identified with certainty
@@ -78,7 +78,7 @@ class StabilityCurve(Tabular):
 
     def _headline(self) -> str:
         return (
-            f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
+            f"of {self.method}, damping {self.damping:g}, {pluralize(self.dt_over_t.size, 'step')}"
         )
 
 
@@ -96,7 +96,7 @@ def stability(
 ) -> ResultList[StabilityCurve]: ...
 
 
-@each_of
+@map_over_first
 def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0) -> StabilityCurve:
     """Measure the accuracy of a method for a freely vibrating oscillator from its amplification
     matrix.
@@ -316,7 +316,7 @@ class Overshoot(Tabular):
     law: str = "linear"
 
     def _headline(self) -> str:
-        steps = how_many(self.displacement.size - 1, "step")
+        steps = pluralize(self.displacement.size - 1, "step")
         return f"of {self.method} from a {self.start}, {self.law}, dt/T {self.dt_over_t:g}, {steps}"
 
     @property
@@ -364,7 +364,7 @@ def overshoot(
 ) -> ResultList[Overshoot]: ...
 
 
-@each_of
+@map_over_first
 def overshoot(
     method: Integrator | str,
     start: str = "displacement",

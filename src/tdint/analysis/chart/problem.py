@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tdint.analysis.given import model_record
+from tdint.analysis.arguments import model_record
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import run_with_error_estimate
 from tdint.analysis.run.outcome import Response

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tdint.analysis.arguments import AnyModel, AnyRecord, model_of, model_record, record_of
 from tdint.analysis.chart.problem import (
     Errors,
     Problem,
@@ -40,7 +41,6 @@ from tdint.analysis.chart.work_precision import (
     suited,
     within,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, record_of
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.arrays import cached_property
@@ -53,8 +53,8 @@ from tdint.model.damage_states import DONE
 from tdint.model.definition import Model, RecordSource
 from tdint.model.keys.document import SourceText, read_document
 from tdint.model.keys.fields import Section, Value
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
-from tdint.written_numbers import how_many
 
 METHODS = (
     "impulse4",
@@ -332,8 +332,8 @@ class FieldChart(Tabular):
 
     def _headline(self) -> str:
         return (
-            f"of {how_many(sum(map(of_steps, self.lines)), 'method')}, "
-            f"{how_many(len(self.measured), 'problem')}"
+            f"of {pluralize(sum(map(of_steps, self.lines)), 'method')}, "
+            f"{pluralize(len(self.measured), 'problem')}"
         )
 
 

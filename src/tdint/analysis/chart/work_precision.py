@@ -13,6 +13,7 @@ from itertools import takewhile
 import numpy as np
 
 from tdint import system
+from tdint.analysis.arguments import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
 from tdint.analysis.chart.problem import (
     Problem,
     Reference,
@@ -23,7 +24,6 @@ from tdint.analysis.chart.problem import (
     find_reference,
     pose,
 )
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
 from tdint.analysis.run.compiled_steps import unsupported_reason
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
@@ -33,9 +33,9 @@ from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import DONE
+from tdint.number_parsing import pluralize
 from tdint.tabular import Progress as Counted
-from tdint.tabular import Tabular, told_progress
-from tdint.written_numbers import how_many
+from tdint.tabular import Tabular, progress_reporter
 
 USUAL = "newmark-average"
 """Default method of most programs, used with the sampling interval of the record as time step."""
@@ -191,7 +191,7 @@ class Timing:
         load = (
             ""
             if self.load is None
-            else f", load {self.load:.1f} on {how_many(self.processors, 'processor')}"
+            else f", load {self.load:.1f} on {pluralize(self.processors, 'processor')}"
         )
         return f"minimum of {times} times{load}"
 
@@ -260,7 +260,7 @@ class Chart(Tabular):
     def _headline(self) -> str:
         lines = len({point.line for point in self.points})
         counts = {"method": lines, "point": len(self.points), "story": self.stories}
-        return "of " + ", ".join(how_many(count, noun) for noun, count in counts.items())
+        return "of " + ", ".join(pluralize(count, noun) for noun, count in counts.items())
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
@@ -518,7 +518,7 @@ def chart(
     steps = dts or default_steps(problem, len(integrators), repeats)
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
     problem = ending_together(problem, steps)
-    with told_progress(progress, 100, "%") as report:
+    with progress_reporter(progress, 100, "%") as report:
 
         def in_percent(act: str, part: float) -> None:
             report(round(100.0 * part), 100)

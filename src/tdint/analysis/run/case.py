@@ -56,7 +56,7 @@ from tdint.model.plausibility import (
     suppression_reason,
     unusual_stories,
 )
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 # ---- What a march left in its arrays, as results
 
@@ -700,7 +700,7 @@ class Case:
         if response.substeps:
             notes.append(
                 "time steps that did not converge were halved "
-                f"({how_many(response.substeps, 'time')} in total)"
+                f"({pluralize(response.substeps, 'time')} in total)"
             )
         # Peaks that the time step does not resolve
         kinds = {

@@ -16,10 +16,10 @@ from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
+from tdint.number_parsing import first_warning, pluralize
 from tdint.system import available_memory
 from tdint.tabular import Tabular
 from tdint.units import quantities
-from tdint.written_numbers import how_many, warned_first
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -134,12 +134,12 @@ class Runs(Tabular):
 
     def _headline(self) -> str:
         buildings, records = (
-            how_many(len(self.models), "building"),
-            how_many(len(self.records), "record"),
+            pluralize(len(self.models), "building"),
+            pluralize(len(self.records), "record"),
         )
         kept = f", histories of {', '.join(self.history)}" if self.history else ""
         lost = f", {len(self.failures)} without a result" if self.failures else ""
-        first = warned_first(self.warnings)
+        first = first_warning(self.warnings)
         return f"{len(self.model)} of {buildings} under {records}{kept}{lost}{first}"
 
 

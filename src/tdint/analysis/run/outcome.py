@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
+from tdint.number_parsing import first_warning, pluralize
 from tdint.tabular import Tabular
 from tdint.units import Quantity, quantities
-from tdint.written_numbers import how_many, warned_first
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -151,7 +151,7 @@ class StoryPeaks(Tabular, StoryValues):
 
     def _headline(self) -> str:
         largest = np.nanmax(self.peak_drift, initial=0.0)
-        return f"of {how_many(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
+        return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ class Gradient(Tabular, StoryValues):
     errors: StoryErrors | None = None
 
     def _headline(self) -> str:
-        parameters = f"of peaks by {how_many(len(self.parameters), 'parameter')}: {self.by}"
+        parameters = f"of peaks by {pluralize(len(self.parameters), 'parameter')}: {self.by}"
         if self.errors is None:
             return f"{parameters}, errors not estimated"
         size = np.nanmax(np.abs(self.peak_drift), axis=-1)
@@ -396,8 +396,8 @@ class History(Tabular):
 
     def _headline(self) -> str:
         stories, steps = (
-            how_many(self.displacement.shape[1], "story"),
-            how_many(len(self.time) - 1, "step"),
+            pluralize(self.displacement.shape[1], "story"),
+            pluralize(len(self.time) - 1, "step"),
         )
         return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
 
@@ -605,9 +605,10 @@ class Response(Tabular):
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))
         return (
-            f"of {self.model.name!r}: {self.status}, {self.method}, {how_many(self.steps, 'step')} "
+            f"of {self.model.name!r}: {self.status}, {self.method}, "
+            f"{pluralize(self.steps, 'step')} "
             f"of {self.dt:.6g} s, largest drift {self.stories.peak_drift[story]:.4g} m in story "
-            f"{story + 1}{warned_first(self.warnings)}"
+            f"{story + 1}{first_warning(self.warnings)}"
         )
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from tdint.analysis.given import AnyModel, model_of, model_record
+from tdint.analysis.arguments import AnyModel, model_of, model_record
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -16,8 +16,8 @@ from tdint.model.config.model_file import load_judged
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
 from tdint.model.plausibility import doubts, long_step
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
-from tdint.written_numbers import how_many
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,7 +44,7 @@ class Overview(Tabular):
     warnings: tuple[str, ...] = ()
 
     def _headline(self) -> str:
-        stories = how_many(self.stories, "story")
+        stories = pluralize(self.stories, "story")
         return (
             f"of {self.model.name!r}: {stories}, T1 {self.period:.4g} s, laws {self.laws}, "
             f"{self.method}"

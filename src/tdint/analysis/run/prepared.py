@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tdint import system
-from tdint.analysis.given import AnyModel, model_of
+from tdint.analysis.arguments import AnyModel, model_of
 from tdint.analysis.run.compiled_steps import (
     LINEAR_OSCILLATORS,
     Instability,

@@ -8,7 +8,7 @@ from typing import cast, overload
 
 import numpy as np
 
-from tdint.analysis.given import (
+from tdint.analysis.arguments import (
     AnyModel,
     AnyRecord,
     is_list,

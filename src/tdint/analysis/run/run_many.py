@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import (
+from tdint.analysis.arguments import (
     AnyModel,
     AnyRecord,
     is_list,
@@ -50,7 +50,7 @@ from tdint.model.building import draw_buildings
 from tdint.model.definition import changes_of, check_parameter, check_value, damped_by
 from tdint.model.plausibility import on_plausibility
 from tdint.system import on_threads, processors
-from tdint.tabular import Progress, ResultList, optional, told_progress
+from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
 if TYPE_CHECKING:
     pass
@@ -276,7 +276,7 @@ def run_many(
     if file and file.suffix != ".parquet":
         raise UsageError(f"out: the file name must end with .parquet, got {str(out)!r:.60}")
     if file:
-        optional("pyarrow", "a Parquet file", "parquet")
+        import_optional("pyarrow", "a Parquet file", "parquet")
     result = _unfilled(
         work, plan, every, history_arrays(_shape(work, plan, every), kept, None if file else out)
     )
@@ -299,7 +299,7 @@ def run_many(
             return len(part)
 
     try:
-        with told_progress(progress, len(plan), "run") as tell:
+        with progress_reporter(progress, len(plan), "run") as tell:
             for count in on_threads(march, parts, threads):
                 tell(done := done + count, len(plan))
     except KeyboardInterrupt:

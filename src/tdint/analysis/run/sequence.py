@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tdint.analysis.given import number_of
+from tdint.analysis.arguments import number_of
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.case import REST_PERIODS, Case, case_of, until_rest
 from tdint.analysis.run.error_estimate import factors, reference, reference_steps, story_errors

@@ -15,17 +15,17 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.arguments import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.defaults import HEIGHT_PERIOD, STORY_HEIGHT
-from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, recursion_table
 from tdint.analysis.spectra.inelastic import SHORTEST
 from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import Quantity
-from tdint.written_numbers import how_many
 
 MOST_STORIES = 1000  # more than any building has: an error in the story height or period
 MOST_BEAM_MODES = 20_000  # 160 kB per period; more are requested only by mistake
@@ -93,7 +93,7 @@ class DriftSpectrum(Tabular):
     def _headline(self) -> str:
         return (
             f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
-            f"{how_many(self.periods.size, 'period')}"
+            f"{pluralize(self.periods.size, 'period')}"
         )
 
 

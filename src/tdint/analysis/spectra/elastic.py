@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.arguments import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.defaults import STEPS_PER_PERIOD
-from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.processing_steps import INTERPOLATIONS, LINEAR, Interpolation
@@ -30,9 +30,9 @@ from tdint.kernels.oscillators.between_steps import (
     RECURSION_ROWS,
 )
 from tdint.methods.exact import oscillator
-from tdint.tabular import ResultList, Tabular, each_of
+from tdint.number_parsing import pluralize
+from tdint.tabular import ResultList, Tabular, map_over_first
 from tdint.units import Quantity
-from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.methods.method import Integrator
@@ -272,7 +272,7 @@ class Spectrum(Tabular):
     def _headline(self) -> str:
         return (
             f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
-            f"{how_many(self.periods.size, 'period')}"
+            f"{pluralize(self.periods.size, 'period')}"
         )
 
 
@@ -311,7 +311,7 @@ def spectrum(
 ) -> ResultList[Spectrum]: ...
 
 
-@each_of
+@map_over_first
 def spectrum(
     record: AnyRecord,
     periods: Numbers,

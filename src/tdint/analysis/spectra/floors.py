@@ -10,8 +10,8 @@ from tdint.analysis.spectra.elastic import Spectrum, spectrum
 from tdint.arrays import Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.record import IN_SI, Record
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
-from tdint.written_numbers import how_many
 
 ROOF = "roof"
 _CHANNEL = "HNX"
@@ -26,7 +26,7 @@ class FloorSpectrum(Tabular):
     spectrum: Spectrum
 
     def _headline(self) -> str:
-        periods = how_many(self.spectrum.periods.size, "period")
+        periods = pluralize(self.spectrum.periods.size, "period")
         return f"of floor {self.floor}, damping {self.spectrum.damping:g}, {periods}"
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import numpy as np
 
-from tdint.analysis.given import AnyRecord, record_of
+from tdint.analysis.arguments import AnyRecord, record_of
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record

@@ -10,16 +10,16 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from tdint.analysis.arguments import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.defaults import MOST_DUCTILE
-from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, checked_periods
 from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY, Quantity
-from tdint.written_numbers import how_many
 
 SHORTEST = 1e-3
 """Smallest ratio of period to sampling interval; shorter periods need too many time steps."""
@@ -77,7 +77,7 @@ class InelasticSpectrum(Tabular):
     def _headline(self) -> str:
         return (
             f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
-            f"{how_many(self.periods.size, 'period')}"
+            f"{pluralize(self.periods.size, 'period')}"
         )
 
     @property

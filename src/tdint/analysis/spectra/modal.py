@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdint.analysis.given import AnyModel, model_of
+from tdint.analysis.arguments import AnyModel, model_of
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
 from tdint.errors import UsageError

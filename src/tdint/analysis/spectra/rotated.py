@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tdint.analysis.given import AnyRecord, damping_of, horizontals_of
+from tdint.analysis.arguments import AnyRecord, damping_of, horizontals_of
 from tdint.analysis.spectra.elastic import (
     OR_ZERO,
     SHORTEST,
@@ -22,8 +22,8 @@ from tdint.arrays import Array, Numbers
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.kernels.oscillators import rotated as rotation
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
-from tdint.written_numbers import how_many
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,7 +63,7 @@ class RotatedSpectrum(Tabular):
     def _headline(self) -> str:
         return (
             f"of {self.motion.source}, damping {self.damping:g}, "
-            f"{how_many(self.periods.size, 'period')}"
+            f"{pluralize(self.periods.size, 'period')}"
         )
 
 

@@ -24,12 +24,12 @@ from tdint.analysis.spectra.elastic import Spectrum
 from tdint.arrays import Array
 from tdint.csv_table import read_table
 from tdint.errors import ModelError, RecordError, UsageError
-from tdint.files import note_input, read_whole
+from tdint.files import read_whole, record_digest
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
 from tdint.ground_motion.record import Input, Record
+from tdint.number_parsing import parse_named, parse_positive, parse_ratio
 from tdint.units import ACCELERATION, STANDARD_GRAVITY, canonical, parse_units, parse_with_unit
-from tdint.written_numbers import parse_named, parse_positive, parse_ratio
 
 Texts = Mapping[str, str]
 
@@ -354,7 +354,7 @@ def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
     needs = f"a JSON file of the USGS design maps service for ASCE 7-22 with response.data.{key}"
     large = f"is larger than {_MOST_BYTES} bytes; it must be {needs}"
     data = read_whole(file, ModelError, {}, large, _MOST_BYTES)
-    note_input(file, data)
+    record_digest(file, data)
     try:
         content: Any = json.loads(data)
         points = content["response"]["data"][key]

@@ -18,7 +18,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.given import between, numbers_of
+from tdint.analysis.arguments import between, numbers_of
 from tdint.arrays import Array
 from tdint.campaign.fragility.fits import (
     CLOUD,
@@ -59,9 +59,9 @@ from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_file, is_folder
 from tdint.model.damage_states import DONE, FALLEN, DamageStates
+from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION, suffix
-from tdint.written_numbers import how_many
 
 NEEDS = (
     "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or "
@@ -135,7 +135,7 @@ class FragilityResult(Tabular):
         medians = ", ".join(
             f"{function.theta:.4g} {function.unit}".rstrip() for function in self.functions
         )
-        return f"of {how_many(len(self.functions), 'function')}, medians {medians}"
+        return f"of {pluralize(len(self.functions), 'function')}, medians {medians}"
 
 
 def fragility(
@@ -313,7 +313,7 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
                     else AnalysisError(f"damage {state:g}: {function}")
                 )
     without = int(np.sum(~finite))
-    warnings = (f"{table.source}: omitted {how_many(without, 'row')} without a capacity",) * (
+    warnings = (f"{table.source}: omitted {pluralize(without, 'row')} without a capacity",) * (
         without > 0
     )
     # Capacities of pairs apply to the rule that the table states.
@@ -737,7 +737,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     names = request.states or tuple(f"ds{number}" for number in range(1, len(medians) + 1))
     if medians and len(names) != len(medians):
         raise UsageError(
-            f"{how_many(len(medians), 'threshold')}: --states requires the same number of names, "
+            f"{pluralize(len(medians), 'threshold')}: --states requires the same number of names, "
             f"got {len(names)}"
         )
     of_all = DamageStates("drift_ratio", names, medians) if medians else None
@@ -774,7 +774,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         for state, function in zip(runs.states.states, _fitted(runs, request), strict=True)
     ]
     lost = sum(runs.failed for runs in of_types.values())
-    warnings = (f"{folder}: omitted {how_many(lost, 'run')} without a result",) * (lost > 0)
+    warnings = (f"{folder}: omitted {pluralize(lost, 'run')} without a result",) * (lost > 0)
     notes = (intensities.note,) * bool(intensities.note)
     if rule.pairs and not request.pair_demand:
         notes += (rule.note(),)

@@ -27,11 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr
 
-from tdint.analysis.given import between
+from tdint.analysis.arguments import between
 from tdint.arrays import Array, Numbers
 from tdint.errors import AnalysisError, UsageError
+from tdint.number_parsing import LARGEST, abbreviate, pluralize
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
-from tdint.written_numbers import LARGEST, first_few, how_many
 
 _ITERATIONS = 200
 _CONVERGED = 1e-13
@@ -458,7 +458,7 @@ class Fragility:
         level = f"{self.im or 'im'} {counted.im[worst]:.3g} {self.unit}".rstrip()
         return (
             f"{about}at {level} {100.0 * counted.share[worst]:.3g} % of "
-            f"{how_many(round(counted.runs[worst]), 'run')} exceed, the {self.fit} function gives "
+            f"{pluralize(round(counted.runs[worst]), 'run')} exceed, the {self.fit} function gives "
             f"{100.0 * counted.fitted[worst]:.3g} %: the difference exceeds the random scatter"
         )
 
@@ -504,7 +504,7 @@ def extrapolated(functions: Sequence[Fragility]) -> list[str]:
         if fit.extrapolated:
             names.setdefault(fit.extrapolated, []).append(fit.exceeded or "the threshold")
     return [
-        f"{why} {first_few(listed, _MOST_NAMES)}: the median is extrapolated"
+        f"{why} {abbreviate(listed, _MOST_NAMES)}: the median is extrapolated"
         for why, listed in sorted(names.items(), reverse=True)
     ]
 

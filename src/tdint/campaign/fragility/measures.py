@@ -31,8 +31,8 @@ from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE
+from tdint.number_parsing import Grid, parse_grid, parse_ratio, pluralize
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
-from tdint.written_numbers import Grid, how_many, parse_grid, parse_ratio
 
 # ---- Intensity measures of the runs of a campaign: efficiency and sufficiency
 #
@@ -535,7 +535,7 @@ def line(
 
     if x.size < _LEAST:
         raise AnalysisError(
-            f"{name}: {how_many(x.size, 'completed run')}; a line with a dispersion requires "
+            f"{name}: {pluralize(x.size, 'completed run')}; a line with a dispersion requires "
             f"at least {_LEAST}"
         )
     if np.ptp(x) == 0.0:

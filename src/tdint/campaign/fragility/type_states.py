@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tdint.campaign.buildings import Buildings, RowBuilding, RowBuildings, models_of
-from tdint.csv_table import CsvTable, no_number, number, read_table
+from tdint.csv_table import CsvTable, number, number_error, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.capacity import UNIT_MASS, CapacityFacts
 from tdint.model.config import sections
@@ -274,7 +274,7 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
         for key, (line, text) in texts.items():
             values[key] = number(text)
             if math.isnan(values[key]) or values[key] < 0.0:
-                problem = no_number(text, "zero or a positive number") if text else "is missing"
+                problem = number_error(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {problem}")
         # Repeated values must be equal, because no row has precedence.
         if by_class.setdefault(name, values) != values:

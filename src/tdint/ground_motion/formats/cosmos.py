@@ -26,8 +26,8 @@ from tdint.ground_motion.formats.series import (
     motion_units,
     stated_peak,
 )
+from tdint.number_parsing import pluralize
 from tdint.units import parse_units
-from tdint.written_numbers import how_many
 
 _TITLE = re.compile(r"\(Format v0?1\.\d+ with\s+(\d{1,3}) text lines\)", re.IGNORECASE)
 _INTEGERS = re.compile(rf"^\s*({COUNT})\s+Integer-header values follow on", re.IGNORECASE)
@@ -138,7 +138,7 @@ def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
     if len(values) <= _STEP:
         raise RecordError(
             f"the header that ends in line {lines.number} must have at least {_STEP + 1} values, "
-            f"got {how_many(len(values), 'value')}"
+            f"got {pluralize(len(values), 'value')}"
         )
     return values
 
@@ -203,7 +203,7 @@ def _series(
     missing = 0 if counts else int(np.count_nonzero(samples == unknown))
     if missing:
         raise RecordError(
-            f"all samples must be known, but {how_many(missing, 'sample')} marked as unknown "
+            f"all samples must be known, but {pluralize(missing, 'sample')} marked as unknown "
             f"({unknown:g})"
         )
     if counts and (np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0)):

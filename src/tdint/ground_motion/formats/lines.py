@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
 """Byte-order marks of UTF-16 text, which some spreadsheets write."""
@@ -225,7 +225,7 @@ class Lines:
         row = self._row(None)
         if len(row) != columns:
             raise RecordError(
-                f"line {self._next} contains {how_many(len(row), 'number')}, not {columns}"
+                f"line {self._next} contains {pluralize(len(row), 'number')}, not {columns}"
             )
         return row
 

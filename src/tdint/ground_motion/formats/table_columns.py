@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 TIME, OTHER = "time", "other"
 SECONDS = {
@@ -308,7 +308,7 @@ def read_header(lines: list[str], width: int) -> TableHeader:
     names = tuple(column_names(declared.get(COLUMNS, "")))
     if names and len(names) != width:
         raise RecordError(
-            f"its header names {how_many(len(names), 'column')}, the rows have {width}"
+            f"its header names {pluralize(len(names), 'column')}, the rows have {width}"
         )
     return TableHeader(declared, names)
 

@@ -59,8 +59,8 @@ from tdint.ground_motion.formats.table_columns import (
     read_header,
 )
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP
+from tdint.number_parsing import pluralize
 from tdint.units import parse_units
-from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from obspy import Stream
@@ -226,7 +226,7 @@ def read_text(
     taken = chosen or _accelerations(header.names, range(int(is_leading), width))
     if skipped:
         warnings.warn(
-            f"{how_many(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
+            f"{pluralize(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
         )
     if not stated:
         warnings.warn(

@@ -24,7 +24,7 @@ from tdint.ground_motion.formats.series import (
     required_units,
     stated_peak,
 )
-from tdint.written_numbers import how_many
+from tdint.number_parsing import pluralize
 
 _TITLE = re.compile(r"\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N", re.IGNORECASE)
 _DATA = re.compile(r"\s*DATOS DE ACELERACI[OÓ]N", re.IGNORECASE)
@@ -101,13 +101,13 @@ def read_unam(lines: Lines) -> list[Series]:
     if repeated and all(column.size > 1 and column[-2] == column[-1] for column in columns):
         warnings.warn(
             f"the last of the {counts[0]} rows stated in the header repeats the row before it, and "
-            f"{how_many(repeated, 'extra row')} repeat it again: a row may be missing from the "
+            f"{pluralize(repeated, 'extra row')} repeat it again: a row may be missing from the "
             "file",
             stacklevel=2,
         )
     if repeated:
         warnings.warn(
-            f"{how_many(repeated, 'row')} omitted that repeat the last row stated in the header",
+            f"{pluralize(repeated, 'row')} omitted that repeat the last row stated in the header",
             stacklevel=2,
         )
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tdint.errors import RecordError
-from tdint.files import MOST_BYTES, note_input, read_whole
+from tdint.files import MOST_BYTES, read_whole, record_digest
 from tdint.ground_motion.choice import AS_STATED, TextLayout
 from tdint.ground_motion.header_checks import compare_with_statements, look_at
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
@@ -118,7 +118,7 @@ def digested(data: bytes, source: str | Path) -> Input:
     source : str or Path
         Name of the file.
     """
-    note_input(source, data)
+    record_digest(source, data)
     return Input(str(source), hashlib.sha256(data).hexdigest())
 
 

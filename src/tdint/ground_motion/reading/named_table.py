@@ -19,8 +19,8 @@ from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.contents import digested, read_bytes
 from tdint.ground_motion.record import Input
 from tdint.ground_motion.signal import Signal
+from tdint.number_parsing import number_or_nan
 from tdint.units import parse_units
-from tdint.written_numbers import number_or_nan
 
 SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
 """Units of times and periods in column names, and their values in s."""

@@ -38,8 +38,8 @@ from tdint.ground_motion.record import (
     station_of,
 )
 from tdint.ground_motion.signal import Signal
+from tdint.number_parsing import pluralize
 from tdint.units import parse_units
-from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.ground_motion.horizontals import Horizontals
@@ -125,7 +125,7 @@ def _joined(channel: _Channel) -> Any:
                 f"{label}: the time of the record is outside the calendar; its header is damaged"
             ) from None
         if missing := masked_samples(piece.data):
-            samples = how_many(missing, "sample")
+            samples = pluralize(missing, "sample")
             raise RecordError(
                 f"{label}: {samples} marked as missing; cut the record to its continuous part"
             )

@@ -11,7 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
-from tdint.files import STDIN, is_file, is_folder, keep_input
+from tdint.files import STDIN, is_file, is_folder, protect_input
 from tdint.ground_motion.choice import RecordChoice, TextLayout
 from tdint.ground_motion.horizontals import (
     USUAL,
@@ -28,7 +28,7 @@ from tdint.ground_motion.reading.contents import formats_of, is_record
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
-from tdint.written_numbers import first_few
+from tdint.number_parsing import abbreviate
 
 _MOST_NAMES = 10  # maximum number of names in a message
 
@@ -90,12 +90,12 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
             continue
         files += inside
         for file in inside:
-            keep_input(file)  # other processes may read it
+            protect_input(file)  # other processes may read it
         others = [
             name for name in others if name != "LICENSE"
         ]  # the license of the records is not reported
         if others:
-            notes.append(f"{argument}: skipped (not records): {first_few(others, _MOST_NAMES)}")
+            notes.append(f"{argument}: skipped (not records): {abbreviate(others, _MOST_NAMES)}")
     file_units(choice.units).refuse_unfit(files, partial(formats_of, layout=layout))
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
@@ -126,7 +126,7 @@ def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
         else:
             others.append(name)
     if not records:
-        listed = first_few(others, _MOST_NAMES) or "nothing"
+        listed = abbreviate(others, _MOST_NAMES) or "nothing"
         raise RecordError(f"{folder}: no record found in this directory; it contains {listed}")
     return records, others
 
@@ -218,7 +218,7 @@ def _counted_twice(records: Sequence[Record]) -> list[str]:
         return []
     return [
         "the same ground motion is included more than once in all means: "
-        f"{first_few(again, _MOST_NAMES)}"
+        f"{abbreviate(again, _MOST_NAMES)}"
     ]
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant, parse
-from tdint.system import lock, locked, processors, start_apart
+from tdint.system import lock, locked, processors, spawn_detached
 
 if TYPE_CHECKING:
     from tdint.kernels.building.target import Target
@@ -358,7 +358,7 @@ def _start_compilation(
         # Only one process compiles at a time. Otherwise several models in succession would fill
         # the memory with compilers.
         if lock(stream.fileno()):
-            start_apart(
+            spawn_detached(
                 [sys.executable, "-P", "-c", _BACKGROUND_PROGRAM, json.dumps(names)], folder
             )
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from tdint.errors import ModelError, UsageError
-from tdint.files import READ, STDIN
+from tdint.files import INPUT_DIGESTS, STDIN
 from tdint.ground_motion.choice import (
     AS_STATED,
     BASELINES,
@@ -77,8 +77,8 @@ from tdint.model.keys.fields import (
     numbered,
 )
 from tdint.model.keys.nodes import Faults
+from tdint.number_parsing import parse_head
 from tdint.units import SI, parse_output_units
-from tdint.written_numbers import parse_head
 
 if TYPE_CHECKING:
     from tdint.model.limits import Limit
@@ -608,7 +608,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     # prevents that the text is recorded as an input file of the command.
     text = _edited(text, edits)
     context = copy_context()
-    context.run(READ.set, None)
+    context.run(INPUT_DIGESTS.set, None)
     try:
         reread = context.run(load_model, io.StringIO(text))
     except ModelError:

@@ -106,7 +106,7 @@ def read_units(section: Section) -> ModelUnits:
         units.FORCE[force],
         units.MASS[mass],
         units.OutputUnits(
-            length, force, mass if mass_is_said else units.mass_beside(force, length)
+            length, force, mass if mass_is_said else units.matching_mass_unit(force, length)
         ),
         mass_is_open=foreign and not mass_is_said,
     )

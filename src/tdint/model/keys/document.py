@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, TextIO
 import yaml
 
 from tdint.errors import ModelError
-from tdint.files import note_input, read_whole
+from tdint.files import read_whole, record_digest
 from tdint.model.keys.fields import Value
 from tdint.model.keys.nodes import (
     MAX_DEPTH,
@@ -78,7 +78,7 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
             ValueError: "cannot be read: the name contains a null character",
         }
         data = read_whole(label, ModelError, messages, _too_large(kind), MAX_BYTES)
-        note_input(label, data)
+        record_digest(label, data)
         return SourceText(label, path.stem, path.parent, data)
     elif not hasattr(source, "read"):
         raise ModelError(
@@ -103,7 +103,7 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
         raise ModelError(f"{label}: {_too_large(kind)}")
     # Surrogates represent bytes that the stream could not decode. `decode` reports them.
     encoded = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
-    note_input(label, encoded)
+    record_digest(label, encoded)
     return encoded
 
 

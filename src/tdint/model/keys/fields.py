@@ -20,7 +20,7 @@ from typing import Any, Protocol, TypeVar
 from tdint.errors import ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
-from tdint.written_numbers import LARGEST, SMALLEST
+from tdint.number_parsing import LARGEST, SMALLEST
 
 # ---- Declarations of keys. Both the reader and the JSON schema (with which editors check a file
 # during writing) use the names and bounds that are declared here.

@@ -16,6 +16,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from tdint.analysis.defaults import QUANTITIES
 from tdint.arrays import Array
 from tdint.errors import UsageError
+from tdint.number_parsing import pluralize
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -34,7 +35,6 @@ from tdint.output.figures.style import (
 from tdint.output.printed import PRINTED
 from tdint.output.tables.methods import PEER
 from tdint.system import CLOCKS, version_of_sources
-from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -777,7 +777,7 @@ def _footnote(drawing: _Drawing) -> str:
 
 
 def _title(drawing: _Drawing, name: str, subject: str) -> str:
-    return f"{name}\n{how_many(drawing.chart.stories, 'story')}: {subject}"
+    return f"{name}\n{pluralize(drawing.chart.stories, 'story')}: {subject}"
 
 
 def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:

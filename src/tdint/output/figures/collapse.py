@@ -20,6 +20,7 @@ from tdint.campaign.pairs import SEPARATE, motions_text
 from tdint.campaign.scaling import LEAST_PART, Scaling, suite_spectra
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import Record
+from tdint.number_parsing import number_text, pluralize
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -36,7 +37,6 @@ from tdint.output.figures.style import (
 )
 from tdint.output.spectrum_text import spectrum_text
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
-from tdint.written_numbers import how_many, number_text
 
 # ---- Parts that several figures of suites share: median, fractiles and intensity measures
 #
@@ -155,7 +155,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
     count = len(scaling.motions)
     subject = "record" if isinstance(scaling.motions[0], Record) else "pair"
     names = (
-        how_many(count, subject)
+        pluralize(count, subject)
         if count > 1
         else f"{record_name(records[0].source)} {scaling.motions[0].component}"
     )
@@ -191,10 +191,10 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     if scaling.rest is not None and scaling.periods is not None and len(scaling.rest):
         others = {"color": "0.8", "linewidth": 0.4}
         axes.plot(scaling.periods, units.of(scaling.rest, "m/s^2").T, zorder=0.5, **others)
-        axes.plot([], [], label=f"{how_many(len(scaling.rest), quantity)} not selected", **others)
+        axes.plot([], [], label=f"{pluralize(len(scaling.rest), quantity)} not selected", **others)
     look = single_look(several)
     axes.plot(periods, spectra.T, zorder=1, **look)
-    axes.plot([], [], label=how_many(len(spectra), quantity), **look)
+    axes.plot([], [], label=pluralize(len(spectra), quantity), **look)
     if several:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= _MIN_MOTIONS:
@@ -287,7 +287,7 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     states = study.states
     count = len(states[0].motion_curves)
     look = single_look(count > 1 or len(states) > 1)
-    axes.plot([], [], label=how_many(count, "motion" if study.partners else "record"), **look)
+    axes.plot([], [], label=pluralize(count, "motion" if study.partners else "record"), **look)
     for curve in study.motion_curves:
         _draw_curve(axes, curve, limit, look)
     for state, color in zip(states, (COLORS[0], *COLORS[2:]), strict=False):
@@ -454,7 +454,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     if function.fit == "ida":
         title += ", maximum likelihood" if any(censored) else ", method of moments"
     number = function.motions if function.fit == "stripes" else function.runs
-    title += f"\n{how_many(number, 'run' if function.fit == 'cloud' else 'record')}"
+    title += f"\n{pluralize(number, 'run' if function.fit == 'cloud' else 'record')}"
     if any(censored):
         title += f", {'up to ' * (len(censored) > 1)}{max(censored)} censored"
     return titled(figure, title)

@@ -16,6 +16,7 @@ from tdint.analysis.defaults import PEAKS
 from tdint.arrays import Array
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.ground_motion.record import Record, component_names
+from tdint.number_parsing import pluralize
 from tdint.output.figures.spectrum_curves import log_periods
 from tdint.output.figures.style import (
     COLORS,
@@ -44,7 +45,6 @@ from tdint.output.tables.methods import PEER
 from tdint.output.tables.spectra import RecordInfo
 from tdint.system import CLOCKS, version_of_sources
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.profiles import FieldChart
@@ -80,7 +80,7 @@ def comparison_picture(
     units : OutputUnits
         Units of lengths and accelerations; SI by default.
     """
-    units = units.in_pictures
+    units = units.in_figures
     # Of many floors, those with the least agreement have a row; the overview below shows all
     # floors.
     rows = [
@@ -500,7 +500,7 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
         Units of the axes; SI by default.
     """
     infos = infos[:MOST_RECORDS]
-    units = units.in_pictures
+    units = units.in_figures
     figure = Figure(
         figsize=(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5), layout="constrained"
     )
@@ -519,7 +519,7 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     The figure has the spectra with the target, and time histories and cumulative energy of each
     component.
     """
-    units = units.in_pictures
+    units = units.in_figures
     parts = matched.parts
     figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
     grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
@@ -712,7 +712,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
             look |= {"markerfacecolor": "white"} if PEER in profile.method else {}
             (handles[profile.method],) = axes.step(x, y, where="post", **look)
         count = max(profile.problems for profile in shown)
-        axes.set_title(f"error within {100.0 * tolerance:g} % ({how_many(count, 'problem')})")
+        axes.set_title(f"error within {100.0 * tolerance:g} % ({pluralize(count, 'problem')})")
         axes.set(xscale="log", xlim=(1.0, _LARGEST_RATIO), ylim=(0.0, 1.03))
         axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 30.0]))
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -755,5 +755,5 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         legend.get_title().set_multialignment("center")
     return titled(
         figure,
-        f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}",
+        f"Performance profiles over {pluralize(len(chart.measured), 'problem')}\n{PEAKS[target]}",
     )

@@ -20,6 +20,7 @@ from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.arrays import Array
 from tdint.campaign.pairs import MEAN
 from tdint.campaign.profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
+from tdint.number_parsing import pluralize
 from tdint.output.figures.collapse import GRAY
 from tdint.output.figures.style import (
     COLORS,
@@ -39,7 +40,6 @@ from tdint.output.figures.style import (
     write_note,
 )
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
@@ -72,7 +72,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     accelerations and shears over the height; and the hysteresis loop of one story. Without a
     response history, only the quantities over the height are shown.
     """
-    units = units.in_pictures
+    units = units.in_figures
     title, history = (
         f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s",
         response.history,
@@ -256,7 +256,7 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
     units : OutputUnits
         Units of the figure; SI by default.
     """
-    history, units = response.history, units.in_pictures
+    history, units = response.history, units.in_figures
     assert history is not None
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     _draw_loop(figure.add_subplot(), response, history, story - 1, units)
@@ -489,7 +489,7 @@ def profile_picture(
     title : str
         Title; a single building has its name instead.
     """
-    units = units.in_pictures
+    units = units.in_figures
     # Each scale factor or level has a row; only the first rows are drawn.
     rows: dict[tuple[str, str], list[Profile]] = {}
     for profile in profiles:
@@ -525,12 +525,12 @@ def profile_picture(
     subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
     runs, pairs = shown[0][0].runs, shown[0][0].pairs
-    motions = how_many(runs, "motion")
+    motions = pluralize(runs, "motion")
     part = "mean of both components" if shown[0][0].pair_demand == MEAN else "larger component"
     if 0 < pairs < runs:
-        motions += f", of {how_many(pairs, 'pair')} the {part}"
+        motions += f", of {pluralize(pairs, 'pair')} the {part}"
     elif pairs:
-        motions = f"{how_many(pairs, 'pair')}, the {part} of each".removesuffix(
+        motions = f"{pluralize(pairs, 'pair')}, the {part} of each".removesuffix(
             " of each" * (shown[0][0].pair_demand == MEAN)
         )
     elif shown[0][0].pair_demand:
@@ -641,7 +641,7 @@ def floor_picture(
     spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = ""
 ) -> Figure:
     """Draw the floor spectra of a run, with a labeled curve for each floor and damping ratio."""
-    units = units.in_pictures
+    units = units.in_figures
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
     floors = list(dict.fromkeys(floor_spectrum.floor for floor_spectrum in spectra))
@@ -664,7 +664,7 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     for ground motions, and mean and envelope. Several buildings have means and envelopes in their
     colors.
     """
-    units = units.in_pictures
+    units = units.in_figures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
     for suite in suites:
         panels.setdefault(
@@ -695,7 +695,7 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
     return titled(
         figure,
-        f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor "
+        f"{subject}, {pluralize(suites[0].runs, 'motion')}\nspectra of absolute floor "
         f"accelerations{more}",
     )
 

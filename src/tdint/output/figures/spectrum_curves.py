@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
+from tdint.number_parsing import number_text, pluralize
 from tdint.output.figures.collapse import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output.figures.style import (
     COLORS,
@@ -34,7 +35,6 @@ from tdint.output.figures.style import (
 )
 from tdint.output.spectrum_text import spectrum_text
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import how_many, number_text
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.drift import DriftSpectrum
@@ -471,7 +471,7 @@ def spectrum_picture(
     target : TargetSpectrum, optional
         Target spectrum, drawn if `axes` is `periods`.
     """
-    units = units.in_pictures
+    units = units.in_figures
     figure = DRAWN[axes](spectra, line_labels(spectra), units)
     if target is not None:
         _add_target(figure, target, units)
@@ -502,7 +502,7 @@ def low_picture(
     """
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     axes = figure.subplots()
-    draw_accelerations(axes, spectra, units.in_pictures)
+    draw_accelerations(axes, spectra, units.in_figures)
     low, high = axes.get_xlim()
     if low <= period <= high:
         # The period is stated in the legend, because a label at the line can cover other text.
@@ -637,7 +637,7 @@ def rotated_picture(
     target : TargetSpectrum, optional
         Target spectrum.
     """
-    units = units.in_pictures
+    units = units.in_figures
     # A line is a percentile or the geometric mean of a ground motion at a damping ratio.
     lines: list[Any] = []
     for spectrum in spectra:
@@ -693,7 +693,7 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
     figure = draw_over_periods(spectra, panels, line_labels(spectra))
     _add_heights(figure.axes[0], spectra[0], units)
     least, most = int(spectra[0].stories.min()), int(spectra[0].stories.max())
-    buildings = f"shear buildings of {f'{least} to ' * (least < most)}{how_many(most, 'story')}"
+    buildings = f"shear buildings of {f'{least} to ' * (least < most)}{pluralize(most, 'story')}"
     if most == 0:
         buildings = "continuous shear beam"
     return titled(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, buildings))
@@ -722,7 +722,7 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
 
 def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits = SI) -> Figure:
     """Draw spectra with published values as points, and the differences below."""
-    units = units.in_pictures
+    units = units.in_figures
     name, si = _NAMES[lines[0].published.quantity]
     panels: list[Panel[SpectrumDifference]] = [
         (f"{name} ({units.label(si)})", lambda line: units.of(line.computed, si)),
@@ -747,7 +747,7 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
 
 def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
     """Draw a target spectrum: pseudo-acceleration and displacement over the period."""
-    units = units.in_pictures
+    units = units.in_figures
     figure = Figure(figsize=(7.5, 7.2), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
     _add_target(figure, target, units, legend=False)

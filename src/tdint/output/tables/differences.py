@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from tdint.errors import OutputError
+from tdint.number_parsing import pluralize
 from tdint.output.tables.table import PARQUET, Column
-from tdint.tabular import optional
-from tdint.written_numbers import how_many
+from tdint.tabular import import_optional
 
 ROUNDING = 1e-9
 """Relative difference below which two results are equal within rounding. Time integration over
@@ -142,11 +142,11 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
                 yield Difference(name, number, column, *cells, is_rounding)
         # Cells outside of the columns of the header.
         if max(0, len(row) - len(old)) != max(0, len(other) - len(new)):
-            then, today = (how_many(len(cells), "cell") for cells in (row, other))
+            then, today = (pluralize(len(cells), "cell") for cells in (row, other))
             yield Difference(name, number, "", then, today)
     # Additional rows of one file are counted, not listed.
     if counts[0] != counts[1]:
-        then, today = (how_many(count, "row") for count in counts)
+        then, today = (pluralize(count, "row") for count in counts)
         yield Difference(name, None, "", then, today)
 
 
@@ -230,8 +230,8 @@ def _cells(file: Path) -> Iterator[list[str]]:
 
     packed = file.suffix.lower()
     if packed == ".parquet":
-        reader = optional("pyarrow.parquet", *PARQUET)
-        kind, broken = "Parquet", optional("pyarrow", *PARQUET).lib.ArrowException
+        reader = import_optional("pyarrow.parquet", *PARQUET)
+        kind, broken = "Parquet", import_optional("pyarrow", *PARQUET).lib.ArrowException
     else:
         kind, broken = "CSV", csv.Error
     try:
@@ -329,7 +329,7 @@ def _json_differences(
                 yield from _json_differences(file, below, before[key], now[key], sizes)
     elif isinstance(before, list) and isinstance(now, list):
         if len(before) != len(now):
-            then, today = (how_many(len(items), "item") for items in (before, now))
+            then, today = (pluralize(len(items), "item") for items in (before, now))
             yield Difference(file, None, path, then, today)
         for place, (old, new) in enumerate(zip(before, now, strict=False), start=1):
             yield from _json_differences(file, f"{path}[{place}]", old, new, sizes)

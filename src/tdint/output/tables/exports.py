@@ -20,6 +20,7 @@ from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.store_schema import STORIES
 from tdint.errors import UsageError
+from tdint.number_parsing import pluralize
 from tdint.output.tables.campaign import (
     SAMPLE,
     numeric,
@@ -35,9 +36,8 @@ from tdint.output.tables.damage_states import (
     damage_table_columns,
 )
 from tdint.output.tables.table import PARQUET, TEXT, Column, describe
-from tdint.tabular import optional
+from tdint.tabular import import_optional
 from tdint.units import ACCELERATION, LENGTH, VELOCITY
-from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.campaign.store import Store
@@ -96,7 +96,7 @@ def _write_parquet(
     carried : int
         Number of inventory columns, which are the last columns; 0 by default.
     """
-    pyarrow, parquet = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
+    pyarrow, parquet = (import_optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
     # Inventory columns that contain only numbers are numeric.
     first = len(columns) - carried
     places = (
@@ -342,7 +342,7 @@ def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float,
     if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
         listed = ", ".join(f"{threshold:g}" for threshold in thresholds)
         raise UsageError(
-            f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): specify "
+            f"the functions have {pluralize(len(thresholds), 'threshold')} ({listed}): specify "
             "the same number of states, each a single word"
         )
     return dict(zip(thresholds, states, strict=True))

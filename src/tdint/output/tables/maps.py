@@ -23,7 +23,7 @@ from tdint.campaign.pairs import combine
 from tdint.campaign.store_schema import RUNS
 from tdint.csv_table import number as cell_number
 from tdint.errors import UsageError
-from tdint.files import MOST_BYTES, note_input, read_whole
+from tdint.files import MOST_BYTES, read_whole, record_digest
 from tdint.model.damage_states import COST, NUMBER
 from tdint.output.tables.campaign import carried_columns, numeric
 from tdint.output.tables.damage_states import LOSS, has_costs, probability_name
@@ -339,7 +339,7 @@ def read_polygons(source: str, by: str, parts: Iterable[str]) -> dict[str, Featu
     """
     large = f"larger than {MOST_BYTES // 1024**2} MiB; simplify the polygons"
     data = read_whole(source, UsageError, {}, large, MOST_BYTES)
-    note_input(source, data)
+    record_digest(source, data)
     needs = f"--polygons is a GeoJSON file (FeatureCollection) of polygons with a property {by}"
     try:
         features = json.loads(data)["features"]

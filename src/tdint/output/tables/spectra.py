@@ -26,7 +26,7 @@ from tdint.tabular import Tabular
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.analysis.given import AnyRecord
+    from tdint.analysis.arguments import AnyRecord
     from tdint.analysis.matching import Match
     from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.analysis.spectra.rotated import RotatedSpectrum
@@ -253,7 +253,7 @@ def record_info(record: AnyRecord) -> RecordInfo:
     RecordError
         The record is invalid or cannot be read.
     """
-    from tdint.analysis.given import record_of
+    from tdint.analysis.arguments import record_of
 
     of_file = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)

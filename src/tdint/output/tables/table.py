@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.tabular import optional
+from tdint.tabular import import_optional
 from tdint.units import SI, OutputUnits, Quantity, quantities
 
 Cell = bool | int | float | str | None
@@ -274,7 +274,7 @@ def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]
     UsageError
         pyarrow is not installed.
     """
-    pyarrow, writer = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
+    pyarrow, writer = (import_optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
     # pyarrow cannot infer the type of a text column without any text.
     empty = [
         isinstance(cells, list) and all(cell is None for cell in cells)

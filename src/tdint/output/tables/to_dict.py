@@ -17,7 +17,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe, parquet
-from tdint.tabular import ResultList, optional
+from tdint.tabular import ResultList, import_optional
 from tdint.units import SI, parse_output_units, quantities
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def to_parquet(result: Any, file: str | Path) -> None:
 
 def to_xarray(runs: Runs) -> Any:
     """Return runs as an xarray data set; see `Runs.to_xarray`."""
-    xarray = optional("xarray", "to_xarray")
+    xarray = import_optional("xarray", "to_xarray")
     table = to_dict(runs)
     along = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
     coordinates: dict[str, Any] = {name: ("run", table[name]) for name in along}

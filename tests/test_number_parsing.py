@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from tdint.errors import UsageError
-from tdint.units import parse_output_units
-from tdint.written_numbers import (
-    MOST_POINTS,
+from tdint.number_parsing import (
+    MAX_GRID_POINTS,
     Grid,
     number_text,
     parse_grid,
     parse_ratio,
     table_number,
 )
+from tdint.units import parse_output_units
 
 
 def test_a_ratio_is_a_number_or_a_percentage():
@@ -65,8 +65,8 @@ def test_a_grid_is_written_as_it_is_read():
 def test_what_is_no_grid(text):
     with pytest.raises(UsageError, match="FIRST"):
         parse_grid(text)
-    with pytest.raises(UsageError, match=str(MOST_POINTS)):
-        parse_grid(f"1:2:{MOST_POINTS + 1}")
+    with pytest.raises(UsageError, match=str(MAX_GRID_POINTS)):
+        parse_grid(f"1:2:{MAX_GRID_POINTS + 1}")
 
 
 def test_a_number_for_people_has_few_digits():

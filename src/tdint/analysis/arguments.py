@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.definition import Model
+from tdint.number_parsing import parse_ratio
 from tdint.units import DriftSize, parse_drift
-from tdint.written_numbers import parse_ratio
 
 if TYPE_CHECKING:
     from tdint.ground_motion.horizontals import Horizontals

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-MOST_POINTS = 1_000_000
+MAX_GRID_POINTS = 1_000_000
 """Maximum number of points of a grid. A larger number is probably a typing error."""
 
 SMALLEST, LARGEST = 1e-60, 1e60
@@ -22,10 +22,10 @@ between these limits neither underflow nor overflow in double precision.
 """
 
 
-def how_many(count: int, thing: str) -> str:
+def pluralize(count: int, noun: str) -> str:
     """Return a count with its noun in the singular or the plural: 1 run, 2 runs, 3 stories."""
-    several = f"{thing[:-1]}ies" if thing.endswith("y") else f"{thing}s"
-    return f"{count} {thing if count == 1 else several}"
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
+    return f"{count} {noun if count == 1 else plural}"
 
 
 DIGITS = 4
@@ -57,7 +57,9 @@ def number_text(value: float, digits: int = DIGITS, *, unlike: float | None = No
 
 
 _SMALL = 1e-4
-"""Smallest number that is written; also the smallest fraction of the maximum of a column."""
+"""Limit below which tables do not show the digits of a number, because readers of a report do not
+need them. Applied to a number itself, or to its ratio to the maximum of its column.
+"""
 
 
 def table_number(value: float, largest: float | None = None) -> str:
@@ -83,10 +85,10 @@ def table_number(value: float, largest: float | None = None) -> str:
     return "0" if abs(value) < _SMALL * largest else f"{value:.7f}"
 
 
-def first_few(names: Sequence[str], most: int) -> str:
-    """Return a list of names; after the first `most` names, only the number of further names."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def abbreviate(names: Sequence[str], limit: int) -> str:
+    """Return the first `limit` names as text, and the number of further names: a, b and 7 more."""
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(names[:limit]) + more
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:
@@ -127,9 +129,10 @@ def parse_ratio(text: str) -> float:
     UsageError
         The text has another form, or the number is not finite.
     """
-    words = text.strip()
-    number = words.removesuffix("%")
-    ratio = number_or_nan(number) / (100.0 if number != words else 1.0)
+    stripped = text.strip()
+    number = stripped.removesuffix("%")
+    is_percentage = number != stripped
+    ratio = number_or_nan(number) / (100.0 if is_percentage else 1.0)
     if not math.isfinite(ratio):
         raise UsageError(f"{text!r} is neither a ratio such as 0.05 nor a percentage such as 5%")
     return ratio
@@ -198,13 +201,15 @@ def parse_grid(text: str) -> Grid:
         raise UsageError(
             f"{text!r}: FIRST and LAST must be positive numbers, FIRST the smaller one"
         )
-    if more and not (grid.first < grid.last and 2 <= grid.count <= MOST_POINTS):
-        raise UsageError(f"{text!r}: FIRST must be below LAST, COUNT between 2 and {MOST_POINTS}")
+    if more and not (grid.first < grid.last and 2 <= grid.count <= MAX_GRID_POINTS):
+        raise UsageError(
+            f"{text!r}: FIRST must be below LAST, COUNT between 2 and {MAX_GRID_POINTS}"
+        )
     return grid
 
 
 def parse_named(
-    name: str, words: str, parameters: Mapping[str, bool], example: str
+    name: str, text: str, parameters: Mapping[str, bool], example: str
 ) -> dict[str, str]:
     """Parse the parameters of a named object: `key=value` pairs separated by commas.
 
@@ -212,8 +217,8 @@ def parse_named(
     ----------
     name : str
         Name of the object, such as a method or a design spectrum, for messages.
-    words : str
-        The pairs.
+    text : str
+        The pairs, such as `damping=0.05,site=C`.
     parameters : mapping of str to bool
         Names of the parameters; True if the parameter is required.
     example : str
@@ -230,8 +235,8 @@ def parse_named(
         A parameter is missing, unknown or given twice.
     """
     values: dict[str, str] = {}
-    for part in words.split(","):
-        key, equal, value = (word.strip() for word in part.partition("="))
+    for part in text.split(","):
+        key, equal, value = (token.strip() for token in part.partition("="))
         if not part.strip():
             continue
         if not equal or key.lower() not in parameters:
@@ -254,8 +259,10 @@ WARNING_LENGTH = 60
 """
 
 
-def warned_first(warnings: Sequence[str]) -> str:
-    """Return the end of a headline of results in Python: the first warning and how many follow."""
+def first_warning(warnings: Sequence[str]) -> str:
+    """Return the end of the one-line description of a result: the first warning, and the number of
+    further warnings. Empty without warnings.
+    """
     if not warnings:
         return ""
     more = f" (and {len(warnings) - 1} more: `warnings`)" if len(warnings) > 1 else ""
