@@ -1,9 +1,11 @@
 """CSV files with a header: what every reader of one refuses, and what a column's cells must be."""
 
 import io
+import itertools
 import math
 import os
 import sys
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from tdint.campaign.fragility.fit_table import fragility
 from tdint.campaign.inputs import read_factors
 from tdint.campaign.motions import GridFile
 from tdint.campaign.sites import read_grid
-from tdint.csv_table import read_table
+from tdint.csv_table import TextColumn, read_table
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.model.inventory import read_inventory
 
@@ -263,3 +265,33 @@ def test_many_cells_are_the_numbers_of_each(texts: list[str]) -> None:
     np.testing.assert_array_equal(
         csv_table.numbers_in(texts), [csv_table.number(text) for text in texts]
     )
+
+
+@given(st.lists(st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=3)))
+def test_a_column_has_the_texts_that_it_was_made_of(texts: list[str]) -> None:
+    """By iteration, by index from both ends, by slice and by parts; empty texts and texts with line
+    breaks are texts."""
+    many = texts * 30
+    column = TextColumn(iter(many))
+    assert list(column) == many and len(column) == len(many)
+    assert [column[at] for at in range(-len(many), len(many))] == many * 2
+    assert column[1::7] == many[1::7]
+    assert list(itertools.chain.from_iterable(column.parts())) == many
+    with pytest.raises(IndexError):
+        column[len(many)]
+
+
+def test_a_column_that_is_longer_than_a_part() -> None:
+    texts = [str(number) for number in range(100_001)]
+    column = TextColumn(texts)
+    assert [len(part) for part in column.parts()] == [50_000, 50_000, 1]
+    assert column.numbers().tolist() == list(range(100_001)) and column[50_000] == "50000"
+
+
+def test_what_a_column_takes() -> None:
+    """Little more than its characters: a list of the same texts takes 60 bytes a text more."""
+    tracemalloc.start()
+    column = TextColumn(f"b{number:07d}" for number in range(100_000))
+    taken = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert len(column) == 100_000 and taken < 12 * 100_000

@@ -12,9 +12,9 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, read_whole, record_digest
@@ -38,7 +38,20 @@ BLOCK = 500
 number is below 700, because 700 new lists start Python's garbage collector, which takes time.
 """
 
+_READ = 2**18
+"""Number of characters of a large table that are read together."""
+
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
+
+_END_OF_CELL = "\0"
+"""Separator of the cells in a `TextColumn`. The readers of this module refuse it in files."""
+
+_CELLS = 50
+"""Number of cells that are joined in a `TextColumn`: a text object requires about as much memory as
+its 50 characters, and splitting the cells for access to one of them takes 1 us."""
+
+_PART = 1000 * _CELLS
+"""Number of cells of a `TextColumn` that exist as separate texts at a time."""
 
 
 @dataclass(frozen=True)
@@ -179,6 +192,69 @@ class CsvTable:
         return any(cell.strip() for cell in cells[len(self.header) :])
 
 
+class TextColumn(Sequence[str]):
+    """Texts of a column of a large table.
+
+    A million separate texts require about 60 MB. In this class they are joined, and require little
+    more memory than their characters.
+
+    Parameters
+    ----------
+    texts : iterable of str
+        The texts.
+    """
+
+    def __init__(self, texts: Iterable[str] = ()) -> None:
+        self._joined: list[str] = []
+        self._length = 0
+        self._split: tuple[int, list[str]] = (-1, [])
+        rest = iter(texts)
+        while part := list(islice(rest, _PART)):
+            self.add(part)
+
+    def add(self, texts: Sequence[str]) -> None:
+        """Append texts. Only the last call may have a number that is not a multiple of 50."""
+        assert self._length % _CELLS == 0
+        for first in range(0, len(texts), _CELLS):
+            self._joined.append(_END_OF_CELL.join(texts[first : first + _CELLS]))
+        self._length += len(texts)
+
+    def __len__(self) -> int:
+        return self._length
+
+    @overload
+    def __getitem__(self, at: int) -> str: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[str]: ...
+    def __getitem__(self, at: int | slice) -> str | list[str]:
+        if isinstance(at, slice):
+            return [self[number] for number in range(len(self))[at]]
+        block, cell = divmod(range(len(self))[at], _CELLS)
+        # Consecutive accesses split a block once. The pair is replaced as a whole, because several
+        # threads may read.
+        number, cells = self._split
+        if number != block:
+            cells = self._joined[block].split(_END_OF_CELL)
+            self._split = (block, cells)
+        return cells[cell]
+
+    def __iter__(self) -> Iterator[str]:
+        return chain.from_iterable(joined.split(_END_OF_CELL) for joined in self._joined)
+
+    def parts(self) -> Iterator[list[str]]:
+        """Return all texts as lists of moderate length."""
+        blocks = _PART // _CELLS
+        for first in range(0, len(self._joined), blocks):
+            yield _END_OF_CELL.join(self._joined[first : first + blocks]).split(_END_OF_CELL)
+
+    def numbers(self) -> Array:
+        """Return all texts as numbers; nan for each text that is not a number between the
+        limits."""
+        import numpy as np  # Imported here as in `numbers_in`.
+
+        return np.concatenate([np.empty(0), *map(numbers_in, self.parts())])
+
+
 def number(text: str) -> float:
     """Return a cell as a number between the limits for input; nan if it is not such a number."""
     value = _float(text)
@@ -293,10 +369,12 @@ def stream_table(
     TdintError
         As for `read_table`. Errors in rows are raised when the row is read.
     """
-    # A pipe can be read only once. Its content is therefore read into memory, where the digest and
-    # the rows are computed from the same bytes.
+    # A pipe can be read only once; therefore the digest is computed from the data that were read.
     if read_first or source == STDIN or not is_file(source):
-        rows = _rows(source, io.StringIO(_text(source, needs, error), newline=""), error)
+        # The rows are decoded as they are read: a `StringIO` requires four bytes per character.
+        data = io.BytesIO(_checked_bytes(source, needs, error))
+        text = io.TextIOWrapper(data, encoding="utf-8-sig", newline="")
+        rows = _rows(source, text, error)
     else:
         record_digest(source, lambda: digest_of(Path(source)))
         rows = _streamed(source, error)
@@ -319,10 +397,13 @@ def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[
     with Path(source).open(encoding="utf-8-sig", newline="") as file:
 
         def lines() -> Iterator[str]:
-            for number, line in enumerate(file, start=1):
-                if "\0" in line:
+            above = 0
+            while block := file.readlines(_READ):
+                if "\0" in "".join(block):
+                    number = above + next(n for n, line in enumerate(block, 1) if "\0" in line)
                     raise error(f"{source}:{number}: a null character; save it as UTF-8 text")
-                yield line
+                yield from block
+                above += len(block)
 
         try:
             yield from _rows(source, lines(), error)
@@ -345,7 +426,7 @@ def _rows(
     try:
         for row in reader:
             is_complete = row == [_END]
-            if not is_complete and any(map(str.strip, row)):
+            if not is_complete and row and (row[0].strip() or any(map(str.strip, row))):
                 previous_line, last_line = last_line, reader.line_num
                 yield last_line, row
     except csv.Error as csv_error:
@@ -355,19 +436,19 @@ def _rows(
         raise error(f"{source}: a quotation mark below line {previous_line} is not closed")
 
 
-def _text(source: str, needs: str, error: type[TdintError]) -> str:
-    """Read a complete file as UTF-8 text and register it as an input."""
+def _checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
+    """Read a complete file, check that it is UTF-8 text, and register it as an input."""
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(
         source, error, {FileNotFoundError: f"no such file; {needs}"}, large, MOST_BYTES
     )
     record_digest(source, data)
     try:
-        text = data.decode("utf-8-sig")
+        data.decode("utf-8-sig")
     except UnicodeDecodeError as decoding_error:
         byte = data[decoding_error.start]
         raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
-    if "\0" in text:
-        line = text.count("\n", 0, text.index("\0")) + 1
+    if b"\0" in data:
+        line = data.count(b"\n", 0, data.index(b"\0")) + 1
         raise error(f"{source}:{line}: a null character; save it as UTF-8 text")
-    return text
+    return data

@@ -678,3 +678,28 @@ def test_an_inventory_that_changes_between_shards(
     shards("3,C1,5,1990,500", "3,C1,5,1990,600", code=0)
     refused = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=2).stderr
     assert "the inventory has changed between the calls for the shards" in refused
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_duplicate_that_only_one_shard_has_seen(
+    shards: Callable[..., None], tdint: Command, number: int
+) -> None:
+    """The valid rows and their runs are the same, but the directory is not merged: one call left a
+    row out, and the other one knew nothing of it."""
+    doubled = "2,C1,5,1990,500"
+    for shard in (1, 2):
+        text = REGION.replace("ROW", doubled if shard == number else "")
+        Path("region.csv").write_text(text)
+        code = 3 if shard == number else 0
+        tdint("campaign", "region.yaml", "-o", f"p{shard}", "--shard", f"{shard}/2", code=code)
+    refused = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=2).stderr
+    assert "the inventory has changed between the calls for the shards" in refused
+    assert not Path("all", FILE).exists()
+    # The remedy of the message: the call with the corrected inventory keeps its runs.
+    Path("region.csv").write_text(REGION.replace("ROW", ""))
+    for shard in (1, 2):
+        again = tdint(
+            "campaign", "region.yaml", "-o", f"p{shard}", "--shard", f"{shard}/2", code=0
+        ).stderr
+        assert "nothing to do" in again
+    tdint("campaign", "merge", "p1", "p2", "-o", "all", code=0)

@@ -17,8 +17,12 @@ from scipy.stats import beta, norm
 
 from cli.conftest import Command, change, copy_of, made_once, write_record
 from csv_rows import rows
+from tdint.campaign.buildings import RowBuildings
 from tdint.campaign.definition import FieldFile
+from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import FieldMotions
+from tdint.campaign.plan import make_plan
+from tdint.campaign.reader import load_campaign
 from tdint.campaign.sites import FoundMotions, read_field
 from tdint.ground_motion.choice import RecordChoice
 
@@ -470,6 +474,19 @@ def test_what_a_row_of_a_field_takes(here: Path) -> None:
     )
 
 
+def test_a_plan_derives_no_building(region: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the shard that runs a building derives it: of a million buildings, all of them took most
+    of the time of a shard before its first run."""
+    made, make = list[int](), RowBuildings.make
+    monkeypatch.setattr(
+        RowBuildings, "make", lambda self, number: (made.append(number), make(self, number))[1]
+    )
+    campaign = load_campaign("campaign.yaml")
+    plan = make_plan(campaign, read_inputs(campaign))
+    # The first building represents the methods of all.
+    assert plan.runs > 0 and plan.buildings_of([0]) and set(made) <= {0}
+
+
 def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
     region: Path, tdint: Command
 ) -> None:
@@ -518,6 +535,11 @@ def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
     tdint("campaign", "campaign.yaml", "-o", "part-2", "--shard", "2/10")
     refused = tdint("campaign", "merge", *parts, "-o", "other", code=2)
     assert "columns of the inventory, or damage: differs" in refused.stderr
+    # A building that has moved to another site changes the fields, but the inventory is the cause.
+    change("buildings.csv", (",1002,37.85,-122.2", ",1002,37.8,-122.27"))
+    tdint("campaign", "campaign.yaml", "-o", "moved", "--shard", "2/10", code=3)
+    refused = tdint("campaign", "merge", "part-1", "moved", "-o", "other", code=2)
+    assert "the inventory has changed between the calls for the shards" in refused.stderr
 
 
 def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:

@@ -21,7 +21,15 @@ from tdint.campaign.cluster import Cluster, on_cluster
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.store import FILE, Store, all_differences, is_empty, open_existing, open_store
+from tdint.campaign.store import (
+    FILE,
+    INVENTORY_CHANGED,
+    Store,
+    all_differences,
+    is_empty,
+    open_existing,
+    open_store,
+)
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.load_or_compile import load_or_compile
@@ -434,6 +442,7 @@ def _part(folder: Path, store: Store) -> _Part:
         damaged = schema.damaged_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
         about = {key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")}
+        about["inventory files"] = json.dumps(store.inventory_files())
         runs = int(store.meta("runs"))
     # Corrupt chunks count as missing, because they are not copied.
     sound = {number: count for number, count in chunks.items() if number not in damaged}
@@ -449,19 +458,24 @@ def _check_same(part: _Part, other: _Part) -> None:
     """Raise UsageError if two parts belong to different campaigns."""
     if part.about == other.about:
         return
-    if (
-        part.about["fingerprint"] == other.about["fingerprint"]
-        and part.about["chunks"] == other.about["chunks"]
-    ):
-        lines = (
-            "columns of the inventory, or damage: differs; call `tdint campaign` for each shard "
-            "again"
-        )
+    has_new_inventory = part.about["inventory files"] != other.about["inventory files"]
+    if all(part.about[key] == other.about[key] for key in ("fingerprint", "chunks")):
+        # The runs are the same, but tables and skipped rows may differ.
+        lines = "\n".join([INVENTORY_CHANGED] * has_new_inventory)
+        if any(part.about[key] != other.about[key] for key in ("inventory", "damage")):
+            lines = (
+                "columns of the inventory, or damage: differs; call `tdint campaign` for each "
+                f"shard again\n{lines}"
+            ).rstrip()
     else:
         with _reopened(part) as first, _reopened(other) as second:
             sides = first.sides(), second.sides()
             lines = all_differences(
-                *sides, store=part.name, given=other.name, parts=bool(part.shards)
+                *sides,
+                store=part.name,
+                given=other.name,
+                parts=bool(part.shards),
+                has_new_inventory=has_new_inventory,
             )
     raise UsageError(f"{part.name} and {other.name} belong to different campaigns\n{lines}")
 

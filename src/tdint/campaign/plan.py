@@ -387,7 +387,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         notes=(*notes, *motions.notes),
         warnings=on_plausibility(
             (subject.model, subject.prepared.building)
-            for subject in (item.subject() for item in buildings if inputs.models)
+            for subject in (item.subject() for item in (buildings if inputs.models else ()))
         ),
         damage=damage,
         factors=inputs.factors.source if inputs.factors else "",

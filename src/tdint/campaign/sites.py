@@ -6,9 +6,9 @@ import json
 import math
 import re
 from array import array
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,7 +20,15 @@ from tdint.arrays import Array
 from tdint.campaign.definition import FieldFile
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMotions, PointMotion
-from tdint.csv_table import CsvTable, number, number_error, read_table, stream_table
+from tdint.csv_table import (
+    BLOCK,
+    CsvTable,
+    number,
+    number_error,
+    numbers_in,
+    read_table,
+    stream_table,
+)
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_whole
 from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_names
@@ -270,6 +278,62 @@ class _FieldRows:
         self.value.append(value)
         self.line.append(line)
 
+    def add_valid(
+        self,
+        block: Sequence[tuple[int, list[str]]],
+        width: int,
+        at: Sequence[int],
+        unit: float,
+        *,
+        are_sites_known: bool,
+        measure: IntensityMeasure | None,
+    ) -> bool:
+        """Append many rows and return True, if all of them are valid; otherwise return False.
+
+        Parameters
+        ----------
+        block : sequence of (int, list of str)
+            Line number and cells of each row.
+        width : int
+            Number of columns of the table.
+        at : sequence of int
+            Index of the columns of event, record, site, component, second component and value;
+            `width` for a column that does not exist.
+        unit : float
+            Unit of the values in SI.
+        are_sites_known : bool
+            True if a table of sites exists, so that no site may be added.
+        measure : IntensityMeasure or None
+            Intensity measure of the values; None for factors.
+        """
+        lines, rows = zip(*block, strict=True)
+        if set(map(len, rows)) != {width}:
+            return False
+        columns = [*zip(*rows, strict=True), ("",) * len(rows)]
+        event, record, site, component, other, value = (columns[place] for place in at)
+        values = np.ones(len(rows)) if at[5] == width else numbers_in(value)
+        if not (values > 0.0 if measure else np.abs(values) > 0.0).all():
+            return False
+        # Replace names by numbers in the order of their first use. Numbers that are given to the
+        # names of an invalid row have no effect, because the table is refused.
+        keys = zip(record, component, other, strict=True)
+        events = _numbers_of(event, self.events, str.strip, first=1)
+        records = _numbers_of(keys, self.records, _strip_each)
+        sites = _numbers_of(site, self.sites, str.strip, may_add=not are_sites_known)
+        is_unnamed = (
+            "" in self.events
+            or any(not name for name, *_ in self.records)
+            or ("" in self.sites and at[2] < width)
+        )
+        if is_unnamed or -1 in sites:
+            return False
+        self.site.extend(sites)
+        self.event.extend(events)
+        self.record.extend(records)
+        self.value.frombytes((unit * values).tobytes())
+        self.line.extend(lines)
+        return True
+
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
         """Return site, event, record and value of all rows."""
         site, event, record = (
@@ -303,6 +367,45 @@ class _FieldRows:
                 "site"
             )
         return faults
+
+
+def _numbers_of(
+    names: Iterable[Value],
+    numbers: dict[Value, int],
+    strip: Callable[[Value], Value],
+    *,
+    first: int = 0,
+    may_add: bool = True,
+) -> list[int]:
+    """Return the numbers of names; -1 for an unknown name.
+
+    Parameters
+    ----------
+    names : iterable
+        Names as in the file.
+    numbers : dict
+        Numbers by name without surrounding spaces; new names are added.
+    strip : callable
+        Function that removes the surrounding spaces of a name.
+    first : int
+        Number of the first name.
+    may_add : bool
+        True if names may be added.
+    """
+    names = list(names)
+    found = [numbers.get(name, -1) for name in names]
+    if -1 in found:
+        names = list(map(strip, names))
+        for name in dict.fromkeys(names) if may_add else ():
+            numbers.setdefault(name, len(numbers) + first)
+        found = [numbers.get(name, -1) for name in names]
+    return found
+
+
+def _strip_each(texts: tuple[str, str, str]) -> tuple[str, str, str]:
+    """Return the texts without surrounding spaces."""
+    first, second, third = texts
+    return first.strip(), second.strip(), third.strip()
 
 
 def _field_rows(
@@ -349,52 +452,51 @@ def _field_rows(
     width = len(table.header)
     at = [table.header.index(name) if name and table.has(name) else width for name in names]
     # Collect errors up to a maximum, so that users can correct all of them in one edit.
-    rows, faults, pick = _FieldRows(sites), list[str](), itemgetter(*at)
-    for line, cells in lines:
-        if len(faults) >= _MOST_FAULTS:
-            break
-        # Almost all rows contain known names and a number. This path takes two thirds of the time
-        # of the complete checks below.
-        if len(cells) == width:
-            event_name, record, place, component, other, text = pick([*cells, ""])
-            site_number, event_number = sites.get(place, -1), rows.events.get(event_name, -1)
-            record_number = rows.records.get((record, component, other), -1)
-            factor = number(text) if text else math.nan
-            if min(site_number, event_number, record_number) >= 0 and (
-                factor > 0.0 or (factor < 0.0 and not measure)
-            ):
-                rows.add(site_number, event_number, record_number, unit * factor, line)
-                continue
-        if table.overfull(cells):
-            faults.append(
-                f"{file}:{line}: {pluralize(len(cells), 'cell')}, but {pluralize(width, 'column')}"
-            )
+    rows, faults = _FieldRows(sites), list[str]()
+    while len(faults) < _MOST_FAULTS and (block := list(islice(lines, BLOCK))):
+        # Almost all rows are valid. Only blocks with an error are read row by row.
+        if rows.add_valid(
+            block, width, at, unit, are_sites_known=bool(field.sites), measure=measure
+        ):
             continue
-        # Missing cells at the end of a row are empty.
-        cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
-        event_name, record, place, component, other, text = (cells[number].strip() for number in at)
-        missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
-        missing += [site] * (at[2] < width and not place)
-        factor = number(text) if text else 1.0
-        if missing:
-            faults.append(f"{file}:{line}: {missing[0]} is missing")
-        elif field.sites and place not in sites:
-            faults.append(f"{file}:{line}: site {place!r} is not in {field.sites}")
-        elif measure and not text:
-            faults.append(f"{file}:{line}: {value} is missing")
-        elif math.isnan(factor) or (measure and factor <= 0.0):
-            faults.append(
-                f"{file}:{line}: {value} "
-                f"{number_error(text, 'a positive number' if measure else 'a number')}"
+        for line, cells in block:
+            if len(faults) >= _MOST_FAULTS:
+                break
+            if table.overfull(cells):
+                faults.append(
+                    f"{file}:{line}: {pluralize(len(cells), 'cell')}, but "
+                    f"{pluralize(width, 'column')}"
+                )
+                continue
+            # Missing cells at the end of a row are empty.
+            cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
+            event_name, record, place, component, other, text = (
+                cells[number].strip() for number in at
             )
-        elif factor == 0.0:
-            faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
-        # Replace names by numbers, which require 24 bytes per row.
-        else:
-            site_number = sites.setdefault(place, len(sites))
-            event_number = rows.events.setdefault(event_name, len(rows.events) + 1)
-            record_number = rows.records.setdefault((record, component, other), len(rows.records))
-            rows.add(site_number, event_number, record_number, unit * factor, line)
+            missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
+            missing += [site] * (at[2] < width and not place)
+            factor = number(text) if text else 1.0
+            if missing:
+                faults.append(f"{file}:{line}: {missing[0]} is missing")
+            elif field.sites and place not in sites:
+                faults.append(f"{file}:{line}: site {place!r} is not in {field.sites}")
+            elif measure and not text:
+                faults.append(f"{file}:{line}: {value} is missing")
+            elif math.isnan(factor) or (measure and factor <= 0.0):
+                faults.append(
+                    f"{file}:{line}: {value} "
+                    f"{number_error(text, 'a positive number' if measure else 'a number')}"
+                )
+            elif factor == 0.0:
+                faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
+            # Replace names by numbers, which require 24 bytes per row.
+            else:
+                site_number = sites.setdefault(place, len(sites))
+                event_number = rows.events.setdefault(event_name, len(rows.events) + 1)
+                record_number = rows.records.setdefault(
+                    (record, component, other), len(rows.records)
+                )
+                rows.add(site_number, event_number, record_number, unit * factor, line)
     faults += rows.find_duplicates(file)
     if faults:
         shown, more = faults[:_SHOWN_FAULTS], len(faults) - _SHOWN_FAULTS

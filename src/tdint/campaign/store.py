@@ -217,8 +217,21 @@ Sides = Sequence[Mapping[str, str]]
 """Settings, buildings, records and files of plug-ins: values or SHA-256 by name."""
 
 
+INVENTORY_CHANGED = (
+    "buildings: the inventory has changed between the calls for the shards; call `tdint campaign` "
+    "for every shard with the same inventory"
+)
+"""Difference between two shards of a campaign."""
+
+
 def all_differences(
-    before: Sides, now: Sides, *, store: str = "the store", given: str, parts: bool = False
+    before: Sides,
+    now: Sides,
+    *,
+    store: str = "the store",
+    given: str,
+    parts: bool = False,
+    has_new_inventory: bool = False,
 ) -> str:
     """Return the differences between two stores or campaigns, one line each.
 
@@ -230,9 +243,11 @@ def all_differences(
         Labels of `before` and `now` in the lines.
     parts : bool
         True if a side is a shard: only buildings that both sides contain are compared.
+    has_new_inventory : bool
+        True if the files of the inventory differ.
     """
     kinds = ("setting", "building", "record", "plug-in")
-    lines = []
+    lines = [INVENTORY_CHANGED] if parts and has_new_inventory else []
     for kind, stored, other in zip(kinds, before, now, strict=True):
         both = (
             stored.keys() & other.keys()
@@ -242,13 +257,8 @@ def all_differences(
         sides = ({name: side[name] for name in side if name in both} for side in (stored, other))
         lines += differences(*sides, kind=kind, store=store, given=given)
     # The fingerprints differ, but no entry does: only these reasons remain.
-    other_reason = (
-        "buildings: the inventory has changed between the calls for the shards; call `tdint "
-        "campaign` for every shard with the same inventory"
-        if parts
-        else "the order of buildings or records: differs"
-    )
-    return "\n".join(lines or [other_reason])
+    other_reason = "the order of buildings or records: differs"
+    return "\n".join(lines or [INVENTORY_CHANGED if parts else other_reason])
 
 
 # ---- Store
@@ -529,6 +539,12 @@ class Store:
         """Return the columns of the inventory that are copied to tables, as written in the
         inventory; empty without an inventory."""
         return tuple(json.loads(self.meta("inventory"))["columns"])
+
+    def inventory_files(self) -> list[str]:
+        """Return the SHA-256 of the files of the inventory; empty without an inventory."""
+        if not json.loads(self._meta_or_none("inventory") or '{"columns": []}')["columns"]:
+            return []
+        return sorted(json.loads(self._meta_or_none("files") or "{}").values())
 
     def shards(self) -> list[str]:
         """Return the shards, as K/N, that were requested of this store."""
@@ -823,7 +839,11 @@ def check_same(store: Store, identity: Identity) -> list[str]:
     """
     if identity.fingerprint != store.meta("fingerprint"):
         lines = all_differences(
-            store.sides(), identity.sides, given=f"this {identity.kind}", parts=bool(store.shards())
+            store.sides(),
+            identity.sides,
+            given=f"this {identity.kind}",
+            parts=bool(store.shards()),
+            has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
         raise UsageError(
             f"{store.name}: contains another {identity.kind}; give another directory with -o, or "
