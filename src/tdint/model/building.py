@@ -124,16 +124,20 @@ class Building:
         return np.asarray((secant + self.linear_terms[rows.POWER_DAMPER, ..., :-1] * grown) * rate)
 
     @cached_property
+    def _law_codes(self) -> set[float]:
+        """Codes of the laws of all stories."""
+        return set(self.law_parameters[rows.CODE, :-1].ravel().tolist())
+
+    @cached_property
     def piecewise_linear(self) -> bool:
         """True if every story has a piecewise linear law."""
-        codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
-        return bool(np.all(np.isin(self.law_parameters[rows.CODE, :-1], codes)))
+        return self._law_codes.isdisjoint(CODES[name] for name, law in LAWS.items() if law.curved)
 
     @cached_property
     def kinked(self) -> bool:
         """True if any story has a law with a discontinuous tangent."""
-        codes = [CODES[name] for name, law in LAWS.items() if law.kinked]
-        return bool(np.any(np.isin(self.law_parameters[rows.CODE, :-1], codes)))
+        kinked = (CODES[name] for name, law in LAWS.items() if law.kinked)
+        return not self._law_codes.isdisjoint(kinked)
 
     @cached_property
     def fastest(self) -> float:
@@ -145,6 +149,19 @@ class Building:
         (M^-1 K x) / x (Collatz 1942), and the bound becomes closer as x approaches the mode.
         """
         return float(_fastest(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass))
+
+    def is_faster_than(self, limit: float, h: float) -> bool:
+        """Return True if `fastest` times the time step h (s) exceeds a limit.
+
+        The bound of the first iteration, which only decreases, is sufficient for most buildings.
+        """
+        return not self._first_bound * h <= limit and self.fastest * h > limit
+
+    @cached_property
+    def _first_bound(self) -> float:
+        """Result of the first iteration of `fastest`, rad/s."""
+        link = self.linear_terms[rows.LINK]
+        return float(_fastest(self.initial_stiffness, link, self.mass, 1))
 
     def stiffness_matrix(self) -> Array:
         """Return the initial stiffness matrix, N/m, shape (n, n)."""
@@ -167,6 +184,11 @@ class Building:
 
         The damping ratio is computed from the diagonal of the modal damping matrix.
         """
+        return self._first_mode
+
+    @cached_property
+    def _first_mode(self) -> tuple[float, float]:
+        """Result of `first_mode`."""
         omega, shape = self.vibration.first
         drift = np.diff(shape, prepend=0.0)
         work = np.sum(self.linear_terms[rows.STORY_DAMPER, :-1] * drift**2) + np.sum(
@@ -181,7 +203,7 @@ class Building:
         return self.vibration.modes
 
 
-def _fastest(stiffness: Array, link: Array, mass: Array) -> Array:
+def _fastest(stiffness: Array, link: Array, mass: Array, turns: int = _TURNS) -> Array:
     """Return `Building.fastest` of one or more buildings, shape (..., n); `link` has an additional
     column.
 
@@ -194,12 +216,14 @@ def _fastest(stiffness: Array, link: Array, mass: Array) -> Array:
         element.
     mass : array, shape (..., n)
         Mass of each floor, kg.
+    turns : int
+        Number of iterations.
     """
     springs = np.concatenate([np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1)
     below, above = link[:-1] * springs[..., :-1], link[1:] * springs[..., 1:]
     shape = np.ones(stiffness.shape)
     bound = np.full(stiffness.shape[:-1], math.inf)
-    for _ in range(_TURNS):
+    for _ in range(turns):
         turned = (springs[..., :-1] + above) * shape
         turned[..., 1:] += below[..., 1:] * shape[..., :-1]
         turned[..., :-1] += above[..., :-1] * shape[..., 1:]

@@ -184,9 +184,9 @@ class FreeVibration:
         shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
         for _ in range(_MOST_ITERATIONS):
             force = self.mass * shape
-            shear = np.cumsum(force[::-1])[::-1]
-            displacement = np.cumsum(shear / self.stiffness)  # K displacement = force
-            square = float(np.sum(self.mass * displacement**2))
+            shear = np.add.accumulate(force[::-1])[::-1]
+            displacement = np.add.accumulate(shear / self.stiffness)  # K displacement = force
+            square = float(np.add.reduce(self.mass * displacement**2))
             if not 0.0 < square < math.inf:
                 raise ModelError(
                     "the first mode cannot be computed: masses or stiffnesses differ by too many "

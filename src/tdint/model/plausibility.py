@@ -262,9 +262,10 @@ def suppression_reason(model: Model) -> list[str]:
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
     """Return a warning on the stories with unusual values; empty if all values are usual."""
-    return unusual(
-        bound, {f"story {number}": value for number, value in enumerate(values, start=1)}
-    )
+    numbers = np.asarray(values, dtype=float).tolist()
+    if all(map(bound.holds, numbers)):
+        return []
+    return unusual(bound, {f"story {number}": value for number, value in enumerate(numbers, 1)})
 
 
 def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:

@@ -108,7 +108,9 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
 
 def _drift_rates(building: Building, floors: Array) -> Array:
     """Return the rates of the drifts from the rates of the floors (one row of a table)."""
-    return np.asarray(floors[:-1] - building.linear_terms[rows.LINK, :-1] * np.roll(floors, 1)[:-1])
+    rates: Array = floors[:-1].copy()
+    rates[1:] -= building.linear_terms[rows.LINK, 1:-1] * floors[:-2]
+    return rates
 
 
 def interstep_peak_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
@@ -131,9 +133,10 @@ def interstep_peak_errors(building: Building, space: Workspace, late: float) -> 
         for row in (space.state[rows.VELOCITY], space.observer_state[rows.OBSERVED_ACCELERATION])
     )
     changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(acceleration)
-    reported = story_values(building, peaks, rest)
-    bound = story_values(building, np.maximum(space.peaks[rows.PEAK_ROWS :], peaks), changed)
-    return StoryErrors(**{name: bound[name] - values for name, values in reported.items()})
+    possible = np.maximum(space.peaks[rows.PEAK_ROWS :], peaks)
+    # The values of all stories are computed one time for both sets of peaks.
+    both = story_values(building, np.array([peaks, possible]), np.array([rest, changed]))
+    return StoryErrors(**{name: bound - reported for name, (reported, bound) in both.items()})
 
 
 def energy_errors(totals: Array) -> Array:
@@ -709,13 +712,11 @@ class Case:
             "velocities": "peak_velocity",
         }
         kinds["accelerations"] = "peak_absolute_acceleration"
+        bound, stories = vars(response.interstep_bound), vars(response.stories)
         hidden = [
             label
             for label, name in kinds.items()
-            if np.any(
-                getattr(response.interstep_bound, name)
-                > _UNRESOLVED * getattr(response.stories, name)
-            )
+            if (bound[name] > _UNRESOLVED * stories[name]).any()
         ]
         if hidden:
             notes.append(
@@ -724,8 +725,8 @@ class Case:
             )
         # Drifts at the end that are not yet residual drifts. Forces on floors prevent a state of
         # rest.
-        i = int(np.argmax(moving))
-        still = moving[i] <= _MOVING * np.max(response.stories.peak_drift)
+        i = int(moving.argmax())
+        still = moving[i] <= _MOVING * response.stories.peak_drift.max()
         if record and not (ended or self.model.excitation.forces or still):
             length, size = self.model.output_units.unit("m")
             by = (

@@ -658,7 +658,7 @@ class PreparedBuilding:
         space = workspace(self.building, integrator, row_count, self.collapse_drift)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
         space.state[rows.VELOCITY, :-1] = self.velocity
-        space.flags[rows.UNRESOLVED_MODES] = self.building.fastest * h > _RESOLVED
+        space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(_RESOLVED, h)
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
