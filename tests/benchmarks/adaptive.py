@@ -1,4 +1,4 @@
-"""Adaptive solvers of SciPy on two standard problems: python tests/benchmarks/adaptive.py
+"""Adaptive solvers of SciPy on three standard problems: python tests/benchmarks/adaptive.py
 
 DOP853 and LSODA (scipy.integrate.solve_ivp) with relative tolerances from 1e-3 to 1e-9. Branch
 changes (yielding, turns of a story, for Bouc-Wen also zeros of the hysteretic part) are located as
@@ -28,12 +28,20 @@ from tdint.methods.catalogue import parse
 from tdint.model.definition import CODES
 
 FILE = Path(__file__).with_name("adaptive.csv")
-PROBLEMS = (("linear", "near-fault"), ("bilinear", "near-fault"))
-"""Without bouc-wen: with a restart at each of its turns a run exceeds the time limit."""
+PROBLEMS = (("linear", "near-fault"), ("bilinear", "near-fault"), ("bouc-wen", "near-fault"))
 METHODS = ("DOP853", "LSODA")
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
 SECONDS = 60.0
 """Time limit of a run, s."""
+AT_REST = 1e-6
+"""Hysteretic part of a Bouc-Wen story at rest, over its strength, up to which branch changes are
+not located. A uniform ground acceleration moves only the first story at first: the drift rates of
+the other stories are exactly zero, and an event would be located at time zero after each restart.
+The branch changes the rate of the hysteretic part by the square of this ratio."""
+BEYOND = 1e-12
+"""Distance beyond its bound, over the strength or in m/s, at which a branch change is located. With
+a distance of exactly zero at a restart, solve_ivp would locate the same event again at the start of
+a step in which the story returns."""
 FINE = 32
 """Steps of the truth and evaluations of the dense output per sampling interval."""
 HEADS = (
@@ -57,7 +65,7 @@ def rate(t, y, mode, kind, linear, soft, parameters, mass, damping, ground, inte
         Time, s, and state.
     mode : ndarray, shape (2, stories)
         Branch of a bilinear story (0 elastic, -1 or 1 yielding), or the signs of the drift rate and
-        of the hysteretic part of a Bouc-Wen story.
+        of the hysteretic part of a Bouc-Wen story (both 0: at rest, see `AT_REST`).
     kind : int
         0 linear, 1 bilinear, 2 Bouc-Wen.
     linear, soft : ndarray
@@ -86,7 +94,7 @@ def rate(t, y, mode, kind, linear, soft, parameters, mass, damping, ground, inte
             elif kind == 2:
                 w = abs(z) / parameters[0, i]
                 beta = parameters[2, i]
-                side = mode[0, i] * mode[1, i]
+                side = mode[0, i] * mode[1, i] if mode[1, i] != 0.0 else np.sign(v * z)
                 slope *= 1.0 - w ** parameters[1, i] * (beta * side + 1.0 - beta)
             change[2 * n + i] = slope * v
         force[i] -= shear
@@ -103,7 +111,7 @@ def rate(t, y, mode, kind, linear, soft, parameters, mass, damping, ground, inte
 def distances(y, mode, kind, strength):
     """Return quantities that are positive until a story changes its branch."""
     n = strength.size
-    out = np.ones(2 * n)
+    out = np.ones(2 * n)  # without `BEYOND`, which is added below
     below = 0.0
     for i in range(n):
         v = y[n + i] - below
@@ -111,10 +119,12 @@ def distances(y, mode, kind, strength):
         z = y[2 * n + i] / strength[i]
         if kind == 1:
             out[i] = 1.0 - abs(z) if mode[0, i] == 0.0 else mode[0, i] * v
+        elif mode[1, i] == 0.0:
+            out[i] = AT_REST - abs(z)
         else:
             out[i] = mode[0, i] * v
             out[n + i] = mode[1, i] * z
-    return out
+    return out + BEYOND
 
 
 class Building:
@@ -153,6 +163,10 @@ class Building:
             story, second = number % n, number // n
             if self.kind == 1:
                 mode[0, story] = np.sign(y[2 * n + story]) if mode[0, story] == 0.0 else 0.0
+                continue
+            drift_rate = y[n + story] - (y[n + story - 1] if story > 0 else 0.0)
+            if mode[1, story] == 0.0:
+                mode[:, story] = np.sign([drift_rate, y[2 * n + story]])
             else:
                 mode[second, story] *= -1.0
         return mode
@@ -174,9 +188,7 @@ def solve(building: Building, method: str, rtol: float) -> tuple[dict[str, np.nd
     size = (2 if building.kind == 0 else 3) * n
     scale = np.concatenate([np.full(n, 0.01), np.full(n, 0.1), building.parameters[0]])[:size]
     y, t = np.zeros(size), 0.0
-    mode = np.zeros((2, n)) if building.kind < 2 else np.ones((2, n))
-    if building.kind == 2:
-        mode[:] = -np.sign(building.ground[np.flatnonzero(building.ground)[0]])
+    mode = np.zeros((2, n))  # elastic, or at rest
     peaks = {name: np.zeros(n) for name in HEADS[7:10]}
     evaluations = events = 0
     while t < building.end * (1.0 - 1e-12):
@@ -238,17 +250,15 @@ def _deadline(begin: float) -> Callable[[float, np.ndarray], float]:
 
 
 def settled(building: Building, mode: np.ndarray, y: np.ndarray, changed: list[int]) -> np.ndarray:
-    """Return the state with the event quantities of the changed stories exactly at their bound.
+    """Return the state with the hysteretic parts of stories that yield exactly at their strength.
 
-    Without it, the same event would be located again after the restart.
+    They keep this value until the story turns.
     """
     n, y = building.stories, y.copy()
-    for number in changed:
-        story, second = number % n, number // n
-        if building.kind == 1 and mode[0, story] == 0.0:
-            y[2 * n + story] = math.copysign(building.parameters[0, story], y[2 * n + story])
-        elif building.kind == 2 and second == 1:
-            y[2 * n + story] = 0.0
+    if building.kind == 1:
+        for story in changed:
+            if mode[0, story] == 0.0:
+                y[2 * n + story] = math.copysign(building.parameters[0, story], y[2 * n + story])
     return y
 
 
