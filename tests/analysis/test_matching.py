@@ -11,8 +11,8 @@ import tdint
 from building_cases import noise
 from tdint.analysis import matching
 from tdint.analysis.matching import _judged, _Problem, _SparseRows, program
-from tdint.analysis.spectra.target import read_target
-from tdint.errors import RecordError, UsageError
+from tdint.analysis.spectra.target import read_target, read_targets
+from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import components
 from tdint.kernels.oscillators.extremes import OSCILLATOR, TIME, VALUE
@@ -46,8 +46,9 @@ def pair(motion):
 def problem_of(motion, periods):
     """A problem whose target is the spectrum; the samples of all components."""
     samples = np.array([record.acceleration for record in components(motion)])
-    wanted = _judged(motion, periods, 0.05)
-    return _Problem.of(samples, 0.01, periods, wanted=wanted, damping=0.05), samples
+    wanted = _judged(motion, periods, [0.05])[0]
+    damping = np.full(periods.size, 0.05)
+    return _Problem.of(samples, 0.01, periods, wanted=wanted, damping=damping), samples
 
 
 @pytest.mark.parametrize("of", ["motion", "pair"])
@@ -210,9 +211,74 @@ def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):
     sizes = []
     for times in (4, 40):
         samples = np.tile(motion.acceleration, times)[None, :]
-        problem = _Problem.of(samples, 0.01, periods, wanted=np.ones(20), damping=0.05)
+        problem = _Problem.of(samples, 0.01, periods, wanted=np.ones(20), damping=np.full(20, 0.05))
         sizes.append(sum(line.nbytes for line in problem.free))
     assert sizes[1] < 2.0 * sizes[0]
+
+
+def test_a_motion_is_matched_at_several_damping_ratios(motion, tmp_path):
+    """The targets are the spectra of a real motion, which a motion can have at all ratios.
+
+    The match at 5 % alone does not have the target at 1 %.
+    """
+    ratios, periods = (0.05, 0.01), (0.2, 1.5)
+    target = tmp_path / "target.csv"
+    other = replace(motion, acceleration=1.5 * motion.acceleration[::-1])
+    grid = np.geomspace(0.1, 3.0, 200)
+    lines = ["damping,period_s,psa_m_s2"]
+    for ratio in ratios:
+        psa = tdint.spectrum(other, grid, damping=ratio).psa
+        lines += [
+            f"{ratio},{period:.17g},{value:.17g}" for period, value in zip(grid, psa, strict=True)
+        ]
+    target.write_text("\n".join(lines))
+    both = tdint.match(motion, str(target), periods=periods, damping=ratios)
+    alone = tdint.match(motion, str(target), periods=periods, damping=0.05)
+    checked = np.geomspace(*periods, 300)
+    errors = [
+        [
+            np.mean(np.abs(tdint.spectrum(matched.record, checked, damping=ratio).psa / aim - 1.0))
+            for ratio, aim in zip(
+                ratios, (t.at(checked) for t in read_targets(str(target), ratios)), strict=True
+            )
+        ]
+        for matched in (both, alone)
+    ]
+    assert max(errors[0]) < 0.03 < errors[1][1]
+    assert [spectrum.damping for spectrum in both.by_damping] == list(ratios)
+    assert list(both.to_dict()["damping"]) == list(ratios)
+    assert "damping" not in alone.to_dict()
+
+
+def test_targets_for_several_damping_ratios(tmp_path):
+    """Eurocode 8 reduces its plateau by sqrt(10 / (5 + xi)); other sources need a column."""
+    source = "ec8:type=1,soil=B,ag=0.2g"
+    twenty, five = read_targets(source, (0.2, 0.05))
+    assert twenty.at(0.3) / five.at(0.3) == pytest.approx(np.sqrt(10.0 / 25.0))
+    assert (twenty.damping, five.damping) == (0.2, 0.05)
+    for refused in (TARGET, f"{source},damping=5%"):
+        with pytest.raises(UsageError, match="one damping ratio, got 2"):
+            read_targets(refused, (0.02, 0.05))
+    table = tmp_path / "target.csv"
+    table.write_text("damping,period_s,sa_g\n.02,.1,1\n.02,1,2\n.05,.1,.5\n.05,1,1\n")
+    two, five = read_targets(str(table), (0.02, 0.05))
+    np.testing.assert_allclose(two.psa, 2.0 * five.psa)
+    with pytest.raises(ModelError, match=r"damping ratio 0\.03; it has 0\.02, 0\.05"):
+        read_targets(str(table), (0.03,))
+
+
+@pytest.mark.parametrize("ratios", [[], [0.05, 0.05]])
+def test_damping_ratios_without_a_meaning_are_refused(motion, ratios):
+    with pytest.raises(UsageError, match="damping must contain"):
+        tdint.match(motion, TARGET, damping=ratios)
+
+
+def test_a_match_reports_its_progress(motion):
+    calls = []
+    tdint.match(
+        motion, TARGET, periods=(0.5, 0.6), progress=lambda done, total: calls.append((done, total))
+    )
+    assert calls[0] == (0, calls[-1][1]) and calls[-1][0] == calls[-1][1]
 
 
 def test_a_motion_without_peaks_is_refused(motion):

@@ -12,15 +12,17 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint_cli import options
-from tdint_cli.options.grammar import PairsType, PairWish, Ratio, span
+from tdint_cli.options.analysis import damping_ratio
+from tdint_cli.options.grammar import ListOf, PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import read_table_of_factors
-from tdint_cli.terminal import Failures, note, say, warn
+from tdint_cli.terminal import Failures, Progress, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.matching import Match
     from tdint.analysis.spectra.target import TargetSpectrum
+    from tdint.ground_motion.reading.suites import GroundMotion
 
 MATCHED, PICTURE = "matched.csv", "matched.png"
 SUITES = ("each", "mean")
@@ -53,7 +55,15 @@ class MatchRequest(RecordsRequest):
     range: tuple[float, float] = options.option(
         type=span, default="0.05:4", help="Periods over which it is matched, s; 0.05:4 by default."
     )
-    damping: float = options.analysis.damping_of("the spectra", rare=True)
+    damping: tuple[float, ...] = options.option(
+        type=ListOf(damping_ratio),
+        default=(0.05,),
+        rare=True,
+        help="Damping ratios of the spectra; 0.05 (or 5%) by default. A motion is matched at "
+        "all of them together. Several ratios need a target with a spectrum for each: a CSV file "
+        "with the column damping, as `tdint spectrum --damping 2%,5% -o` writes it, or ec8 without "
+        "its damping.",
+    )
     format: str = options.option(
         type=click.Choice(("mseed", "at2", "csv")),
         default="mseed",
@@ -108,8 +118,8 @@ def command(request: MatchRequest) -> None:
     target. The table has the misfit at 1000 periods and what became of the motion, beside its
     scaled seed. A motion that would be worse than its scaled seed is left as that.
     """
-    from tdint.analysis.matching import match, match_suite
-    from tdint.analysis.spectra.target import read_target
+    from tdint.analysis.matching import match_suite
+    from tdint.analysis.spectra.target import read_targets
     from tdint.output.summary import record_summary, table_summary
 
     # Check the options and the output files before the computation starts.
@@ -118,7 +128,7 @@ def command(request: MatchRequest) -> None:
     folder = Path(request.output)
     plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
-    target = read_target(request.target)
+    targets = read_targets(request.target, request.damping)
     from tdint.output.motion_files import motion_file_names
 
     suite, factors = read_table_of_factors(
@@ -127,18 +137,24 @@ def command(request: MatchRequest) -> None:
     files = [folder / name for name in motion_file_names(suite.motions, request.format)]
     check_outputs(files, overwrite=request.overwrite)
     wishes: dict[str, Any] = {"periods": request.range, "damping": request.damping}
-    if request.suite == "mean":
-        given = factors.of_motions(suite.motions) if factors else None
-        matches = match_suite(suite.motions, target, factors=given, **wishes)
-    else:
-        matches = [match(motion, target, **wishes) for motion in suite.motions]
+    with progress_bar(to_terminal=False) as show_progress:
+        if request.suite == "mean":
+            matches = match_suite(
+                suite.motions,
+                targets,
+                factors=factors.of_motions(suite.motions) if factors else None,
+                progress=lambda done, total: show_progress("matching", done / total),
+                **wishes,
+            )
+        else:
+            matches = _match_each(suite.motions, targets, wishes, show_progress)
     table = tables.spectra.match_table(matches)
 
     def summarize() -> dict[str, Any]:
-        settings = {
+        settings: dict[str, Any] = {
             "target": request.target,
             "range_s": list(request.range),
-            "damping": request.damping,
+            "damping": request.damping[0] if len(request.damping) == 1 else list(request.damping),
         }
         settings |= {
             "format": request.format,
@@ -159,17 +175,20 @@ def command(request: MatchRequest) -> None:
     outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
     for matched in matches:
         say(repr(matched)[1:-1] + ".")
-        warn(*_doubts(matched, request.max_misfit))
+        for spectrum in matched.by_damping:
+            warn(*_misfit_warning(spectrum, request.max_misfit))
+        warn(*_change_warnings(matched))
     note(
         "codes ask for more of a suite than a fit: numbers of motions, their sources, what "
         "near-fault pulses are"
     )
     if request.suite == "mean":
-        say(_of_mean(matches, target))
+        for number, target in enumerate(targets):
+            say(_of_mean([matched.by_damping[number] for matched in matches], target))
     beyond = [
         f"{one.seed.source} {one.seed.component}"
         for one in matches
-        if one.largest_misfit > request.max_misfit
+        if any(spectrum.largest_misfit > request.max_misfit for spectrum in one.by_damping)
     ]
     if suite.failures:
         raise Failures(suite.failures)
@@ -177,6 +196,38 @@ def command(request: MatchRequest) -> None:
         raise AnalysisError(
             f"the misfit stays above {100.0 * request.max_misfit:g} %: {', '.join(beyond)}"
         )
+
+
+def _match_each(
+    motions: Sequence[GroundMotion],
+    targets: Sequence[TargetSpectrum],
+    wishes: dict[str, Any],
+    show_progress: Progress,
+) -> list[Match]:
+    """Match each motion to the same targets.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        Seeds.
+    targets : sequence of TargetSpectrum
+        Target for each damping ratio.
+    wishes : dict
+        Keyword arguments `periods` and `damping` of `tdint.match`.
+    show_progress : callable
+        Receives a label and the completed fraction of the work.
+    """
+    from tdint.analysis.matching import match
+
+    count = len(motions)
+
+    def match_motion(number: int, motion: GroundMotion) -> Match:
+        def show(done: int, total: int) -> None:
+            show_progress(f"motion {number + 1}/{count}", (number + done / total) / count)
+
+        return match(motion, targets, progress=show, **wishes)
+
+    return [match_motion(number, motion) for number, motion in enumerate(motions)]
 
 
 def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
@@ -196,8 +247,9 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     )
     off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
     text = (
-        f"The mean of {len(matches)} is off the target by {100.0 * np.max(np.abs(off)):.2g} % at "
-        f"most, {100.0 * np.mean(np.abs(off)):.2g} % in the mean"
+        f"At {100.0 * matches[0].damping:g} % damping the mean of {len(matches)} differs from the "
+        f"target by at most {100.0 * np.max(np.abs(off)):.2g} %, on average by "
+        f"{100.0 * np.mean(np.abs(off)):.2g} %"
     )
     # The scatter is defined for two or more motions.
     if len(matches) < 2:
@@ -206,20 +258,21 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     return f"{text}; scatter of ln Sa {scatter[0]:.3f} before, {scatter[1]:.3f} after."
 
 
-def _doubts(matched: Match, within: float) -> list[str]:
-    """Return the warnings about a match: large misfit, large change or large displacement.
+def _misfit_warning(matched: Match, within: float) -> list[str]:
+    """Return the warning about a misfit at one damping ratio that exceeds the fraction `within`."""
+    if matched.largest_misfit <= within:
+        return []
+    subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
+    return [
+        f"{subject}: the misfit stays at {100.0 * matched.largest_misfit:.2g} % "
+        f"({100.0 * matched.damping:g} % damping)"
+    ]
 
-    Parameters
-    ----------
-    matched : Match
-        Matched motion.
-    within : float
-        Maximum misfit without a warning, as a fraction.
-    """
+
+def _change_warnings(matched: Match) -> list[str]:
+    """Return the warnings about a large change or a large ground displacement of a match."""
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
     doubts = []
-    if matched.largest_misfit > within:
-        doubts.append(f"{subject}: the misfit stays at {100.0 * matched.largest_misfit:.2g} %")
     if matched.change > _WHOLE:
         doubts.append(
             f"{subject}: the change is {matched.change:.2g} times the motion itself: choose "

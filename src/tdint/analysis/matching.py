@@ -18,15 +18,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.arguments import AnyMotion, damping_of, motion_of
+from tdint.analysis.arguments import AnyMotion, damping_of, is_list, motion_of
 from tdint.analysis.spectra.elastic import SA_DAMPING, recursion_table, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
-from tdint.analysis.spectra.target import TargetSpectrum, read_target
+from tdint.analysis.spectra.target import TargetSpectrum, read_targets, source_of
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
@@ -35,7 +35,7 @@ from tdint.ground_motion.record import Record
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY
 from tdint.kernels.oscillators.extremes import OSCILLATOR, TIME, VALUE, extremes, radii
-from tdint.tabular import Tabular
+from tdint.tabular import Progress, Tabular, progress_reporter
 
 Bools: TypeAlias = NDArray[np.bool_]
 
@@ -119,6 +119,8 @@ class Match(Tabular):
         m/s^2.
     damping : float
         Damping ratio.
+    further : tuple of Match
+        The same motion at the other damping ratios, each with its own target; empty for one ratio.
     """
 
     record: GroundMotion
@@ -129,6 +131,12 @@ class Match(Tabular):
     psa: Array
     seed_psa: Array
     damping: float
+    further: tuple[Match, ...] = ()
+
+    @property
+    def by_damping(self) -> tuple[Match, ...]:
+        """The match at each damping ratio, in the requested order."""
+        return (replace(self, further=()), *self.further)
 
     @property
     def misfit(self) -> Array:
@@ -161,7 +169,7 @@ class Match(Tabular):
         if isinstance(self.record, Record):
             return (self,)
         each = zip(components(self.record), components(self.seed), strict=True)
-        return tuple(replace(self, record=record, seed=seed) for record, seed in each)
+        return tuple(replace(self, record=record, seed=seed, further=()) for record, seed in each)
 
     @property
     def after(self) -> Record:
@@ -219,16 +227,21 @@ class Match(Tabular):
             motions += zip(components(self.record), components(self.seed), strict=True)
         return [
             (
-                _judged(after, periods, self.damping),
-                self.factor * _judged(before, periods, self.damping),
+                _judged(after, periods, (self.damping,))[0],
+                self.factor * _judged(before, periods, (self.damping,))[0],
             )
             for after, before in motions
         ]
 
     def _headline(self) -> str:
+        misfits = [
+            f"largest misfit {100.0 * spectrum.largest_misfit:.2g} %, mean "
+            f"{100.0 * spectrum.mean_misfit:.2g} %"
+            + (f" at {100.0 * spectrum.damping:g} % damping" if self.further else "")
+            for spectrum in self.by_damping
+        ]
         text = (
-            f"of {self.seed.source} {self.seed.component}: largest misfit "
-            f"{100.0 * self.largest_misfit:.2g} %, mean {100.0 * self.mean_misfit:.2g} %, change "
+            f"of {self.seed.source} {self.seed.component}: {'; '.join(misfits)}, change "
             f"{self.change:.2g} of the motion"
         )
         if self.directions:
@@ -242,10 +255,11 @@ class Match(Tabular):
 
 def match(
     motion: AnyMotion,
-    target: TargetSpectrum | str,
+    target: TargetSpectrum | str | Sequence[TargetSpectrum],
     *,
     periods: tuple[float, float] = (0.05, 4.0),
-    damping: float = SA_DAMPING,
+    damping: float | Sequence[float] = SA_DAMPING,
+    progress: bool | Progress = False,
 ) -> Match:
     """Match the spectrum of a motion (RotD100 for a pair) to a target by the smallest change.
 
@@ -253,18 +267,23 @@ def match(
     ----------
     motion : Record, Horizontals, str, Path, ObsPy trace, or tuple of two of them
         Seed. Both components of a pair are changed together, with a common factor.
-    target : TargetSpectrum or str
+    target : TargetSpectrum, str, or sequence of TargetSpectrum
         File of a spectrum, or text of a design spectrum
-        (`tdint.analysis.spectra.target.read_target`).
+        (`tdint.analysis.spectra.target.read_target`). Several damping ratios need a file with the
+        column `damping`, a spectrum of Eurocode 8, or a sequence with one spectrum per ratio.
     periods : tuple of two floats
         Range of periods to be matched, s; default 0.05 to 4.
-    damping : float
-        Damping ratio of the spectra; default 0.05.
+    damping : float or sequence of float
+        Damping ratios of the spectra; default 0.05. The motion is matched at all of them together.
+    progress : bool or callable
+        True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
+        with the number of completed stages and the maximum number of stages.
 
     Returns
     -------
     Match
-        The motion is the scaled seed if no change reduces the misfit.
+        The motion is the scaled seed if no change reduces the misfit. The spectrum is that of the
+        first damping ratio; `further` contains the others.
 
     Raises
     ------
@@ -275,18 +294,21 @@ def match(
     RecordError
         The record is invalid or cannot be read.
     """
-    seed, damping = motion_of(motion), damping_of(damping)
-    aim, checked = _aim(target, periods, damping)
-    return _matched(seed, aim, checked, damping, _judged(seed, checked, damping))
+    seed, aim = motion_of(motion), _Aim.of(target, periods, damping)
+    with progress_reporter(progress, _STAGES + 1, "stage") as report_progress:
+        return _matched(
+            seed, aim, _judged(seed, aim.checked, aim.dampings), report_progress, (0, _STAGES + 1)
+        )
 
 
 def match_suite(
     motions: Sequence[AnyMotion],
-    target: TargetSpectrum | str,
+    target: TargetSpectrum | str | Sequence[TargetSpectrum],
     *,
     periods: tuple[float, float] = (0.05, 4.0),
-    damping: float = SA_DAMPING,
+    damping: float | Sequence[float] = SA_DAMPING,
     factors: Sequence[float] | None = None,
+    progress: bool | Progress = False,
 ) -> list[Match]:
     """Match the mean spectrum of a suite to a target, and preserve the scatter.
 
@@ -296,8 +318,8 @@ def match_suite(
     ----------
     motions : sequence
         Seeds, as in `match`.
-    target, periods, damping
-        As in `match`.
+    target, periods, damping, progress
+        As in `match`; the stages are those of all motions.
     factors : sequence of float, optional
         Scale factor of each seed, as returned by `tdint.scale`; default by least squares of ln Sa.
 
@@ -313,9 +335,10 @@ def match_suite(
     """
     if not motions:
         raise UsageError("a suite must contain at least one motion")
-    seeds, damping = [motion_of(motion) for motion in motions], damping_of(damping)
-    aim, checked = _aim(target, periods, damping)
-    wanted, before = aim.at(checked), [_judged(seed, checked, damping) for seed in seeds]
+    seeds = [motion_of(motion) for motion in motions]
+    aim = _Aim.of(target, periods, damping)
+    wanted = aim.at(aim.checked)
+    before = [_judged(seed, aim.checked, aim.dampings) for seed in seeds]
     if factors is None:
         factors = [float(np.exp(np.mean(np.log(wanted / psa)))) for psa in before]
     if len(factors) != len(seeds):
@@ -323,59 +346,104 @@ def match_suite(
             f"factors must contain one factor for each of {len(seeds)} motions, got {len(factors)}"
         )
     scaled = [abs(factor) * psa for factor, psa in zip(factors, before, strict=True)]
-    part = wanted / np.mean(scaled, axis=0)
-    name = f"{aim.source} in the mean of {len(seeds)}"
-    return [
-        _matched(seed, TargetSpectrum(name, checked, own * part), checked, damping, psa)
-        for seed, own, psa in zip(seeds, scaled, before, strict=True)
-    ]
+    ratio = wanted / np.mean(scaled, axis=0)
+    stages = len(seeds) * (_STAGES + 1)
+    with progress_reporter(progress, stages, "stage") as report_progress:
+        return [
+            _matched(
+                seed,
+                aim.with_spectra(own * ratio, len(seeds)),
+                psa,
+                report_progress,
+                (number * (_STAGES + 1), stages),
+            )
+            for number, (seed, own, psa) in enumerate(zip(seeds, scaled, before, strict=True))
+        ]
 
 
-def _aim(
-    target: TargetSpectrum | str, periods: tuple[float, float], damping: float
-) -> tuple[TargetSpectrum, Array]:
-    """Return a target, and the periods at which a match with it is judged.
+@dataclass(frozen=True)
+class _Aim:
+    """Targets of a match, one per damping ratio, and the periods (s) at which it is judged."""
 
-    Parameters
-    ----------
-    target : TargetSpectrum or str
-        Target, as in `match`.
-    periods : tuple of two floats
-        Range of periods, s.
-    damping : float
-        Damping ratio.
-    """
-    aim = read_target(target) if isinstance(target, str) else target
-    shortest, longest = periods
-    if not 0.0 < shortest < longest < math.inf:
-        raise UsageError(
-            f"the range of periods must rise from a positive number, got {shortest:g} to "
-            f"{longest:g} s"
-        )
-    aim.check_damping(damping, "of the motion")
-    checked = np.geomspace(shortest, longest, CHECKED)
-    aim.at(checked)  # raises an error outside the range of the target
-    return aim, checked
+    targets: tuple[TargetSpectrum, ...]
+    dampings: tuple[float, ...]
+    checked: Array
+
+    @classmethod
+    def of(
+        cls,
+        target: TargetSpectrum | str | Sequence[TargetSpectrum],
+        periods: tuple[float, float],
+        damping: float | Sequence[float],
+    ) -> _Aim:
+        """Check the arguments `target`, `periods` and `damping` of `match` and combine them."""
+        ratios: Any = damping if is_list(damping) else [damping]
+        dampings = tuple(map(damping_of, ratios))
+        if not dampings or len(set(dampings)) < len(dampings):
+            raise UsageError(
+                "damping must contain at least one ratio, and no ratio twice, got "
+                f"{', '.join(f'{ratio:g}' for ratio in dampings) or 'none'}"
+            )
+        if isinstance(target, str):
+            targets = read_targets(target, dampings)
+        else:
+            targets = (target,) if isinstance(target, TargetSpectrum) else tuple(target)
+        if len(targets) != len(dampings):
+            raise UsageError(
+                f"target must contain one spectrum for each of {len(dampings)} damping ratios, got "
+                f"{len(targets)}"
+            )
+        shortest, longest = periods
+        if not 0.0 < shortest < longest < math.inf:
+            raise UsageError(
+                f"the range of periods must rise from a positive number, got {shortest:g} to "
+                f"{longest:g} s"
+            )
+        for aimed, ratio in zip(targets, dampings, strict=True):
+            aimed.check_damping(ratio, "of the motion")
+        aim = cls(targets, dampings, np.geomspace(shortest, longest, CHECKED))
+        aim.at(aim.checked)  # raises an error outside the range of a target
+        return aim
+
+    def at(self, periods: Array) -> Array:
+        """Return the targets at periods (s), m/s^2, shape (damping ratios, k)."""
+        return np.array([target.at(periods) for target in self.targets])
+
+    def with_spectra(self, psa: Array, count: int) -> _Aim:
+        """Return the aim of a motion in a suite of `count` motions.
+
+        `psa` contains the target of the motion at the checked periods, m/s^2, with one row per
+        damping ratio.
+        """
+        targets = [
+            TargetSpectrum(f"{target.source} in the mean of {count}", self.checked, row)
+            for target, row in zip(self.targets, psa, strict=True)
+        ]
+        return replace(self, targets=tuple(targets))
 
 
-def _judged(motion: GroundMotion, periods: Array, damping: float) -> Array:
-    """Return pseudo-accelerations, m/s^2, shape (k,); RotD100 for a pair."""
+def _judged(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> Array:
+    """Return pseudo-accelerations, m/s^2, with one row per damping ratio; RotD100 for a pair."""
     is_suitable = all(
         np.any(record.acceleration) and record.acceleration.size >= 100
         for record in components(motion)
     )
-    if not (is_suitable and damping > 0.0):
+    if not (is_suitable and min(dampings) > 0.0):
         raise UsageError(
             "a motion to be matched must have at least 100 samples, an acceleration that is not "
             "zero, and a positive damping ratio"
         )
     if isinstance(motion, Record):
-        return spectrum(motion, periods, damping).psa
-    return np.asarray(rotated_spectrum(motion, periods, damping, [100]).psa[0])
+        return np.array([spectrum(motion, periods, ratio).psa for ratio in dampings])
+    return np.array([rotated_spectrum(motion, periods, ratio, [100]).psa[0] for ratio in dampings])
 
 
 def _matched(
-    seed: GroundMotion, aim: TargetSpectrum, checked: Array, damping: float, before: Array
+    seed: GroundMotion,
+    aim: _Aim,
+    before: Array,
+    report_progress: Progress,
+    stages: tuple[int, int],
 ) -> Match:
     """Return the match of a seed.
 
@@ -383,56 +451,80 @@ def _matched(
     ----------
     seed : Record or Horizontals
         Motion to be matched.
-    aim : TargetSpectrum
-        Target.
-    checked : ndarray, shape (CHECKED,)
-        Periods at which the match is judged, s.
-    damping : float
-        Damping ratio.
-    before : ndarray, shape (CHECKED,)
-        Spectrum of the seed, m/s^2.
+    aim : _Aim
+        Targets, damping ratios and judged periods.
+    before : ndarray, shape (damping ratios, CHECKED)
+        Spectra of the seed, m/s^2.
+    report_progress : callable
+        Receives the number of completed stages and the number of all stages.
+    stages : tuple of two int
+        Number of stages completed before this motion, and number of stages of all motions.
     """
+    checked, dampings = aim.checked, aim.dampings
     wanted = aim.at(checked)
     factor = float(np.exp(np.mean(np.log(wanted / before))))
     records = components(seed)
     start = factor * np.array([record.acceleration for record in records])
     # Match at the first periods. Then add periods with the largest misfits until all are small.
-    places = np.geomspace(checked[0], checked[-1], _FIRST)
+    places = [np.geomspace(checked[0], checked[-1], _FIRST)] * len(dampings)
     samples, multiplied, best, least = start, np.zeros(start.size, np.float32), start, np.inf
     for stage in range(_STAGES + 1):
-        problem = _Problem.of(start, records[0].dt, places, wanted=aim.at(places), damping=damping)
+        report_progress(stages[0] + stage, stages[1])
+        problem = _Problem.of(
+            start,
+            records[0].dt,
+            np.concatenate(places),
+            wanted=np.concatenate(
+                [target.at(periods) for target, periods in zip(aim.targets, places, strict=True)]
+            ),
+            damping=np.repeat(dampings, [periods.size for periods in places]),
+        )
         if stage == 0:
             _check_peaks(problem, seed, start)
         samples, multiplied = problem.rounds(samples, multiplied, _ROUNDS[stage], first=stage == 0)
-        off = np.abs(_judged(_with_samples(seed, samples), checked, damping) / wanted - 1.0)
+        off = np.abs(_judged(_with_samples(seed, samples), checked, dampings) / wanted - 1.0)
         if (score := float(np.max(off) + _OF_MEAN * np.mean(off))) < least:
             best, least = samples, score
         if np.max(off) < _ENOUGH:
             break
-        worst = (off > _ENOUGH) & (off >= np.roll(off, 1)) & (off >= np.roll(off, -1))
-        joining = [
-            period for period in checked[worst] if np.min(np.abs(np.log(places / period))) > 0.003
+        places = [
+            _with_worst(periods, checked, misfit)
+            for periods, misfit in zip(places, off, strict=True)
         ]
-        places = np.sort(np.concatenate([places, joining]))
     # Return the scaled seed if it is better than the matched motion.
     unchanged = np.abs(factor * before / wanted - 1.0)
     if not least < np.max(unchanged) + _OF_MEAN * np.mean(unchanged):
         best = start
+    ratios = ", ".join(f"{100.0 * ratio:g}" for ratio in dampings)
     description = (
-        f"matched to {aim.source} from {checked[0]:g} to {checked[-1]:g} s, {100.0 * damping:g} % "
+        f"matched to {source_of(aim.targets)} from {checked[0]:g} to {checked[-1]:g} s, {ratios} % "
         "damping"
     )
     matched = _with_samples(seed, best, description)
-    return Match(
-        matched,
-        seed,
-        factor,
-        aim,
-        checked,
-        _judged(matched, checked, damping),
-        factor * before,
-        damping,
-    )
+    after = _judged(matched, checked, dampings)
+    report_progress(stages[0] + _STAGES + 1, stages[1])
+    results = [
+        Match(matched, seed, factor, target, checked, psa, factor * seed_psa, ratio)
+        for target, psa, seed_psa, ratio in zip(aim.targets, after, before, dampings, strict=True)
+    ]
+    return replace(results[0], further=tuple(results[1:]))
+
+
+def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:
+    """Return the matched periods of one damping ratio and the judged periods that match worst.
+
+    Parameters
+    ----------
+    periods : ndarray
+        Matched periods, s.
+    checked, misfit : ndarray, shape (CHECKED,)
+        Judged periods, s, and the absolute misfit at each.
+    """
+    worst = (misfit > _ENOUGH) & (misfit >= np.roll(misfit, 1)) & (misfit >= np.roll(misfit, -1))
+    joining = [
+        period for period in checked[worst] if np.min(np.abs(np.log(periods / period))) > 0.003
+    ]
+    return np.sort(np.concatenate([periods, joining]))
 
 
 def _check_peaks(problem: _Problem, seed: GroundMotion, samples: Array) -> None:
@@ -536,13 +628,17 @@ class _SparseRows:
 
 @dataclass
 class _Problem:
-    """Components of a motion, periods to be matched, and filters of a change."""
+    """Components of a motion, oscillators to be matched, and filters of a change.
+
+    An oscillator is a period with a damping ratio; `omega`, `damping` and `wanted` have one entry
+    for each.
+    """
 
     start: Array
     dt: float
     wanted: Array
     omega: Array
-    damping: float
+    damping: Array
     parts: Array
     table: Array
     envelope: Array
@@ -555,7 +651,7 @@ class _Problem:
 
     @classmethod
     def of(
-        cls, start: Array, dt: float, periods: Array, *, wanted: Array, damping: float
+        cls, start: Array, dt: float, periods: Array, *, wanted: Array, damping: Array
     ) -> _Problem:
         """Prepare the problem.
 
@@ -566,11 +662,11 @@ class _Problem:
         dt : float
             Sampling interval, s.
         periods : ndarray, shape (k,)
-            Periods to be matched, s.
+            Period of each oscillator, s.
         wanted : ndarray, shape (k,)
             Target, m/s^2.
-        damping : float
-            Damping ratio.
+        damping : ndarray, shape (k,)
+            Damping ratio of each oscillator.
         """
         from scipy.fft import irfft, next_fast_len, rfft
 
@@ -582,7 +678,7 @@ class _Problem:
         mean_square = np.convolve(np.sum(start**2, axis=0), window / window.sum(), "same")
         envelope = np.sqrt(np.maximum(mean_square, 0.0))[:n]
         # The impulse response of the band-pass filter extends over `reach` samples to either side.
-        low, high = 0.6 / periods[-1], min(1.5 / periods[0], 0.45 / dt)
+        low, high = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
         reach = int(3.0 / low / dt)
         size = next_fast_len(n + 2 * reach, real=True)
         f = np.maximum(np.fft.rfftfreq(size, dt), 1e-12)
@@ -596,7 +692,7 @@ class _Problem:
         # Compute free vibrations (cosine and sine) over the samples since their start, from the
         # latest back to `reach` samples before it. Only the part that has not decayed is stored,
         # and few oscillators are computed at a time: 60 000 samples of all would need a gigabyte.
-        rate = omega * complex(-damping, math.sqrt(1.0 - damping**2))
+        rate = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
         lasting = np.minimum(np.log(1.0 / _DECAYED) / (damping * omega * dt), n - 1).astype(int)
         band32, after = (
             band.astype(np.float32),
@@ -674,12 +770,12 @@ class _Problem:
         directions : ndarray, shape (components, extremes)
             Direction of each extreme.
         """
-        n, w, z, dt = self.envelope.size, self.omega[who], self.damping, self.dt
+        n, w, z, dt = self.envelope.size, self.omega[who], self.damping[who], self.dt
         before = np.minimum((when / dt).astype(int), n - 2)
         late = when - dt * before
         # Displacement over -g for a ground acceleration t / dt: a particular solution minus the
         # free vibration from rest.
-        rate = w * complex(-z, math.sqrt(1.0 - z * z))
+        rate = w * (-z + 1j * np.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         begun = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / rate.imag
         ramps = [

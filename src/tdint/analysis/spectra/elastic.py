@@ -60,8 +60,8 @@ _REGISTER = 8  # number of values in a vector register
 _ROUNDING = 1e-9  # relative; prevents rounding an integer quotient up to the next integer
 
 
-def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
-    """Return the exact recursion over one time step for oscillators with a damping ratio.
+def recursion_table(omega: Array, h: Array, damping: float | Array, more: int) -> Array:
+    """Return the exact recursion over one time step for linear oscillators.
 
     Parameters
     ----------
@@ -69,8 +69,8 @@ def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
         Natural circular frequencies, rad/s.
     h : ndarray, shape (k,)
         Time steps, s.
-    damping : float
-        Damping ratio.
+    damping : float or ndarray, shape (k,)
+        Damping ratio, of all oscillators or of each.
     more : int
         Number of additional rows to allocate.
 

@@ -12,7 +12,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.arrays import Array
-from tdint.csv_table import read_table
+from tdint.csv_table import CsvTable, read_table
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.files import read_whole, record_digest
 from tdint.ground_motion.formats.table_columns import name_and_units
@@ -307,7 +307,7 @@ def read_target(source: str) -> TargetSpectrum:
     name, words = (match[1].lower(), match[2]) if match else ("", None)
     if name not in CODES:
         if words is None:
-            return _read_points(source)
+            return _points(read_table(source, _NEEDS))
         raise UsageError(
             f"{source[:60]!r}: no design spectrum {name!r}; there are "
             f"{', '.join((*CODES, *_MULTI_PERIOD))}"
@@ -324,6 +324,50 @@ def read_target(source: str) -> TargetSpectrum:
     periods = np.unique([*grid, *(corner for corner in corners if grid[0] < corner < grid[-1])])
     zero = float(curve(np.zeros(1))[0])
     return TargetSpectrum(source, periods, curve(periods), zero, damping, curve, corners[1])
+
+
+_DAMPED = ",damping="
+"""Text between a spectrum of Eurocode 8 and its damping ratio."""
+
+
+def source_of(targets: Sequence[TargetSpectrum]) -> str:
+    """Return the source of targets for different damping ratios, without the ratio if there are
+    several."""
+    source = targets[0].source
+    return source if len(targets) == 1 else source.partition(_DAMPED)[0]
+
+
+def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum, ...]:
+    """Read the target spectra for damping ratios.
+
+    Parameters
+    ----------
+    source : str
+        A CSV file with the column `damping`, from which the rows of each ratio are taken; for
+        several ratios also `ec8:...` without its parameter `damping`, which is then each ratio;
+        for one ratio every source of `read_target`.
+    dampings : sequence of float
+        Damping ratios.
+
+    Raises
+    ------
+    ModelError, UsageError
+        As by `read_target`; or the source contains no spectrum for one of the ratios.
+    """
+    named = _NAMED.fullmatch(source.strip())
+    if named is None and not _OF_FILE.fullmatch(source.strip()):
+        table = read_table(source, _NEEDS)
+        if table.has("damping"):
+            return tuple(_points(_with_damping(table, ratio), ratio) for ratio in dampings)
+    if len(dampings) == 1:
+        return (read_target(source),)
+    if named and named[1].lower() == "ec8" and "damping" not in named[2].lower():
+        return tuple(read_target(f"{source}{_DAMPED}{ratio!r}") for ratio in dampings)
+    raise UsageError(
+        f"{source[:60]!r}: is a spectrum for one damping ratio, got {len(dampings)} ratios; give "
+        "one ratio, ec8:... without its damping, or a CSV file with the columns damping, period_s "
+        "and sa_g"
+    )
 
 
 def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
@@ -395,8 +439,20 @@ def _number(value: Any) -> float:
     return float(value)
 
 
-def _read_points(source: str) -> TargetSpectrum:
-    table = read_table(source, _NEEDS)
+def _with_damping(table: CsvTable, damping: float) -> CsvTable:
+    """Return a table with only the rows of a damping ratio."""
+    ratios = np.array(table.numbers("damping"))
+    rows = [
+        row for row, ratio in zip(table.rows, ratios, strict=True) if abs(ratio - damping) <= _SAME
+    ]
+    if not rows:
+        listed = ", ".join(f"{ratio:g}" for ratio in np.unique(ratios)[:8])
+        raise ModelError(f"{table.source}: has no damping ratio {damping:g}; it has {listed}")
+    return replace(table, rows=tuple(rows))
+
+
+def _points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
+    """Return the spectrum of a table of periods and accelerations, with its damping ratio."""
     # Find the columns of periods and accelerations with their units. Columns of
     # pseudo-acceleration take precedence over other accelerations.
     columns = [(name, *name_and_units(name)) for name in table.header]
@@ -430,14 +486,14 @@ def _read_points(source: str) -> TargetSpectrum:
     if falls.size or periods[0] < 0.0:
         place = int(falls[0]) if falls.size else 0
         raise ModelError(
-            f"{source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of one "
-            "spectrum must rise, from 0 or more"
+            f"{table.source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of "
+            "one spectrum must rise, from 0 or more"
         )
     positive = periods > 0.0
     if np.sum(positive) < 2:
-        raise ModelError(f"{source}: a spectrum needs two periods at least")
+        raise ModelError(f"{table.source}: a spectrum needs two periods at least")
     zero = None if positive[0] else float(psa[0])
-    return TargetSpectrum(source, periods[positive], psa[positive], zero)
+    return TargetSpectrum(table.source, periods[positive], psa[positive], zero, damping)
 
 
 # ---- Published spectra and their differences from computed spectra

@@ -519,6 +519,8 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     The figure has the spectra with the target, and time histories and cumulative energy of each
     component.
     """
+    from tdint.analysis.spectra.target import source_of
+
     units = units.in_figures
     parts = matched.parts
     figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
@@ -543,15 +545,11 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
         if len(parts) > 1:
             below[0].set_title(part.after.component, fontsize="medium")
     subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
-    aim = (
-        spectrum_text(matched.target.source)
-        if matched.target.curve
-        else record_name(matched.target.source)
-    )
+    source = source_of([spectrum.target for spectrum in matched.by_damping])
+    aim = spectrum_text(source) if matched.target.curve else record_name(source)
     of_pair = ", RotD100" if len(parts) > 1 else ""
-    return titled(
-        figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}"
-    )
+    ratios = ", ".join(f"{100.0 * spectrum.damping:g}" for spectrum in matched.by_damping)
+    return titled(figure, f"{subject} matched to {aim}\n{ratios} % damping{of_pair}")
 
 
 _MATCHED: dict[str, dict[str, Any]] = {
@@ -563,21 +561,25 @@ _MATCHED: dict[str, dict[str, Any]] = {
 def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
     """Draw the spectra of a matched ground motion, its components, its scaled seed, and the target.
 
+    The spectra of each damping ratio are drawn, with one entry of the legend for all ratios.
     Periods outside of the matched range have a gray background.
     """
     shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
     periods = matched.shown_periods
-    inside = (periods >= matched.target.periods[0]) & (periods <= matched.target.periods[-1])
-    target = units.of(matched.target.at(periods[inside]), "m/s^2")
-    axes.plot(periods[inside], target, color=COLORS[1], linewidth=2.2, label="target")
-    # The matched spectrum; for a pair also the spectrum of each component.
-    spectra = matched.spectra_at(periods)
-    for psa, (name, look) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
-        axes.plot(periods, units.of(psa, "m/s^2"), label=name, **look)
-    for part, (after, _), style in zip(matched.parts, spectra[1:], (":", "--"), strict=False):
-        name = f"matched, {part.after.component or 'component'}"
-        look = _MATCHED["matched"] | {"linestyle": style}
-        axes.plot(periods, units.of(after, "m/s^2"), label=name, **look)
+    for number, spectrum in enumerate(matched.by_damping):
+        hidden = "_" if number else ""  # matplotlib omits labels that begin with an underscore
+        target = spectrum.target
+        inside = (periods >= target.periods[0]) & (periods <= target.periods[-1])
+        values = units.of(target.at(periods[inside]), "m/s^2")
+        axes.plot(periods[inside], values, color=COLORS[1], linewidth=2.2, label=f"{hidden}target")
+        # The matched spectrum; for a pair also the spectrum of each component.
+        spectra = spectrum.spectra_at(periods)
+        for psa, (name, look) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
+            axes.plot(periods, units.of(psa, "m/s^2"), label=f"{hidden}{name}", **look)
+        for part, (after, _), style in zip(spectrum.parts, spectra[1:], (":", "--"), strict=False):
+            name = f"{hidden}matched, {part.after.component or 'component'}"
+            look = _MATCHED["matched"] | {"linestyle": style}
+            axes.plot(periods, units.of(after, "m/s^2"), label=name, **look)
     # Periods outside of the matched range.
     for first, last in ((periods[0], shortest), (longest, periods[-1])):
         if first < last:
