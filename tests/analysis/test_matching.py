@@ -9,8 +9,9 @@ from scipy.optimize import LinearConstraint, minimize
 
 import tdint
 from building_cases import noise
-from tdint.analysis import matching
-from tdint.analysis.matching import _judged, _Problem, _SparseRows, program
+from tdint.analysis import matching_problem
+from tdint.analysis.matching import _judged
+from tdint.analysis.matching_problem import MatchingProblem, SparseRows, program
 from tdint.analysis.spectra.target import read_target, read_targets
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -48,7 +49,7 @@ def problem_of(motion, periods):
     samples = np.array([record.acceleration for record in components(motion)])
     wanted = _judged(motion, periods, [0.05])[0]
     damping = np.full(periods.size, 0.05)
-    return _Problem.of(samples, 0.01, periods, wanted=wanted, damping=damping), samples
+    return MatchingProblem.of(samples, 0.01, periods, wanted=wanted, damping=damping), samples
 
 
 @pytest.mark.parametrize("of", ["motion", "pair"])
@@ -186,7 +187,7 @@ def test_a_range_that_is_none_is_refused(motion, periods):
 
 def test_rows_are_products_over_all_samples(monkeypatch):
     """Rows of different places and lengths, over blocks: as with one dense matrix."""
-    monkeypatch.setattr(matching, "_BLOCK", 7)
+    monkeypatch.setattr(matching_problem, "_BLOCK", 7)
     rng = np.random.default_rng(0)
     size, starts, lengths = 30, np.array([0, 3, 12, 25, 0]), [30, 5, 18, 5, 9]
     lines = [rng.normal(size=length).astype(np.float32) for length in lengths]
@@ -195,7 +196,7 @@ def test_rows_are_products_over_all_samples(monkeypatch):
     for row, start, line, direction in zip(dense, starts, lines, directions, strict=True):
         row[:, start : start + line.size] = direction[:, None] * line
     dense = dense.reshape(5, -1)
-    rows = _SparseRows(size, starts, lines, directions)
+    rows = SparseRows(size, starts, lines, directions)
     np.testing.assert_allclose(rows.products(), dense @ dense.T, rtol=1e-5, atol=1e-5)
     change, multipliers = rng.normal(size=2 * size), rng.normal(size=5)
     np.testing.assert_allclose(rows.times(change.astype(np.float32)), dense @ change, rtol=1e-5)
@@ -211,7 +212,9 @@ def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):
     sizes = []
     for times in (4, 40):
         samples = np.tile(motion.acceleration, times)[None, :]
-        problem = _Problem.of(samples, 0.01, periods, wanted=np.ones(20), damping=np.full(20, 0.05))
+        problem = MatchingProblem.of(
+            samples, 0.01, periods, wanted=np.ones(20), damping=np.full(20, 0.05)
+        )
         sizes.append(sum(line.nbytes for line in problem.free))
     assert sizes[1] < 2.0 * sizes[0]
 
