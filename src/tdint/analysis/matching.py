@@ -285,16 +285,16 @@ def match_suite(
         raise UsageError("a suite must contain at least one motion")
     seeds = [motion_of(motion) for motion in motions]
     aim = _Aim.of(target, periods, damping)
-    wanted = aim.at(aim.checked)
+    target_psa = aim.at(aim.checked)
     before = [_judged(seed, aim.checked, aim.dampings) for seed in seeds]
     if factors is None:
-        factors = [float(np.exp(np.mean(np.log(wanted / psa)))) for psa in before]
+        factors = [float(np.exp(np.mean(np.log(target_psa / psa)))) for psa in before]
     if len(factors) != len(seeds):
         raise UsageError(
             f"factors must contain one factor for each of {len(seeds)} motions, got {len(factors)}"
         )
     scaled = [abs(factor) * psa for factor, psa in zip(factors, before, strict=True)]
-    ratio = wanted / np.mean(scaled, axis=0)
+    ratio = target_psa / np.mean(scaled, axis=0)
     stages = len(seeds) * (_STAGES + 1)
     with progress_reporter(progress, stages, "stage") as report_progress:
         return [
@@ -409,38 +409,41 @@ def _matched(
         Number of stages completed before this motion, and number of stages of all motions.
     """
     checked, dampings = aim.checked, aim.dampings
-    wanted = aim.at(checked)
-    factor = float(np.exp(np.mean(np.log(wanted / before))))
+    target_psa = aim.at(checked)
+    factor = float(np.exp(np.mean(np.log(target_psa / before))))
     records = components(seed)
     start = factor * np.array([record.acceleration for record in records])
     # Match at the first periods. Then add periods with the largest misfits until all are small.
-    places = [np.geomspace(checked[0], checked[-1], _FIRST)] * len(dampings)
+    matched_periods = [np.geomspace(checked[0], checked[-1], _FIRST)] * len(dampings)
     samples, multiplied, best, least = start, np.zeros(start.size, np.float32), start, np.inf
     for stage in range(_STAGES + 1):
         report_progress(stages[0] + stage, stages[1])
         problem = MatchingProblem.of(
             start,
             records[0].dt,
-            np.concatenate(places),
+            np.concatenate(matched_periods),
             wanted=np.concatenate(
-                [target.at(periods) for target, periods in zip(aim.targets, places, strict=True)]
+                [
+                    target.at(periods)
+                    for target, periods in zip(aim.targets, matched_periods, strict=True)
+                ]
             ),
-            damping=np.repeat(dampings, [periods.size for periods in places]),
+            damping=np.repeat(dampings, [periods.size for periods in matched_periods]),
         )
         if stage == 0:
             check_peaks(problem, seed, start)
         samples, multiplied = problem.rounds(samples, multiplied, _ROUNDS[stage], first=stage == 0)
-        off = np.abs(_judged(_with_samples(seed, samples), checked, dampings) / wanted - 1.0)
+        off = np.abs(_judged(_with_samples(seed, samples), checked, dampings) / target_psa - 1.0)
         if (score := float(np.max(off) + _OF_MEAN * np.mean(off))) < least:
             best, least = samples, score
         if np.max(off) < SMALL_MISFIT:
             break
-        places = [
+        matched_periods = [
             _with_worst(periods, checked, misfit)
-            for periods, misfit in zip(places, off, strict=True)
+            for periods, misfit in zip(matched_periods, off, strict=True)
         ]
     # Return the scaled seed if it is better than the matched motion.
-    unchanged = np.abs(factor * before / wanted - 1.0)
+    unchanged = np.abs(factor * before / target_psa - 1.0)
     if not least < np.max(unchanged) + _OF_MEAN * np.mean(unchanged):
         best = start
     ratios = ", ".join(f"{100.0 * ratio:g}" for ratio in dampings)

@@ -100,23 +100,23 @@ class SparseRows:
         result = np.zeros((len(self.lines), len(self.lines)))
         for first in range(0, self.size, _BLOCK):
             last = min(first + _BLOCK, self.size)
-            places = np.flatnonzero((self.starts < last) & (stops > first))
-            block = np.zeros((places.size, last - first), np.float32)
-            for row, place in zip(block, places, strict=True):
-                start = self.starts[place]
-                begin, end = max(start, first), min(stops[place], last)
-                row[begin - first : end - first] = self.lines[place][begin - start : end - start]
+            indices = np.flatnonzero((self.starts < last) & (stops > first))
+            block = np.zeros((indices.size, last - first), np.float32)
+            for row, index in zip(block, indices, strict=True):
+                start = self.starts[index]
+                begin, end = max(start, first), min(stops[index], last)
+                row[begin - first : end - first] = self.lines[index][begin - start : end - start]
             half = ssyrk(1.0, block.T, trans=True)
-            result[np.ix_(places, places)] += np.triu(half).astype(float) + np.triu(half, 1).T
+            result[np.ix_(indices, indices)] += np.triu(half).astype(float) + np.triu(half, 1).T
         return np.asarray(result * (self.directions @ self.directions.T))
 
     def times(self, samples: NDArray[np.float32]) -> Array:
         """Return the scalar product of each row with a change, shape (rows,)."""
         changes = samples.reshape(-1, self.size)
         result = np.empty(len(self.lines))
-        for place, (start, line) in enumerate(zip(self.starts, self.lines, strict=True)):
+        for index, (start, line) in enumerate(zip(self.starts, self.lines, strict=True)):
             part = changes[:, start : start + line.size] @ line
-            result[place] = self.directions[place] @ part
+            result[index] = self.directions[index] @ part
         return result
 
     def sum(self, multipliers: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -255,7 +255,7 @@ class MatchingProblem:
         largest[0] = np.maximum(largest[0], np.finfo(float).tiny)
         return found[:, :count], largest
 
-    def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> SparseRows:
+    def rows(self, oscillator: NDArray[np.int64], when: Array, directions: Array) -> SparseRows:
         """Return derivatives of extremes with respect to the samples of all components.
 
         The derivatives include the band-pass filter and the envelope. The last rows are the
@@ -266,14 +266,14 @@ class MatchingProblem:
 
         Parameters
         ----------
-        who : ndarray of int
+        oscillator : ndarray of int
             Oscillator of each extreme.
         when : ndarray
             Time of each extreme, s.
         directions : ndarray, shape (components, extremes)
             Direction of each extreme.
         """
-        n, w, z, dt = self.envelope.size, self.omega[who], self.damping[who], self.dt
+        n, w, z, dt = self.envelope.size, self.omega[oscillator], self.damping[oscillator], self.dt
         before = np.minimum((when / dt).astype(int), n - 2)
         late = when - dt * before
         # Displacement over -g for a ground acceleration t / dt: a particular solution minus the
@@ -291,22 +291,22 @@ class MatchingProblem:
         parts = np.stack([after.real, -after.imag, *about], axis=1).astype(np.float32)
         starts, lines = [], list[NDArray[np.float32]]()
         envelope = self.envelope.astype(np.float32)
-        for k, part, moment in zip(who, parts, before, strict=True):
+        for k, part, moment in zip(oscillator, parts, before, strict=True):
             # Use samples from the decay of the vibration before the extreme to the reach of the
             # filter after it, where `free` ends.
             free = self.free[k]
             start = max(moment + 1 + self.reach - free.shape[1], 0)
             stop = min(n, moment + 1 + self.reach)
-            place = free.shape[1] - self.reach - 1 - moment + start
+            index = free.shape[1] - self.reach - 1 - moment + start
             size = stop - start
-            line = part[:2] @ free[:, place : place + size]
+            line = part[:2] @ free[:, index : index + size]
             first = n - 1 - moment + start
             line += part[2] * self.impulse[first : first + size]
             line += part[3] * self.impulse[first - 1 : first - 1 + size]
             line *= envelope[start:stop]
             starts.append(start)
             lines.append(line)
-        scaled = directions / self.wanted[who]
+        scaled = directions / self.wanted[oscillator]
         count = len(directions)
         for component in range(count):
             for end in self.filtered(self.ends) * self.envelope:
@@ -338,20 +338,28 @@ class MatchingProblem:
             Oscillator, time, direction over the components, relative difference from the target,
             and True for equality with the target (False for an upper limit).
         """
-        who, values = found[OSCILLATOR].astype(int), found[VALUE:]
+        oscillator, values = found[OSCILLATOR].astype(int), found[VALUE:]
         size = np.linalg.norm(values, axis=0)
         # The maximum at each period must equal the target; other extremes above `_NEAR` times the
         # target must not exceed it.
-        equal = np.zeros(who.size, bool)
+        equal = np.zeros(oscillator.size, bool)
         moved = largest[1] >= 0.0  # an oscillator at rest has no maximum
         equal[largest[1, moved].astype(int)] = True
-        relative = np.where(equal, np.inf, size / self.wanted[who])
+        relative = np.where(equal, np.inf, size / self.wanted[oscillator])
         cut = max(_NEAR, np.sort(relative)[-min(int(_MOST * self.omega.size), relative.size)])
-        held = np.flatnonzero(equal | (relative >= min(cut, 1.0)))
-        who, equal = who[held], equal[held]
-        short = 1.0 - size[held] / self.wanted[who]
-        short = np.where(equal | (short < 0.0), np.clip(short, -_CLIP, _CLIP), short)
-        return who, found[TIME, held], values[:, held] / size[held], short, equal
+        controlled = np.flatnonzero(equal | (relative >= min(cut, 1.0)))
+        oscillator, equal = oscillator[controlled], equal[controlled]
+        shortfall = 1.0 - size[controlled] / self.wanted[oscillator]
+        shortfall = np.where(
+            equal | (shortfall < 0.0), np.clip(shortfall, -_CLIP, _CLIP), shortfall
+        )
+        return (
+            oscillator,
+            found[TIME, controlled],
+            values[:, controlled] / size[controlled],
+            shortfall,
+            equal,
+        )
 
     def rounds(
         self, samples: Array, multiplied: NDArray[np.float32], most: int, *, first: bool
@@ -382,9 +390,9 @@ class MatchingProblem:
                     samples, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0])
                 )
             # Set up the quadratic program: derivatives, differences and products of the rows.
-            who, when, directions, short, equal = self.equations(found, largest)
-            table = self.rows(who, when, directions)
-            short = np.concatenate([short, -ends @ (samples - self.start).ravel()])
+            oscillator, when, directions, shortfall, equal = self.equations(found, largest)
+            table = self.rows(oscillator, when, directions)
+            shortfall = np.concatenate([shortfall, -ends @ (samples - self.start).ravel()])
             equal = np.concatenate([equal, np.ones(len(ends), bool)])
             gram = table.products()
             scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
@@ -392,12 +400,14 @@ class MatchingProblem:
             if not stepwise and (misfit < _STEPWISE or 2 * number > most):
                 stepwise, damped = True, min(damped, _POLISHED)
                 merit, _ = self.merits(largest, stepwise)
-            toward = short if stepwise else short + table.times(multiplied)
-            uneven = np.ones(short.size)
+            toward = shortfall if stepwise else shortfall + table.times(multiplied)
+            uneven = np.ones(shortfall.size)
             if stepwise:
-                far = np.abs(short) + 1e-4  # differences below 0.01 % are not relevant
+                far = np.abs(shortfall) + 1e-4  # differences below 0.01 % are not relevant
                 uneven = np.clip(np.median(far) / far, *_UNEVEN)
-                _exchange_equalities(gram, toward * scales, equal, damped * uneven, who, scales)
+                _exchange_equalities(
+                    gram, toward * scales, equal, damped * uneven, oscillator, scales
+                )
             # Increase the damping of the step until it reduces the misfit.
             for tried in range(_TRIES):  # noqa: B007
                 multipliers = (
@@ -425,7 +435,12 @@ class MatchingProblem:
 
 
 def _exchange_equalities(
-    gram: Array, short: Array, equal: Bools, damped: Array, who: NDArray[np.int64], scales: Array
+    gram: Array,
+    shortfall: Array,
+    equal: Bools,
+    damped: Array,
+    oscillator: NDArray[np.int64],
+    scales: Array,
 ) -> None:
     """Exchange the equality of a period if another extreme will be closer to the target.
 
@@ -433,30 +448,32 @@ def _exchange_equalities(
     ----------
     gram : ndarray
         Scaled scalar products of the rows.
-    short : ndarray
+    shortfall : ndarray
         Scaled differences from the targets.
     equal : ndarray of bool
-        True for equalities; changed in place.
+        True for equalities; changed in index.
     damped : ndarray
         Damping of each row.
-    who : ndarray of int
+    oscillator : ndarray of int
         Oscillator of each extreme.
     scales : ndarray
         Scale factor of each row.
     """
     for _ in range(2):
-        left = (short - gram @ program(gram, short, equal, damped)) / scales
+        left = (shortfall - gram @ program(gram, shortfall, equal, damped)) / scales
         changed = False
-        for place in np.flatnonzero(equal[: who.size] & (left[: who.size] > SMALL_MISFIT)):
-            others = np.flatnonzero((who == who[place]) & ~equal[: who.size])
-            if others.size and left[nearest := others[np.argmin(left[others])]] < 0.7 * left[place]:
-                equal[place], equal[nearest], changed = False, True, True
+        for index in np.flatnonzero(
+            equal[: oscillator.size] & (left[: oscillator.size] > SMALL_MISFIT)
+        ):
+            others = np.flatnonzero((oscillator == oscillator[index]) & ~equal[: oscillator.size])
+            if others.size and left[nearest := others[np.argmin(left[others])]] < 0.7 * left[index]:
+                equal[index], equal[nearest], changed = False, True, True
         if not changed:
             return
 
 
-def program(gram: Array, short: Array, equal: Bools, damped: Array) -> Array:
-    """Return the multipliers l that minimize l' (G + diag(damped)) l / 2 - short' l.
+def program(gram: Array, shortfall: Array, equal: Bools, damped: Array) -> Array:
+    """Return the multipliers l that minimize l' (G + diag(damped)) l / 2 - shortfall' l.
 
     Multipliers of inequalities must not be positive. A primal-dual active set method is used:
     inequalities with a positive multiplier become inactive, violated inequalities become active.
@@ -465,7 +482,7 @@ def program(gram: Array, short: Array, equal: Bools, damped: Array) -> Array:
     ----------
     gram : ndarray, shape (n, n)
         Scalar products of the rows.
-    short : ndarray, shape (n,)
+    shortfall : ndarray, shape (n,)
         Differences from the targets.
     equal : ndarray of bool, shape (n,)
         True for equalities, False for inequalities.
@@ -474,21 +491,21 @@ def program(gram: Array, short: Array, equal: Bools, damped: Array) -> Array:
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    active, result = equal | (short < 0.0), np.zeros(short.size)
-    slack = 1e-3 * float(np.median(np.abs(short[equal])))
+    active, result = equal | (shortfall < 0.0), np.zeros(shortfall.size)
+    slack = 1e-3 * float(np.median(np.abs(shortfall[equal])))
     for _ in range(20):
-        places = np.flatnonzero(active)
-        part = gram[np.ix_(places, places)]
-        part[np.diag_indices(places.size)] += damped[places]
+        indices = np.flatnonzero(active)
+        part = gram[np.ix_(indices, indices)]
+        part[np.diag_indices(indices.size)] += damped[indices]
         try:
             factors = cho_factor(part, check_finite=False)
         except np.linalg.LinAlgError:
             damped = np.maximum(10.0 * damped, 1e-5)
             continue
         result[:] = 0.0
-        result[places] = cho_solve(factors, short[places], check_finite=False)
+        result[indices] = cho_solve(factors, shortfall[indices], check_finite=False)
         leaving = active & ~equal & (result > 0.0)
-        joining = ~active & (gram @ result > short + slack)
+        joining = ~active & (gram @ result > shortfall + slack)
         if not leaving.any() and not joining.any():
             return result
         active = (active & ~leaving) | joining

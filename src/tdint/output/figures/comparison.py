@@ -561,13 +561,14 @@ _MATCHED: dict[str, dict[str, Any]] = {
 def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
     """Draw the spectra of a matched ground motion, its components, its scaled seed, and the target.
 
-    The spectra of each damping ratio are drawn, with one entry of the legend for all ratios.
+    The axes contain the spectra for each damping ratio; the legend has a single entry for all
+    ratios.
     Periods outside of the matched range have a gray background.
     """
     shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
     periods = matched.shown_periods
     for number, spectrum in enumerate(matched.by_damping):
-        hidden = "_" if number else ""  # matplotlib omits labels that begin with an underscore
+        hidden = "_" if number else ""  # matplotlib omits labels with a leading underscore
         target = spectrum.target
         inside = (periods >= target.periods[0]) & (periods <= target.periods[-1])
         values = units.of(target.at(periods[inside]), "m/s^2")
