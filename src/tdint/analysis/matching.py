@@ -68,7 +68,7 @@ class Match(Tabular):
     damping : float
         Damping ratio.
     further : tuple of Match
-        The same motion at the other damping ratios, each with its own target; empty for one ratio.
+        Spectra and targets of the same motion for the remaining damping ratios.
     """
 
     record: GroundMotion
@@ -217,21 +217,21 @@ def match(
         Seed. Both components of a pair are changed together, with a common factor.
     target : TargetSpectrum, str, or sequence of TargetSpectrum
         File of a spectrum, or text of a design spectrum
-        (`tdint.analysis.spectra.target.read_target`). Several damping ratios need a file with the
-        column `damping`, a spectrum of Eurocode 8, or a sequence with one spectrum per ratio.
+        (`tdint.analysis.spectra.target.read_target`). For several damping ratios: a file with the
+        column `damping`, a spectrum of Eurocode 8, or a sequence with a spectrum per ratio.
     periods : tuple of two floats
         Range of periods to be matched, s; default 0.05 to 4.
     damping : float or sequence of float
         Damping ratios of the spectra; default 0.05. The motion is matched at all of them together.
     progress : bool or callable
-        True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
-        with the number of completed stages and the maximum number of stages.
+        True for a progress bar by tqdm on a terminal or in a notebook, or a function that receives
+        the number of completed stages and the maximum number of stages.
 
     Returns
     -------
     Match
-        The motion is the scaled seed if no change reduces the misfit. The spectrum is that of the
-        first damping ratio; `further` contains the others.
+        The motion is the scaled seed if no change reduces the misfit. `psa` belongs to the first
+        damping ratio, `further` contains the remaining ratios.
 
     Raises
     ------
@@ -300,18 +300,20 @@ def match_suite(
         return [
             _matched(
                 seed,
-                aim.with_spectra(own * ratio, len(seeds)),
+                aim.with_spectra(scaled_psa * ratio, len(seeds)),
                 psa,
                 report_progress,
                 (number * (_STAGES + 1), stages),
             )
-            for number, (seed, own, psa) in enumerate(zip(seeds, scaled, before, strict=True))
+            for number, (seed, scaled_psa, psa) in enumerate(
+                zip(seeds, scaled, before, strict=True)
+            )
         ]
 
 
 @dataclass(frozen=True)
 class _Aim:
-    """Targets of a match, one per damping ratio, and the periods (s) at which it is judged."""
+    """Target spectra for the damping ratios, and the periods (s) of the comparison."""
 
     targets: tuple[TargetSpectrum, ...]
     dampings: tuple[float, ...]
@@ -329,7 +331,7 @@ class _Aim:
         dampings = tuple(map(damping_of, ratios))
         if not dampings or len(set(dampings)) < len(dampings):
             raise UsageError(
-                "damping must contain at least one ratio, and no ratio twice, got "
+                "damping must contain distinct ratios between 0 and 1, got "
                 f"{', '.join(f'{ratio:g}' for ratio in dampings) or 'none'}"
             )
         if isinstance(target, str):
@@ -338,7 +340,7 @@ class _Aim:
             targets = (target,) if isinstance(target, TargetSpectrum) else tuple(target)
         if len(targets) != len(dampings):
             raise UsageError(
-                f"target must contain one spectrum for each of {len(dampings)} damping ratios, got "
+                f"target must contain a spectrum for each of {len(dampings)} damping ratios, got "
                 f"{len(targets)}"
             )
         shortest, longest = periods
@@ -360,7 +362,7 @@ class _Aim:
     def with_spectra(self, psa: Array, count: int) -> _Aim:
         """Return the aim of a motion in a suite of `count` motions.
 
-        `psa` contains the target of the motion at the checked periods, m/s^2, with one row per
+        `psa` contains the target of the motion at the checked periods, m/s^2, with a row per
         damping ratio.
         """
         targets = [
@@ -371,7 +373,7 @@ class _Aim:
 
 
 def _judged(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> Array:
-    """Return pseudo-accelerations, m/s^2, with one row per damping ratio; RotD100 for a pair."""
+    """Return pseudo-accelerations, m/s^2, with a row per damping ratio; RotD100 for a pair."""
     is_suitable = all(
         np.any(record.acceleration) and record.acceleration.size >= 100
         for record in components(motion)
@@ -462,7 +464,7 @@ def _matched(
 
 
 def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:
-    """Return the matched periods of one damping ratio and the judged periods that match worst.
+    """Return the matched periods of a damping ratio and the judged periods that match worst.
 
     Parameters
     ----------

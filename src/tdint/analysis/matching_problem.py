@@ -1,4 +1,4 @@
-"""Quadratic program of spectral matching: the smallest change that brings extremes to a target.
+"""Quadratic program of spectral matching: the smallest change for which extremes equal a target.
 
 The change of a motion, d = P H' lambda, follows from the multipliers lambda of a small quadratic
 program. The rows of H are the derivatives of the extremes of the responses with respect to the

@@ -331,8 +331,7 @@ _DAMPED = ",damping="
 
 
 def source_of(targets: Sequence[TargetSpectrum]) -> str:
-    """Return the source of targets for different damping ratios, without the ratio if there are
-    several."""
+    """Return the source of the targets, without the damping ratio if there are several targets."""
     source = targets[0].source
     return source if len(targets) == 1 else source.partition(_DAMPED)[0]
 
@@ -343,16 +342,15 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     Parameters
     ----------
     source : str
-        A CSV file with the column `damping`, from which the rows of each ratio are taken; for
-        several ratios also `ec8:...` without its parameter `damping`, which is then each ratio;
-        for one ratio every source of `read_target`.
+        CSV file with the column `damping`, or `ec8:...` without its parameter `damping`; for a
+        single ratio any source of `read_target`.
     dampings : sequence of float
         Damping ratios.
 
     Raises
     ------
     ModelError, UsageError
-        As by `read_target`; or the source contains no spectrum for one of the ratios.
+        As by `read_target`; or the source lacks a spectrum for a ratio.
     """
     named = _NAMED.fullmatch(source.strip())
     if named is None and not _OF_FILE.fullmatch(source.strip()):
@@ -364,9 +362,9 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     if named and named[1].lower() == "ec8" and "damping" not in named[2].lower():
         return tuple(read_target(f"{source}{_DAMPED}{ratio!r}") for ratio in dampings)
     raise UsageError(
-        f"{source[:60]!r}: is a spectrum for one damping ratio, got {len(dampings)} ratios; give "
-        "one ratio, ec8:... without its damping, or a CSV file with the columns damping, period_s "
-        "and sa_g"
+        f"{source[:60]!r}: is a spectrum for a single damping ratio, got {len(dampings)} ratios; "
+        "specify a single ratio, ec8:... without its damping, or a CSV file with the columns "
+        "damping, period_s and sa_g"
     )
 
 
