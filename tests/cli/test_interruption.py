@@ -62,6 +62,27 @@ def test_a_signal_ends_the_command_inside_of_a_library(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+# Ctrl-C while the module of the signals itself is being loaded.
+EARLY = """
+import sys
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        if name == "signal":
+            raise KeyboardInterrupt
+
+sys.modules.pop("signal", None)
+sys.meta_path.insert(0, Interrupting())
+from tdint_cli import start
+start()
+"""
+
+
+def test_a_signal_before_all_else_ends_the_command_without_a_traceback():
+    ended = subprocess.run([sys.executable, "-c", EARLY], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+
 # The command has ended, and Python waits for a thread that still works.
 LINGERING = """
 import sys, time

@@ -3,17 +3,23 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tdint
+from csv_rows import rows
 from tdint.analysis.run.prepared import PreparedBuilding, run_interpreted
-from tdint.kernels.building import load_or_compile, store
+from tdint.errors import AnalysisError
+from tdint.kernels.building import load_or_compile, process, store, target
+from tdint.kernels.time_loop.loop import integrate
 from tdint.methods.catalogue import catalogue, parse
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -155,6 +161,95 @@ def test_where_no_process_can_be_started_the_run_goes_on(of_user, monkeypatch, c
     assert begun()
     assert "no process can be started" in caplog.text
     assert "in the background" not in caplog.text
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes of POSIX")
+def test_a_pipe_in_place_of_the_lock_does_not_block_the_run(of_user, caplog):
+    caplog.set_level("INFO", "tdint")
+    os.mkfifo(store.writable() / ".lock-beside")
+    assert begun() and not of_user
+    assert "no process can be started" in caplog.text and "is not a file" in caplog.text
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_where_no_thread_can_be_started_no_compiler_is_left(monkeypatch, first):
+    """Under `ulimit -u`, at the first thread and at that which reads the output of the compiler:
+    the message does not speak of memory, and the compiler that was started is ended."""
+    compilers, start, submit = [], process.subprocess.Popen, ThreadPoolExecutor.submit
+
+    def started(*arguments, **named):
+        compilers.append(start(*arguments, **named))
+        return compilers[-1]
+
+    def refused(self, work, *arguments):
+        if first or compilers:
+            raise RuntimeError("can't start new thread")
+        return submit(self, work, *arguments)
+
+    monkeypatch.setattr(process.subprocess, "Popen", started)
+    monkeypatch.setattr(ThreadPoolExecutor, "submit", refused)
+    (kernel, variant), *_ = loops_of("ten-story")
+    with pytest.raises(AnalysisError, match="no process or thread can be started") as caught:
+        list(process.run_all(process.compilations([(kernel, variant, target.NATIVE)])))
+    assert "ulimit -u" in str(caught.value)
+    assert [one.wait(30) != 0 for one in compilers] == ([] if first else [True])
+
+
+def loops_of(model):
+    """Kernels with variants that a building needs."""
+    prepared = PreparedBuilding.of(tdint.load_model(CONFIGS / f"{model}.yaml"))
+    return [(integrate, prepared.variant)]
+
+
+WAYS = {
+    "nohup": "nohup {} > kept 2> said",
+    "another session": "setsid -w {} > kept 2> said",
+    "first process of a shell": "exec {} > kept 2> said",
+    "no standard error": "{} > kept 2>&-",
+    "no standard input": "{} > kept 2> said <&-",
+    "a full standard error": "{} > kept 2> /dev/full",
+    "no room for files": "ulimit -f 20; {} > kept 2> said",
+    "few files": "ulimit -n 20; {} > kept 2> said",
+}
+CACHES = ["/proc", "/dev/null", "/dev/full", "", "file", "loop"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize(("way", "cache"), [*((way, "cache") for way in WAYS),
+                                            *(("nohup", cache) for cache in CACHES)])  # fmt: skip
+def test_a_first_run_gives_its_result_whatever_surrounds_it(tmp_path, way, cache):
+    """Its results are those of a compiled run but for rounding, and nothing is said that is no
+    note."""
+    shutil.copy(CONFIGS / "hardening.yaml", tmp_path / "model.yaml")
+    (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to("loop")
+    where = cache if cache.startswith("/") or not cache else str(tmp_path / cache)
+    command = f"{sys.executable} -m tdint_cli run model.yaml -o out"
+    try:
+        ended = subprocess.run(
+            ["bash", "-c", WAYS[way].format(command)],
+            cwd=tmp_path,
+            env=environment(where, TDINT_TEST=str(tmp_path), HOME=str(tmp_path)),
+            stdin=subprocess.DEVNULL,
+            timeout=300,
+        )
+        said = (tmp_path / "said").read_text() if (tmp_path / "said").exists() else ""
+        assert ended.returncode == 0 and "Traceback" not in said and "Error" not in said, said
+        compiled = tdint.run(tmp_path / "model.yaml").stories.peak_drift[0]
+        (row,) = rows(tmp_path / "out" / "stories.csv")
+        assert float(row["peak_drift_m"]) == pytest.approx(compiled, rel=1e-8)
+    finally:
+        end_what_is_marked(str(tmp_path))
+
+
+def end_what_is_marked(mark):
+    """End the processes with this text in their environment: they compile for nobody."""
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit() and int(entry.name) != os.getpid():
+            with suppress(OSError):
+                if f"TDINT_TEST={mark}".encode() in (entry / "environ").read_bytes():
+                    os.kill(int(entry.name), signal.SIGKILL)
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ image, a cluster, other processors, or a shared directory.
 
 from __future__ import annotations
 
+import errno
 import importlib
 import importlib.util
 import json
@@ -354,7 +355,10 @@ def _start_compilation(
     names = [
         [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(groups)
     ]
-    with (folder / _BACKGROUND_LOCK).open("a") as stream:
+    file = folder / _BACKGROUND_LOCK
+    if file.exists() and not file.is_file():  # opening a named pipe would block
+        raise FileExistsError(errno.EEXIST, f"{file} is not a file")
+    with file.open("a") as stream:
         # Only one process compiles at a time. Otherwise several models in succession would fill
         # the memory with compilers.
         if lock(stream.fileno()):

@@ -147,7 +147,13 @@ class _Process:
     is compiled once."""
 
     def __init__(self, settings: Mapping[str, str]) -> None:
-        """Start the process. Raises OSError if no process can be started."""
+        """Start the process.
+
+        Raises
+        ------
+        OSError, RuntimeError
+            No process or no thread can be started.
+        """
         self.settings = settings
         pipe = subprocess.PIPE
         path = os.pathsep.join(filter(None, sys.path))
@@ -164,7 +170,11 @@ class _Process:
         )
         # a thread reads the output; a temporary file would need a writable directory
         self._reader = ThreadPoolExecutor(1)
-        self._error_output = self._reader.submit(self._pipe(self._process.stderr).read)
+        try:
+            self._error_output = self._reader.submit(self._pipe(self._process.stderr).read)
+        except RuntimeError:
+            self.end()
+            raise
 
     def compile(self, compilation: Compilation) -> list[bytes]:
         """Return the contents of the object file for each target.
@@ -251,8 +261,14 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     count = min(processors(), len(compilations))
     with ThreadPoolExecutor(max(count, 1)) as pool:
         try:
-            for _ in range(count):
-                pool.submit(processes.compile_waiting)
+            for number in range(count):
+                try:
+                    pool.submit(processes.compile_waiting)
+                except RuntimeError as error:
+                    # With a limit on threads, the threads that could be started compile everything.
+                    if number == 0:
+                        raise _nothing_started(compilations[0], error) from None
+                    break
             for _ in compilations:
                 compilation, packed = processes.done.get()
                 if isinstance(packed, BaseException):
@@ -260,6 +276,15 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
                 yield compilation, packed
         finally:
             processes.stop()
+
+
+def _nothing_started(compilation: Compilation, error: Exception) -> AnalysisError:
+    """Return the error for a kernel if no process or no thread can be started."""
+    return AnalysisError(
+        f"{compilation.kernel.name} cannot be compiled: no process or thread can be started "
+        f"({error}); raise the limit on processes (ulimit -u, pids of a container), or set "
+        "TDINT_KERNELS=python"
+    )
 
 
 class _ProcessPool:
@@ -329,11 +354,8 @@ class _ProcessPool:
         with self._lock:
             try:
                 process = _Process(compilation.settings)
-            except OSError as error:
-                name = compilation.kernel.name
-                raise AnalysisError(
-                    f"{name} cannot be compiled: no process can be started ({error})"
-                ) from None
+            except (OSError, RuntimeError) as error:
+                raise _nothing_started(compilation, error) from None
             self._processes.add(process)
             return process
 
