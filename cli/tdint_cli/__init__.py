@@ -2,11 +2,13 @@
 
 
 def start() -> None:
-    """Entry point of the installed command: until all is loaded that ends it with a word, a signal
-    ends it without."""
+    """Run the installed command.
+
+    A signal during the loading of modules ends the process without a message.
+    """
     import os
 
-    # A signal during the import of `signal` itself still has Python's handler.
+    # During the import of the module `signal`, Python raises KeyboardInterrupt for Ctrl-C.
     try:
         import signal
 
