@@ -20,7 +20,7 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from functools import partial
@@ -32,7 +32,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
 sys.path.insert(0, str(Path(__file__).parent))  # of this folder
+import page_tables
 import raw_points
+from page_tables import WORDS, percent, table
 from raw_points import Conditions, Entry
 
 import png_text
@@ -71,11 +73,8 @@ COMMAND = "python tests/benchmarks/run.py"
 CHARTS = (("linear", "near-fault"), ("bilinear", "near-fault"), ("bouc-wen", "near-fault"))
 """Problems whose points are drawn: methods of order 4 at home, kinks, smooth hysteresis."""
 
-WORDS = {
-    "peak_drift": "peak drift",
-    "peak_absolute_acceleration": "peak absolute acceleration",
-    "peak_total_shear": "peak total shear",
-}
+SAME = ("openseespy/newmark-average", "openseespy/hht")
+"""Lines of OpenSees whose errors are compared with those of our method of the same name."""
 MINUTES = 20.0
 REPEATS = 3
 """Number of times that the lines by tolerance are timed."""
@@ -201,19 +200,6 @@ def conditions_of(entries: Sequence[Entry]) -> Conditions:
     versions += [f"{name} {version(package)}" for name, package in packages.items()]
     chart = whole_chart(entries)
     return Conditions(", ".join(versions), platform.system(), chart.timing, chart.peers)
-
-
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table."""
-    return (
-        "\n".join("|" + "|".join(line) + "|" for line in (heads, ["---"] * len(heads), *rows))
-        + "\n"
-    )
-
-
-def percent(tolerance: float) -> str:
-    """A tolerance in words."""
-    return f"{100.0 * tolerance:g} %"
 
 
 def cell(profile: PerformanceProfile | None) -> str:
@@ -546,10 +532,13 @@ def page(
         + "\n"
         + tables_of_profiles(chart)
         + f"### Where `impulse4` costs most\n\n{dearest(chart)}",
+        "Which method is cheapest": page_tables.cheapest_said(chart),
         "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
         "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
-        "Other programs": peers_said(chart),
+        "Other programs": peers_said(chart) + page_tables.same_method_said(chart, SAME),
         "Adaptive solvers": adaptive_table(),
+        "A plain loop and the cost of a call": page_tables.plain_loop_said(),
+        "Loops for all laws": page_tables.loops_said(),
         "The problems": problems(chart),
         "A method or a problem of your own": OWN,
     }

@@ -131,6 +131,59 @@ def test_the_page_is_written_from_the_stored_points():
     assert run.page(entries, len(read_problems(STANDARD)), shown, conditions) == PAGE
 
 
+def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points():
+    """Each count of buildings on the first page is in the statements that the points give."""
+    entries, conditions = run.raw_points.load()
+    chart = run.whole_chart(entries, conditions)
+    first, second = (
+        " ".join(part.split())
+        for part in re.search(
+            r"Of the 12 buildings of the\sbenchmark, (.*?)\. With fluid dampers (.*?)\.\n",
+            (HERE.parents[1] / "README.md").read_text(encoding="utf-8"),
+            re.DOTALL,
+        ).groups()
+    )
+    statements = {
+        text.partition(":")[0]: dict(re.findall(r"`([\w-]+)` for (\d+)", text))
+        for text in run.page_tables.statements(chart)
+    }
+    assert len(run.page_tables.by_building(chart)) == 12
+    said = re.fullmatch(
+        r"`(.*)` is the cheapest for (\d+) at errors of 10 %, `(.*)` for (\d+); `(.*)` for (\d+) "
+        r"at 0\.1 % and for (\d+) at 0\.01 %",
+        first,
+    ).groups()
+    assert statements["10 %"][said[0]] == said[1] and statements["10 %"][said[2]] == said[3]
+    assert statements["0.1 %"][said[4]] == said[5] and statements["0.01 %"][said[4]] == said[6]
+    dampers = run.page_tables.by_building(chart)["fluid-dampers"]
+    named = re.findall(r"`([\w-]+)`", second)
+    leaders = [run.page_tables.cheapest(dampers, tolerance)[0] for tolerance in (0.1, 0.03, 0.01)]
+    assert set(leaders) == set(named)
+
+
+def test_ratios_of_errors_and_the_cheapest_method_of_made_up_points():
+    """With errors of the step squared and equal times, both methods cost the same; a program whose
+    errors are twice as large has the ratio 2."""
+    peer = "openseespy/newmark-average"
+    one = made_up(lines=("impulse4", "newmark-average", peer))
+    points = tuple(
+        replace(p, errors=PeakErrors(*(2.0 * e for e in vars(p.errors).values())))
+        if p.line == peer
+        else replace(p, times=(2.0 * p.times[0],))
+        if p.line == "newmark-average"
+        else p
+        for p in one.points
+    )
+    chart = run.field_chart([replace(one, points=points)])
+    found = run.page_tables.ratios_of_errors(chart, peer, "peak_drift")
+    assert set(found) == {"linear"}
+    assert found["linear"] == pytest.approx([2.0] * sum(part <= 1.0 for part in PARTS))
+    assert run.page_tables.cheapest(chart.measured, 0.01) == ["impulse4"]
+    assert run.page_tables.mean_costs(chart.measured, 0.01) == pytest.approx(
+        {"impulse4": 1.0, "newmark-average": 2.0}
+    )
+
+
 def test_stored_points_are_read_as_they_were(tmp_path):
     entry = run.Entry(made_up(), "2026-01-01", 0.5, 1.0)
     run.raw_points.store([entry], run.conditions_of([entry]), tmp_path)

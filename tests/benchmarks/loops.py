@@ -1,0 +1,100 @@
+"""Time of loops for all laws over loops for the laws of the building: python
+tests/benchmarks/loops.py
+
+`tdint compile --all` and wheels contain time loops for all laws; a first run without them compiles
+loops for the laws of the building. Methods and laws of plug-ins always run in loops for the laws of
+the building. The script integrates each model of `configs` with both loops in turns, in one
+process, by processor time of the thread; the minimum counts. Results are the same to the bit.
+
+`--wheel` uses the loops for all laws of a wheel: those for the oldest processor of its platform,
+compiled into TDINT_KERNELS_DIR by `tdint compile --all --target linux-x86-64-v3 -o DIR`. Results
+are written to loops.csv, from which run.py makes a table.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from common import ROOT
+
+from tdint import load_model
+from tdint.analysis.run.prepared import PreparedBuilding
+from tdint.analysis.run.run import model_record
+from tdint.analysis.time_steps import choose_steps
+from tdint.errors import TdintError
+from tdint.kernels.building.compilable import EVERYTHING
+from tdint.methods.catalogue import parse
+from tdint.model.definition import Model
+
+FILE = Path(__file__).with_name("loops.csv")
+HEADS = ("loops", "model", "method", "own_us_per_step", "ratio")
+METHODS = ("impulse4", "gauss4", "newmark-average", "noh-bathe")
+REPEATS = 25
+MAX_STORIES = 30
+
+
+def prepared_with(model: Model, for_all: bool) -> PreparedBuilding:
+    """Return the building, with loops for all laws or for its laws."""
+    prepared = PreparedBuilding.of(model)
+    if for_all:
+        vars(prepared)["variant"] = EVERYTHING  # the value of the cached property
+    return prepared
+
+
+def times(model: Model, method: str) -> tuple[float, float] | None:
+    """Return the minimum time of a step in the loop for its laws and in the loop for all laws, s.
+
+    None if the method does not integrate the building.
+    """
+    integrator, record = parse(method), model_record(model)
+    assert record is not None
+    steps = choose_steps(None, None, record.dt, record.duration)
+    both = [prepared_with(model, for_all) for for_all in (False, True)]
+    both[0].compile([integrator], own_loops=True)
+    best, peaks = [math.inf, math.inf], [None, None]
+    for _ in range(REPEATS):
+        for i, prepared in enumerate(both):
+            result = prepared.integrate(integrator, steps, record.acceleration.copy())
+            if result.code < 0:
+                return None
+            best[i] = min(best[i], result.seconds / steps.count)
+            peaks[i] = result.space.peaks
+    assert np.array_equal(*peaks)
+    return best[0], best[1]
+
+
+def main(asked: Sequence[str]) -> None:
+    """Measure and write the file; rows of the other kind of loops are kept."""
+    kind = "wheel" if "--wheel" in asked else "compile --all"
+    kept = []
+    if FILE.exists():
+        with FILE.open(encoding="utf-8", newline="") as stream:
+            kept = [row for row in csv.reader(stream) if row[0] not in (kind, HEADS[0])]
+    found = []
+    for file in sorted((ROOT / "configs").glob("*.yaml")):
+        model = load_model(file)
+        if not model.excitation.record or len(model.stories) > MAX_STORIES:
+            continue
+        for method in METHODS:
+            try:
+                own = times(model, method)
+            except TdintError as error:  # the method refuses the building
+                print(file.stem, method, error)
+                continue
+            if own is not None:
+                found.append(
+                    [kind, file.stem, method, f"{1e6 * own[0]:.4g}", f"{own[1] / own[0]:.3f}"]
+                )
+                print(*found[-1], flush=True)
+    with FILE.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerows([HEADS, *sorted([*kept, *found])])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,275 @@
+"""Tables of the benchmark page that are made from stored points and measurements.
+
+Each function returns Markdown. `run.py` puts them into sections. Nothing is measured here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from itertools import product
+from pathlib import Path
+from statistics import geometric_mean, median
+
+import raw_points
+
+from tdint.analysis.chart.profiles import PEAKS, TOLERANCES, FieldChart, Measured, of_steps
+
+HERE = Path(__file__).parent
+WORDS = {
+    "peak_drift": "peak drift",
+    "peak_absolute_acceleration": "peak absolute acceleration",
+    "peak_total_shear": "peak total shear",
+}
+ALIKE = 1.1
+"""Costs within this factor of the least are the same: clocks do not distinguish them."""
+NEAR = (0.95, 1.05)
+"""Range of the ratio of two errors of the same method by two programs."""
+OTHER_SCHEME = "bouc-wen"
+"""Building whose law OpenSees integrates by a scheme of order 1."""
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    return (
+        "\n".join("|" + "|".join(line) + "|" for line in (heads, ["---"] * len(heads), *rows))
+        + "\n"
+    )
+
+
+def percent(tolerance: float) -> str:
+    """Return a tolerance in percent."""
+    return f"{100.0 * tolerance:g} %"
+
+
+# ---- The cheapest method by building and tolerance
+
+
+def mean_costs(measured: Sequence[Measured], tolerance: float) -> dict[str, float]:
+    """Return the geometric mean of the cost over the least cost of each of our methods.
+
+    Parameters
+    ----------
+    measured : sequence of Measured
+        Problems.
+    tolerance : float
+        Tolerance of all three quantities.
+
+    Returns
+    -------
+    dict
+        Means by method; only methods that solve all problems for all quantities.
+    """
+    ratios = defaultdict(list)
+    judged = 0
+    for one, quantity in product(measured, PEAKS):
+        if not one.judges(quantity, tolerance):
+            continue
+        costs = {
+            line: cost for line, cost in one.costs(quantity, tolerance).items() if of_steps(line)
+        }
+        least = min((cost for cost in costs.values() if cost == cost), default=math.nan)
+        judged += 1
+        for line, cost in costs.items():
+            if cost == cost:  # not nan: the method solves the problem
+                ratios[line].append(cost / least)
+    return {
+        line: geometric_mean(values) for line, values in ratios.items() if len(values) == judged
+    }
+
+
+def cheapest(measured: Sequence[Measured], tolerance: float) -> list[str]:
+    """Return the methods with the least mean cost, the cheapest first; see `ALIKE`."""
+    means = sorted(mean_costs(measured, tolerance).items(), key=lambda item: item[1])
+    return [line for line, mean in means if mean <= ALIKE * means[0][1]]
+
+
+def by_building(chart: FieldChart) -> dict[str, list[Measured]]:
+    """Return the problems of each building."""
+    buildings: dict[str, list[Measured]] = {}
+    for one in chart.measured:
+        buildings.setdefault(one.name, []).append(one)
+    return buildings
+
+
+def statements(chart: FieldChart) -> list[str]:
+    """Return sentences on the cheapest methods, one for each range of tolerances."""
+    buildings = by_building(chart)
+    found = {
+        tolerance: {name: cheapest(of_one, tolerance) for name, of_one in buildings.items()}
+        for tolerance in TOLERANCES
+    }
+    sentences = []
+    for tolerance in TOLERANCES:
+        counts: dict[str, int] = defaultdict(int)
+        for lines in found[tolerance].values():
+            for line in lines[:1]:
+                counts[line] += 1
+        leaders = sorted(counts.items(), key=lambda item: -item[1])
+        listed = ", ".join(f"`{line}` for {count}" for line, count in leaders)
+        sentences.append(
+            f"{percent(tolerance)}: the cheapest method of {len(buildings)} buildings is {listed}."
+        )
+    return sentences
+
+
+def cheapest_said(chart: FieldChart) -> str:
+    """Return the table of the cheapest methods by building and tolerance, with statements."""
+    rows = [
+        [
+            name,
+            *(
+                ", ".join(f"`{line}`" for line in cheapest(of_one, tolerance)[:3]) or "-"
+                for tolerance in TOLERANCES
+            ),
+        ]
+        for name, of_one in by_building(chart).items()
+    ]
+    listed = "\n".join(f"- {sentence}" for sentence in statements(chart))
+    return (
+        "The cheapest methods of a building: least geometric mean of the cost over the least cost, "
+        "over its motions and all three quantities, of the methods that solve all of them. Methods "
+        f"within {ALIKE:g} times the least mean are listed too, at most three.\n\n{listed}\n\n"
+        f"{table(['building', *map(percent, TOLERANCES)], rows)}"
+    )
+
+
+# ---- The same method by two programs
+
+
+def ratios_of_errors(chart: FieldChart, line: str, quantity: str) -> dict[str, list[float]]:
+    """Return the errors of OpenSees over those of our method of the same name, by building.
+
+    Steps longer than the sampling interval are left out, because peaks between them differ.
+    """
+    ours = line.partition("/")[2]
+    found: dict[str, list[float]] = {}
+    for one in chart.measured:
+        errors = {
+            round(point.dt / one.interval, 6): point.error(quantity)
+            for point in one.points
+            if point.line == ours
+        }
+        for point in one.points:
+            own = errors.get(round(point.dt / one.interval, 6), math.nan)
+            error = point.error(quantity)
+            if (
+                point.line == line
+                and point.dt <= 1.001 * one.interval
+                and own > 0.0
+                and error > 0.0
+            ):
+                found.setdefault(one.name, []).append(error / own)
+    return found
+
+
+def same_method_said(chart: FieldChart, lines: Sequence[str]) -> str:
+    """Return a table of the ratios of errors of two programs.
+
+    Parameters
+    ----------
+    chart : FieldChart
+        Results.
+    lines : sequence of str
+        Lines of OpenSees.
+    """
+    rows = []
+    for line, quantity in product(lines, PEAKS):
+        found = ratios_of_errors(chart, line, quantity)
+        cells = []
+        for values in found.values():
+            near = sum(NEAR[0] <= value <= NEAR[1] for value in values)
+            cells.append(f"{median(values):.3g} ({near}/{len(values)})")
+        if found:
+            rows.append([f"`{line}`", WORDS[quantity], *cells])
+            heads = ["error over ours", "quantity", *found]
+    if not rows:
+        return ""
+    return (
+        "Errors of OpenSees over errors of our method of the same name at the same time step, up "
+        "to the sampling interval: median, and how many of the ratios are "
+        f"{NEAR[0]:g} to {NEAR[1]:g}. Accelerations and shears agree. Drifts differ because our "
+        "peaks include those between the time steps; OpenSees integrates the law of "
+        f"{OTHER_SCHEME} with a scheme of order 1.\n\n{table(heads, rows)}"
+    )
+
+
+# ---- A plain loop, and the cost of a call
+
+
+def plain_loop_said() -> str:
+    """Return the tables of plain_loop.csv and fixed_cost.csv."""
+    times: dict[str, dict[str, dict[str, float]]] = {}
+    for row in raw_points.read(HERE / "plain_loop.csv"):
+        of_one = times.setdefault(row["tolerance"], {}).setdefault(row["building"], {})
+        of_one[row["program"]] = float(row["time_s"])
+    rows = []
+    for tolerance, buildings in times.items():
+        both = [one for one in buildings.values() if len(one) == 2]
+        ratios = sorted(one["plain loop"] / one["run_case"] for one in both)
+        wins = sum(ratio > 1.0 for ratio in ratios)
+        numbers = (f"{ratios[0]:.2g}", f"{median(ratios):.2g}", f"{ratios[-1]:.2g}")
+        rows.append([percent(float(tolerance)), *numbers, f"{wins} of {len(ratios)}"])
+    heads = ["error of the peak drifts", "minimum", "median", "maximum", "`run_case` is faster"]
+    fixed = [
+        [
+            f"`{row['call'].partition(',')[0]}`",
+            f"{1e3 * (float(row['call_s']) - float(row['loop_s'])):.2f}",
+            f"{float(row['call_s']) / float(row['loop_s']):.2f}",
+        ]
+        for row in raw_points.read(HERE / "fixed_cost.csv")
+    ]
+    of_fixed = raw_points.read(HERE / "fixed_cost.csv")[0]
+    return (
+        "Time of a plain loop over the time of `run_case` with `impulse4`, without error estimate, "
+        "for an error of the peak drifts of ten random bilinear buildings under the shipped "
+        "motions. The plain loop is 40 lines of average acceleration for bilinear stories, "
+        "compiled with numba, without energies, peaks between steps and checks. Each uses the "
+        "longest time step that is within the tolerance, as are all shorter steps (`python "
+        "tests/benchmarks/plain_loop.py`; the calls take turns in one process).\n\n"
+        f"{table(heads, rows)}\n"
+        f"A call without error estimate for {of_fixed['stories']} stories and {of_fixed['steps']} "
+        "steps, compared with its time loop, which takes "
+        f"{1e3 * float(of_fixed['loop_s']):.2f} ms:\n\n"
+        f"{table(['call', 'ms more than the loop', 'times the loop'], fixed)}"
+    )
+
+
+# ---- Loops for all laws
+
+
+def loops_said() -> str:
+    """Return the table of loops.csv."""
+    found = raw_points.read(HERE / "loops.csv")
+    kinds = list(dict.fromkeys(row["loops"] for row in found))
+    methods = list(dict.fromkeys(row["method"] for row in found))
+    ratios: dict[str, dict[tuple[str, str], str]] = {}
+    for row in found:
+        ratios.setdefault(row["model"], {})[row["loops"], row["method"]] = row["ratio"]
+    heads = ["model", *(f"`{method}`, {kind}" for kind, method in product(kinds, methods))]
+    rows = [
+        [
+            model,
+            *(
+                f"{float(of_one[key]):.2f}" if key in of_one else "-"
+                for key in product(kinds, methods)
+            ),
+        ]
+        for model, of_one in ratios.items()
+    ]
+    values = {
+        kind: [float(row["ratio"]) for row in found if row["loops"] == kind] for kind in kinds
+    }
+    total = "; ".join(
+        f"{kind}: median {median(of_one):.2f}, {min(of_one):.2f} to {max(of_one):.2f}"
+        for kind, of_one in values.items()
+    )
+    return (
+        "All methods of this page run in loops that are compiled for the laws of the building. "
+        "A method or a law of a plug-in always does. With a cache that was filled by `tdint "
+        "compile --all`, or from a wheel, built-in methods run in loops for all laws. Time of "
+        "these loops over the time of loops for the building "
+        f"(`python tests/benchmarks/loops.py`): {total}.\n\n"
+        f"{table(heads, rows)}"
+    )
