@@ -3,6 +3,7 @@ typed."""
 
 import ast
 import builtins
+import dataclasses
 import functools
 import inspect
 import json
@@ -18,10 +19,12 @@ import pytest
 
 import tdint
 import tdint.plugin
+from tdint.analysis.run.outcome import StoryValues
 
 FUNCTIONS = sorted(
     name for name in tdint.__all__ if callable(getattr(tdint, name)) and name[0].islower()
 )
+FUNCTIONS_OF_TDINT = {f"tdint.{name}" for name in FUNCTIONS}
 
 PROGRAM = '''
 import io
@@ -200,29 +203,85 @@ def test_help_of_a_package_that_is_a_function_shows_its_parameters(name):
     assert all(parameter in text for parameter in inspect.signature(function).parameters)
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in tdint.__all__ if inspect.isclass(getattr(tdint, name))]
-)
-def test_public_classes_and_their_members_have_docstrings(name):
-    """No docstring of the public interface refers to a private name."""
-    kind = getattr(tdint, name)
-    members = {
-        member: getattr(base, member)
+def test_help_of_the_plugin_interface_shows_its_functions():
+    text = pydoc.render_doc(tdint.plugin, renderer=pydoc.plaintext)
+    for name in ("accumulate_dissipation", "hysteretic_energy", "resume", "solve_blocks_damped"):
+        assert f"\n    {name}(" in text and inspect.getdoc(getattr(tdint.plugin, name)) is not None
+    assert "import_module" not in text
+
+
+PUBLIC = {
+    f"{module.__name__}.{name}": getattr(module, name)
+    for module in (tdint, tdint.plugin)
+    for name in module.__all__
+}
+CLASSES = {name: value for name, value in PUBLIC.items() if inspect.isclass(value)}
+
+
+def documented(text, section):
+    """Return the names in a section of a docstring."""
+    found = re.search(
+        rf"^{section}\n-+\n(.*?)(?=^\w[\w ]*\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL
+    )
+    lines = found[1].splitlines() if found else ()
+    heads = [line for line in lines if re.match(r"[\w*, ]+( : |$)", line) and line[0] != " "]
+    return [name.strip(" *") for head in heads for name in head.partition(" : ")[0].split(",")]
+
+
+def fields_of(kind):
+    """Return the names of the public fields of a dataclass or of a named tuple."""
+    if dataclasses.is_dataclass(kind):
+        names = [field.name for field in dataclasses.fields(kind)]
+    else:
+        names = list(getattr(kind, "_fields", ()))
+    return [name for name in names if not name.startswith("_")]
+
+
+def members_of(kind):
+    """Return the public methods and properties of a class by name."""
+    return {
+        member: getattr(kind, member)
         for base in kind.__mro__
         if base.__module__.startswith("tdint")
         for member, value in vars(base).items()
         if not member.startswith("_")
-        and member not in ("tables", "figures")  # attributes in the docstring of `Tabular`
+        and member not in (*fields_of(kind), "tables", "figures")  # described in `Tabular`
         and (inspect.isroutine(value) or isinstance(value, property | functools.cached_property))
     }
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_public_classes_document_their_fields_and_members(name):
+    """Each field is in the section of attributes, and each attribute there exists. Derivatives and
+    errors have the names of the peaks. No docstring refers to a private name."""
+    kind = CLASSES[name]
+    members, fields = members_of(kind), fields_of(kind)
     texts = {member: inspect.getdoc(value) for member, value in members.items()}
     assert inspect.getdoc(kind) and not [member for member, text in texts.items() if not text]
+    attributes = documented(inspect.getdoc(kind), "Attributes")
+    peaks = fields_of(StoryValues) if "`StoryPeaks`" in inspect.getdoc(kind) else []
+    assert [field for field in fields if field not in (*attributes, *peaks)] == []
+    unknown = [one for one in attributes if one not in (*fields, *members, *vars(kind))]
+    source = inspect.getsource(kind)
+    assert [one for one in unknown if f"self.{one} =" not in source] == []
     private = [
         text
         for text in (inspect.getdoc(kind), *texts.values())
         if re.search(r"`(\w+\.)*_[a-z]\w*`", text)
     ]
     assert private == []
+
+
+@pytest.mark.parametrize("name", [name for name in PUBLIC if name not in FUNCTIONS_OF_TDINT])
+def test_documented_parameters_are_those_of_the_signature(name):
+    """Of functions of `tdint.plugin`, and of the methods of public classes."""
+    value = PUBLIC[name]
+    functions = members_of(value) if inspect.isclass(value) else {name: value}
+    for called, function in functions.items():
+        if inspect.isfunction(function) or inspect.ismethod(function):
+            parameters = inspect.signature(function).parameters
+            names = [one for one in parameters if one != "self"]
+            assert documented(inspect.getdoc(function), "Parameters") == names, called
 
 
 def program() -> str:

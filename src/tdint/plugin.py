@@ -5,8 +5,7 @@ and intensity measures.
 
 These names are stable: a name changes only after a minor release that announces the change. Names
 of other modules of tdint can change without notice. Each name is imported when it is first used, so
-that a law does not load the modules that methods need. Each name is documented in the module that
-defines it: `help(tdint.plugin.restoring_force)`.
+that a law does not load the modules that methods need.
 """
 
 from __future__ import annotations
@@ -113,6 +112,8 @@ HOMES = declared_homes(__file__) | {"rows": "tdint.kernels.layout"}  # the name 
 if not TYPE_CHECKING:  # otherwise a type checker would accept every name
 
     def __getattr__(name: str) -> Any:
+        if name == "__all__":  # `help` shows these names
+            return __dir__()
         if name not in HOMES:
             raise AttributeError(
                 f"module 'tdint.plugin' has no attribute {name!r}{did_you_mean(name, HOMES)}"

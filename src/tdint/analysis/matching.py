@@ -169,6 +169,11 @@ class Match(Tabular):
         """Return pseudo-accelerations after the match and of the scaled seed, m/s^2.
 
         The first entry is the motion (RotD100 for a pair); the components of a pair follow.
+
+        Parameters
+        ----------
+        periods : ndarray, shape (k,)
+            Periods, s.
         """
         motions = [(self.record, self.seed)]
         if not isinstance(self.record, Record):

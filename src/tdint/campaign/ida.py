@@ -188,7 +188,13 @@ class IdaStudy(Tabular):
         return tuple(curves)
 
     def in_units(self, units: OutputUnits) -> IdaStudy:
-        """Return the study with intensities and all dependent values in other units."""
+        """Return the study with intensities and all dependent values in other units.
+
+        Parameters
+        ----------
+        units : OutputUnits
+            Units of the result.
+        """
         unit, factor = units.unit(self.measure.unit)
         if factor == 1.0:
             return self

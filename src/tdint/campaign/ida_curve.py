@@ -495,6 +495,11 @@ class Mainshock:
     def before(self, record: Record) -> Record:
         """Return the component that precedes a record.
 
+        Parameters
+        ----------
+        record : Record
+            Component of the aftershock.
+
         Raises
         ------
         UsageError

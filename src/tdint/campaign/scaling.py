@@ -128,7 +128,13 @@ class Scaling(Tabular):
         )
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
-        """Return the motions with factors outside a range, and their factors."""
+        """Return the motions with factors outside a range, and their factors.
+
+        Parameters
+        ----------
+        low, high : float
+            Ends of the range of the absolute value of a factor.
+        """
         return [
             (f"{components(motion)[0].source} {motion.component}".rstrip(), float(factor))
             for motion, factor in zip(self.motions, self.factors, strict=True)
@@ -144,7 +150,13 @@ class Scaling(Tabular):
         return self.beyond(low * (1.0 + _AT_LIMIT), high * (1.0 - _AT_LIMIT))
 
     def spectra(self, periods: Array) -> Array:
-        """Return the pseudo-accelerations of the scaled motions, m/s^2, shape (n, k)."""
+        """Return the pseudo-accelerations of the scaled motions, m/s^2, shape (n, k).
+
+        Parameters
+        ----------
+        periods : ndarray, shape (k,)
+            Periods, s.
+        """
         return self.factors[:, None] * suite_spectra(self.motions, periods, self.damping, self.pair)
 
 

@@ -38,7 +38,13 @@ class _OptionalFields:
         return bool(self._set_fields())
 
     def over(self, other: Self) -> Self:
-        """Return the fields set here, and the fields of `other` for all fields not set here."""
+        """Return the fields set here, and the fields of `other` for all fields not set here.
+
+        Parameters
+        ----------
+        other : TextLayout
+            Layout with the defaults.
+        """
         return replace(other, **self._set_fields())  # type: ignore[type-var]
 
 
@@ -92,7 +98,13 @@ class TextLayout(_OptionalFields):
 
     def check_format(self, name: str) -> None:
         """Raise RecordError if columns or lines are specified for a file of the format `name`,
-        which is not a text table."""
+        which is not a text table.
+
+        Parameters
+        ----------
+        name : str
+            Name of the file format.
+        """
         for option, value in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
             if value not in (None, ""):
                 raise RecordError(
@@ -101,7 +113,13 @@ class TextLayout(_OptionalFields):
                 )
 
     def check_step(self, dt: float) -> None:
-        """Raise RecordError if the sampling interval `dt` (s) of a file differs from `step`."""
+        """Raise RecordError if the sampling interval `dt` (s) of a file differs from `step`.
+
+        Parameters
+        ----------
+        dt : float
+            Sampling interval in the file, s.
+        """
         if self.step is not None and not math.isclose(dt, self.step, rel_tol=SAME_STEP):
             raise RecordError(
                 f"the sampling interval in the file is {dt:.9g} s, which contradicts "

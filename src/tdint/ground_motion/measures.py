@@ -417,7 +417,13 @@ class Measure:
     column: str = ""
 
     def of(self, record: Record) -> float:
-        """Return the measure of a record; infinite or nan if it exceeds the range of floats."""
+        """Return the measure of a record; infinite or nan if it exceeds the range of floats.
+
+        Parameters
+        ----------
+        record : Record
+            Ground motion.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             return float(self.value(record))
 

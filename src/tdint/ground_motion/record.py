@@ -172,6 +172,11 @@ class Record(Tabular):
     def scaled(self, factor: float) -> Record:
         """Return the record with the acceleration multiplied by `factor`.
 
+        Parameters
+        ----------
+        factor : float
+            Factor on the acceleration.
+
         Raises
         ------
         RecordError

@@ -124,17 +124,35 @@ else:
     # Kernels run as Python functions, which a debugger can step through.
 
     def inline(function: Callable[..., Any]) -> Any:
-        """Mark a function of an inner loop: its code is copied into each caller."""
+        """Mark a function of an inner loop: its code is copied into each caller.
+
+        Parameters
+        ----------
+        function : callable
+            Function of numbers and arrays that numba can compile.
+        """
         return function
 
     def outlined(function: Callable[..., Any]) -> Any:
         """Mark a function that kernels call rarely: it is compiled once and called, which reduces
-        compile times."""
+        compile times.
+
+        Parameters
+        ----------
+        function : callable
+            Function of numbers and arrays that numba can compile.
+        """
         return function
 
     def specialized(function: Callable[..., Any]) -> Any:
         """Mark a function that is compiled once for each constant argument, such as a block of law
-        states or a boolean."""
+        states or a boolean.
+
+        Parameters
+        ----------
+        function : callable
+            Function of numbers and arrays that numba can compile.
+        """
         return function
 
     def indirect_caller(signature: Signature) -> Any:
@@ -157,10 +175,21 @@ else:
         kernel.
 
         The array is on the stack. It must not be created in a loop.
+
+        Parameters
+        ----------
+        size : int
+            Number of elements, a constant.
         """
         return np.empty(size)
 
     def local_table(rows: int, columns: int) -> Any:
         """Return an uninitialized two-dimensional array as `local` does, with `rows` rows and
-        `columns` columns."""
+        `columns` columns.
+
+        Parameters
+        ----------
+        rows, columns : int
+            Numbers of rows and columns, constants.
+        """
         return np.empty((rows, columns))

@@ -15,14 +15,34 @@ DASHPOTS = VARIANT.dashpots
 
 @inline
 def force_value(forces, j, t):
-    """Return floor force `j` at time `t` (s), N."""
+    """Return floor force `j` at time `t` (s), N.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Harmonic forces on floors.
+    j : int
+        Index of the force.
+    t : float
+        Time, s.
+    """
     angle = forces[j, rows.OMEGA] * t
     return forces[j, rows.COSINE] * math.cos(angle) + forces[j, rows.SINE] * math.sin(angle)
 
 
 @inline
 def force_rate(forces, j, t):
-    """Return the rate of floor force `j` at time `t` (s), N/s."""
+    """Return the rate of floor force `j` at time `t` (s), N/s.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Harmonic forces on floors.
+    j : int
+        Index of the force.
+    t : float
+        Time, s.
+    """
     omega = forces[j, rows.OMEGA]
     angle = omega * t
     return omega * (
@@ -293,6 +313,15 @@ def power_damper(linear_terms, i, rate):
     its derivative, N s/m.
 
     Both are 0 without a dashpot.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Properties of the building that act linearly.
+    i : int
+        Index of the story.
+    rate : float
+        Drift rate, m/s.
     """
     if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
         return _power_damper(linear_terms, i, rate)
@@ -361,6 +390,13 @@ def finite(state, n):
     """Return True if the displacements, velocities and accelerations of all floors are finite.
 
     A sum of absolute values of 1e300 or more is regarded as not finite.
+
+    Parameters
+    ----------
+    state : ndarray
+        Memory of the method.
+    n : int
+        Number of floors.
     """
     is_finite = True
     for i in range(n):

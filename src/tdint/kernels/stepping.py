@@ -37,7 +37,21 @@ Array = NDArray[np.float64]
 
 class Scene(NamedTuple):
     """Building and forces on its floors; constant during the time integration (see
-    `tdint.kernels.layout`)."""
+    `tdint.kernels.layout`).
+
+    Attributes
+    ----------
+    linear_terms : ndarray
+        Properties of the building that act linearly.
+    modal : ndarray
+        Rows w of the modal damping matrix C = sum of w w^T.
+    law_parameters : ndarray
+        Parameters of the hysteresis models.
+    forces : ndarray
+        Harmonic forces on floors.
+    flags : ndarray
+        Properties of building and method that are set before the time integration.
+    """
 
     linear_terms: Array  # properties of the building that act linearly
     modal: Array  # rows w of the modal damping matrix C = sum of w w^T
@@ -48,7 +62,19 @@ class Scene(NamedTuple):
 
 class Memory(NamedTuple):
     """Memory of the method and of the hysteresis models before and after a step, and scratch
-    rows."""
+    rows.
+
+    Attributes
+    ----------
+    state : ndarray
+        Memory of the method.
+    law_state : ndarray
+        States of the hysteresis models.
+    scratch : ndarray
+        Scratch rows and reusable factorizations.
+    step_status : ndarray
+        Values for the next step, for the time loop and for messages.
+    """
 
     state: Array  # memory of the method
     law_state: Array  # states of the hysteresis models

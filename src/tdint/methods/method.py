@@ -22,6 +22,17 @@ class Parameter:
     """Parameter of a method: default value and range (both ends are allowed by default).
 
     The default may be a function of the values of the preceding parameters.
+
+    Attributes
+    ----------
+    name : str
+        Name in a method specification.
+    default : float or callable
+        Default value.
+    low, high : float
+        Ends of the range.
+    low_allowed, high_allowed : bool, default True
+        True if the end belongs to the range.
     """
 
     name: str
@@ -32,7 +43,13 @@ class Parameter:
     high_allowed: bool = True
 
     def allows(self, value: float) -> bool:
-        """Return True if `value` lies in the range."""
+        """Return True if `value` lies in the range.
+
+        Parameters
+        ----------
+        value : float
+            Value of the parameter.
+        """
         above = value >= self.low if self.low_allowed else value > self.low
         below = value <= self.high if self.high_allowed else value < self.high
         return math.isfinite(value) and above and below
@@ -109,6 +126,12 @@ class Method:
 
     Attributes
     ----------
+    name : str
+        Name in a method specification.
+    family : Family
+        Methods with the same compiled step.
+    parameters : tuple of Parameter
+        Parameters in the order in which the functions below receive their values.
     coefficients : callable
         Parameter values -> coefficients of the family's step.
     rho_inf : callable
@@ -142,6 +165,10 @@ class Integrator:
 
     Attributes
     ----------
+    method : Method
+        Method of the catalogue.
+    values : tuple of float
+        Values of all parameters of the method, in their order.
     typed : str
         Specification as the user wrote it; ignored when two integrators are compared.
     """
@@ -191,7 +218,17 @@ class Integrator:
     def coefficients(
         self, building: Building, forces: NDArray[np.float64], h: float
     ) -> NDArray[np.float64]:
-        """Coefficients of the compiled step for one building and step h (s)."""
+        """Coefficients of the compiled step for one building and step h (s).
+
+        Parameters
+        ----------
+        building : Building
+            Assembled building.
+        forces : ndarray
+            Harmonic forces on floors.
+        h : float
+            Time step, s.
+        """
         if self.family.prepare is not None:
             return self.family.prepare(building, forces, h)
         return np.array(self.method.coefficients(*self.values), dtype=np.float64)

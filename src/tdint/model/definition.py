@@ -478,7 +478,13 @@ class Model:
         return self.changed(numbers)
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
-        """Return the building with changed parameters; `numbers` contains values by name."""
+        """Return the building with changed parameters; `numbers` contains values by name.
+
+        Parameters
+        ----------
+        numbers : mapping of str to float
+            Values by the names that `vary` of `run_many` accepts, SI units.
+        """
         # Changes are applied in order; factors multiply values that were set before.
         table = [list(story_numbers(story)) for story in self.stories]
         damping, touched = self.damping, dict[int, bool]()

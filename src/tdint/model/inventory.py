@@ -603,7 +603,15 @@ _MOST_SCATTER = 0.5
 
 @dataclass(frozen=True)
 class InventoryBuilding:
-    """Row of the inventory and the building derived from it."""
+    """Row of the inventory and the building derived from it.
+
+    Attributes
+    ----------
+    row : InventoryRow
+        Row of the inventory.
+    building : DerivedBuilding or CapacityBuilding
+        Building derived from the row.
+    """
 
     row: InventoryRow
     building: DerivedBuilding | CapacityBuilding

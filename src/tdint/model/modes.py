@@ -60,12 +60,24 @@ class Modes(Tabular):
         return np.asarray(np.square(self.mass @ self.shapes) / self.mass.sum())
 
     def modal_damping(self, damping: Array) -> Array:
-        """Return phi^T C phi (1/s, shape (n, n)) of a damping matrix C (N s/m, shape (n, n))."""
+        """Return phi^T C phi (1/s, shape (n, n)) of a damping matrix C (N s/m, shape (n, n)).
+
+        Parameters
+        ----------
+        damping : ndarray, shape (n, n)
+            Damping matrix, N s/m.
+        """
         return np.asarray(self.shapes.T @ damping @ self.shapes)
 
     def own_damping(self, damping: Array) -> Array:
         """Return the damping ratio of each mode, shape (n,), without the coupling of modes by the
-        damping matrix (N s/m, shape (n, n))."""
+        damping matrix (N s/m, shape (n, n)).
+
+        Parameters
+        ----------
+        damping : ndarray, shape (n, n)
+            Damping matrix, N s/m.
+        """
         return np.asarray(
             np.maximum(np.diagonal(self.modal_damping(damping)), 0.0) / (2.0 * self.omega)
         )
@@ -86,7 +98,13 @@ class Modes(Tabular):
 
     def damping_ratios(self, damping: Array) -> Array | None:
         """Return the damping ratio of each mode for a damping matrix (N s/m, shape (n, n)); None if
-        the matrix couples the modes."""
+        the matrix couples the modes.
+
+        Parameters
+        ----------
+        damping : ndarray, shape (n, n)
+            Damping matrix, N s/m.
+        """
         modal = self.modal_damping(damping)
         diagonal = np.maximum(np.diagonal(modal), 0.0)
         coupling = np.abs(modal - np.diag(diagonal))

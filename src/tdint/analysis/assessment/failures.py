@@ -430,6 +430,12 @@ class Trial:
 
     Attributes
     ----------
+    problem : str
+        Name of the problem.
+    method : str
+        Method specification.
+    dt : float
+        Time step, s.
     energy_ratio_min, energy_ratio_max : float
         Minimum and maximum energy divided by the maximum energy of the exact motion; nan for an
         incomplete run. The minimum is also nan if the motion starts from rest.

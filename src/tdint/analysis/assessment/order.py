@@ -66,6 +66,14 @@ class ObservedOrder(Tabular):
 
     Attributes
     ----------
+    method : str
+        Method specification.
+    load : str
+        Load of the oscillator.
+    law : str
+        Hysteresis model of the oscillator.
+    frequency_ratio : float
+        Frequency of the load divided by the natural frequency.
     steps : ndarray, shape (k,)
         Time steps, s, in decreasing order.
     displacement, velocity, acceleration : ndarray, shape (k,)
@@ -98,6 +106,11 @@ class ObservedOrder(Tabular):
         The slope is a regression through the three finest errors above the rounding error.
         `quantity` is the name of an error attribute. The result is nan if fewer than two errors
         exceed the rounding error.
+
+        Parameters
+        ----------
+        quantity : str
+            `displacement`, `velocity`, `acceleration` or `algorithmic_acceleration`.
         """
         errors = getattr(self, quantity)
         clear = np.flatnonzero(errors > _ROUNDING)[-3:]

@@ -114,6 +114,12 @@ class ExampleRun:
 
     Attributes
     ----------
+    example : int
+        Number of the example in the paper.
+    method : str
+        Method specification.
+    dt : float
+        Time step, s.
     variant : str
         Description of the variant; empty for the method as used by `tdint run`.
     outcome : str
@@ -134,12 +140,26 @@ class ExampleRun:
     finer: ExampleMotion
 
     def exact(self, reference: str) -> ExampleMotion:
-        """Return the reference motion for an element of `REFERENCES`."""
+        """Return the reference motion for an element of `REFERENCES`.
+
+        Parameters
+        ----------
+        reference : str
+            `paper` or `finer`.
+        """
         return {"paper": self.paper, "finer": self.finer}[reference]
 
     def error(self, quantity: str, reference: str = "paper") -> float:
         """Return the maximum error over all floors and time steps in SI units, relative to an
-        element of `REFERENCES`; nan for an incomplete run."""
+        element of `REFERENCES`; nan for an incomplete run.
+
+        Parameters
+        ----------
+        quantity : str
+            Attribute of `ExampleMotion`.
+        reference : str, default "paper"
+            `paper` or `finer`.
+        """
         return float(
             np.max(
                 np.abs(getattr(self.motion, quantity) - getattr(self.exact(reference), quantity))

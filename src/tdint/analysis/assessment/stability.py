@@ -47,6 +47,8 @@ class StabilityCurve(Tabular):
 
     Attributes
     ----------
+    method : str
+        Method specification.
     damping : float
         Damping ratio xi of the oscillator.
     dt_over_t : ndarray
@@ -295,6 +297,14 @@ class Overshoot(Tabular):
 
     Attributes
     ----------
+    method : str
+        Method specification.
+    dt_over_t : float
+        Time step divided by the natural period.
+    damping : float
+        Damping ratio.
+    start : str
+        Initial condition.
     law : str
         One of `LAWS`.
     displacement, velocity : ndarray

@@ -138,6 +138,11 @@ class Problem:
     def steps(self, dt: float) -> Steps:
         """Return time steps of about dt (s) over all samples; the last step may end later.
 
+        Parameters
+        ----------
+        dt : float
+            Requested time step, s.
+
         Raises
         ------
         UsageError
@@ -155,13 +160,26 @@ class Problem:
             ) from None
 
     def case(self, integrator: Integrator) -> Case:
-        """Return the case that `tdint run` integrates with a method."""
+        """Return the case that `tdint run` integrates with a method.
+
+        Parameters
+        ----------
+        integrator : Integrator
+            Method with its parameters.
+        """
         return Case(self.model, self.prepared, self.record, integrator)
 
     def told(self, integrator: Integrator, steps: Steps) -> float:
         """Return the maximum relative error of the peak drifts, as estimated by `tdint run`.
 
         The result is nan if no error estimate is available.
+
+        Parameters
+        ----------
+        integrator : Integrator
+            Method with its parameters.
+        steps : Steps
+            Time steps.
         """
         response = run_with_error_estimate(self.case(integrator), steps)
         peaks = response.stories.peak_drift
@@ -173,6 +191,13 @@ class Problem:
 
     def within(self, integrator: Integrator, tolerance: float) -> Response:
         """Return the result of `tdint run --tolerance` over all samples.
+
+        Parameters
+        ----------
+        integrator : Integrator
+            Method with its parameters.
+        tolerance : float
+            Maximum ratio of the estimated error of a peak drift to that drift.
 
         Raises
         ------
@@ -188,6 +213,13 @@ class Problem:
         """Return the motion at the samples, or at the steps if the steps are longer.
 
         The result is None if the run does not reach its end.
+
+        Parameters
+        ----------
+        integrator : Integrator
+            Method with its parameters.
+        steps : Steps
+            Time steps.
         """
         result = self.prepared.integrate(
             integrator, steps, self.ground, history_rows=steps.count // steps.per_sample

@@ -294,7 +294,13 @@ class FieldChart(Tabular):
         return tuple(profiles)
 
     def named(self, line: str) -> str:
-        """Return the method, with the number of accepted problems if it does not accept all."""
+        """Return the method, with the number of accepted problems if it does not accept all.
+
+        Parameters
+        ----------
+        line : str
+            Method specification, as in the points of the charts.
+        """
         taken = sum(
             any(point.line == line for point in measured.points) for measured in self.measured
         )

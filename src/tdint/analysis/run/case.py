@@ -344,13 +344,24 @@ class Case:
         return long_step(self.building, steps.h, interval)
 
     def under(self, record: Record | None) -> Case:
-        """Return the same building and method under another ground motion."""
+        """Return the same building and method under another ground motion.
+
+        Parameters
+        ----------
+        record : Record or None
+            Ground motion; None for free vibration or forces on floors only.
+        """
         return replace(self, record=record)
 
     def scaled(self, factor: float) -> Case:
         """Return the same case with the ground motion multiplied by a factor other than zero.
 
         Forces on floors are not changed.
+
+        Parameters
+        ----------
+        factor : float
+            Factor on the ground acceleration.
 
         Raises
         ------
@@ -365,6 +376,13 @@ class Case:
         """Return the time steps for a requested dt and duration (s).
 
         The defaults are those of the model's analysis section, otherwise those of the record.
+
+        Parameters
+        ----------
+        dt : float, optional
+            Time step, s.
+        duration : float, optional
+            Duration of the time integration, s.
 
         Raises
         ------

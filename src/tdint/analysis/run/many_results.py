@@ -124,7 +124,13 @@ class Runs(Tabular):
         return dataset
 
     def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
-        """Return the runs of a building by its index, and their peaks, shape (runs, stories)."""
+        """Return the runs of a building by its index, and their peaks, shape (runs, stories).
+
+        Parameters
+        ----------
+        number : int
+            Index of the building in `models`.
+        """
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
         values = {

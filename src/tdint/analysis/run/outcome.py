@@ -143,6 +143,24 @@ class StoryPeaks(Tabular, StoryValues):
 
     Attributes
     ----------
+    peak_drift : ndarray
+        Maximum absolute story drifts (displacements relative to the floor below), m.
+    peak_drift_ratio : ndarray
+        Peak drifts divided by the story heights; nan without a height.
+    residual_drift : ndarray
+        Drifts at the end of the run, m.
+    peak_shear : ndarray
+        Maximum absolute restoring forces of the stories, without viscous forces, N.
+    peak_damper_force : ndarray
+        Maximum absolute forces of the dashpots of the stories, N.
+    peak_total_shear : ndarray
+        Maximum absolute forces on all floors above (restoring, P-delta and all viscous forces), N.
+    ductility : ndarray
+        Peak drifts divided by the drifts at first yield.
+    peak_displacement, peak_velocity : ndarray
+        Maximum absolute motions of the floors relative to the ground, m and m/s.
+    peak_absolute_acceleration : ndarray
+        Maximum absolute accelerations of the floors, m/s^2.
     height : ndarray, shape (n,)
         Story height, m; nan if the model does not specify it.
     """
@@ -156,13 +174,17 @@ class StoryPeaks(Tabular, StoryValues):
 
 @dataclass(frozen=True)
 class StoryErrors(StoryValues):
-    """Estimated absolute errors of the peaks of the same names, in their units; nan if unknown."""
+    """Estimated absolute errors of the attributes of `StoryPeaks`, with the same names, shapes and
+    units; nan if unknown.
+    """
 
 
 @dataclass(frozen=True, repr=False)
 class Gradient(Tabular, StoryValues):
-    """Derivatives of the peaks of the same names, in their units divided by those of the
-    parameters.
+    """Derivatives of the peaks of a run.
+
+    The derivatives have the names of the attributes of `StoryPeaks`, and the units of the peaks
+    divided by those of the parameters.
 
     The first axis of the arrays is the parameter: shape (parameters, n), or (runs, parameters, n)
     for many runs. Values are nan if a neighboring run has no result.
@@ -203,7 +225,13 @@ class Gradient(Tabular, StoryValues):
         return f"{parameters}, errors of drift derivatives up to {worst:.2g} of the largest"
 
     def of_run(self, number: int) -> Gradient:
-        """Return the derivatives of one of many runs."""
+        """Return the derivatives of one of many runs.
+
+        Parameters
+        ----------
+        number : int
+            Index of the run, from 0.
+        """
         kept = {name: array[number] for name, array in self.history.items()}
         peaks, kink, errors = (
             {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
@@ -272,7 +300,17 @@ class ErrorEstimate:
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
-        """Return the estimate for a run with the story of the maximum relative drift error."""
+        """Return the estimate for a run with the story of the maximum relative drift error.
+
+        Parameters
+        ----------
+        stories : StoryPeaks
+            Peaks of the run.
+        errors : StoryErrors
+            Estimated errors of the peaks.
+        more
+            Other attributes by name.
+        """
         drift = stories.peak_drift
         relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
         worst = int(np.argmax(relative))
@@ -310,6 +348,16 @@ class Energy(EnergyTerms[float]):
 
     Attributes
     ----------
+    input : float
+        Work of the load on the motion relative to the ground.
+    kinetic : float
+        Kinetic energy of the motion relative to the ground.
+    viscous, dampers : float
+        Work of viscous damping (Rayleigh, modal), and of the dashpots.
+    strain : float
+        Energy stored in the stories, including P-delta.
+    hysteretic : float
+        Energy dissipated by the hysteresis models.
     initial : float
         Kinetic and stored energy at the start.
     reference : float
@@ -364,6 +412,29 @@ class History(Tabular):
     `time` and `ground_acceleration` have the shape (steps + 1,), the other fields (steps + 1, n).
     `error` contains the estimated errors of all quantities except accelerations if they were
     requested, otherwise None.
+
+    Attributes
+    ----------
+    time : ndarray, shape (steps + 1,)
+        Time from the first sample, s.
+    ground_acceleration : ndarray, shape (steps + 1,)
+        Acceleration of the ground, m/s^2.
+    displacement, velocity : ndarray, shape (steps + 1, n)
+        Motion of the floors relative to the ground, m and m/s.
+    acceleration : ndarray, shape (steps + 1, n)
+        Absolute accelerations of the floors from equilibrium, m/s^2.
+    drift : ndarray, shape (steps + 1, n)
+        Displacements relative to the floor below, m.
+    shear : ndarray, shape (steps + 1, n)
+        Restoring forces of the stories without viscous forces, N.
+    damper_force : ndarray, shape (steps + 1, n)
+        Forces of the dashpots of the stories, N.
+    total_shear : ndarray, shape (steps + 1, n)
+        Restoring, P-delta and all viscous forces that act on the floors above, N.
+    energy : EnergyHistory
+        Energy terms, J.
+    error : ErrorHistory or None
+        Estimated errors of all quantities except accelerations, if they were requested.
     """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
@@ -403,12 +474,24 @@ class History(Tabular):
 
     @staticmethod
     def joined(pieces: Iterable[History]) -> History:
-        """Return the chunks of a history as one history."""
+        """Return the chunks of a history as one history.
+
+        Parameters
+        ----------
+        pieces : iterable of History
+            Chunks in the order of time.
+        """
         parts = list(pieces)
         return parts[0] if len(parts) == 1 else _joined(parts)
 
     def every(self, steps: int) -> History:
-        """Return every N-th step, from the first, as views of the arrays."""
+        """Return every N-th step, from the first, as views of the arrays.
+
+        Parameters
+        ----------
+        steps : int
+            Interval of the rows in time steps, N.
+        """
         thinned: History = _joined([self], lambda arrays: arrays[0][::steps])
         return thinned
 

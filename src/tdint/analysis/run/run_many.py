@@ -189,8 +189,9 @@ def run_many(
     jobs : int, optional
         Number of threads; by default the number of processors. The result does not depend on it.
     check : bool, default False
-        Estimate the errors of the peaks as `run` does: by one additional run of `impulse4` with
-        half the time step for each run (of `exact` if the method is `exact`).
+        Estimate the errors of the peaks as `run` does: by one additional run of `impulse4` for each
+        run (of `exact` if the method is `exact` and no forces act on floors), with half the time
+        step, or with the sampling interval if a step covers five or more of them.
     vary : mapping of str to array, optional
         Parameters of the buildings to change, in SI units, with one value per sample; all arrays
         have the same length. Names: `damping`, `mass_factor`, `stiffness_factor`,

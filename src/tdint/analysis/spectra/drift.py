@@ -45,6 +45,13 @@ class HeightPeriod:
     braced and buckling-restrained steel frames in ASCE 7, table 12.8-2. Other rows of this table:
     0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment frames), 0.0488 H^0.75 (all
     others).
+
+    Attributes
+    ----------
+    a : float
+        Period of a building of height 1 m, s.
+    b : float
+        Exponent of the height, dimensionless.
     """
 
     a: float = HEIGHT_PERIOD[0]
@@ -52,6 +59,11 @@ class HeightPeriod:
 
     def height(self, period: Array) -> Array:
         """Height of buildings with these fundamental periods, m.
+
+        Parameters
+        ----------
+        period : ndarray
+            Fundamental periods, s.
 
         Raises
         ------
@@ -72,6 +84,25 @@ class DriftSpectrum(Tabular):
     """Drift spectrum of one record for one damping ratio; arrays of shape (k,).
 
     Of the continuous shear beam `stories` and `story` are 0, and the peak is the drift at its base.
+
+    Attributes
+    ----------
+    record : Record
+        Ground motion.
+    damping : float
+        Damping ratio.
+    periods : ndarray
+        Fundamental periods, s.
+    heights : ndarray
+        Heights of the buildings, m.
+    stories : ndarray of int
+        Numbers of stories.
+    peak_drift_ratio : ndarray
+        Maximum story drift divided by the story height.
+    story : ndarray of int
+        Story with this maximum, from 1.
+    roof_drift_ratio : ndarray
+        Maximum roof displacement relative to the ground, divided by the height.
     """
 
     record: Record

@@ -255,6 +255,31 @@ class Spectrum(Tabular):
 
     `method` is `exact`, or the method that integrated the oscillators. `maxima` and `interpolation`
     are names of `MAXIMA` and `INTERPOLATIONS`.
+
+    Attributes
+    ----------
+    record : Record
+        Ground motion.
+    damping : float
+        Damping ratio.
+    method : str
+        `exact`, or specification of the method that integrated the oscillators.
+    periods : ndarray
+        Natural periods, s.
+    sd : ndarray
+        Maximum displacements relative to the ground, m.
+    psv : ndarray
+        Pseudo-velocities omega sd, m/s.
+    psa : ndarray
+        Pseudo-accelerations omega^2 sd, m/s^2.
+    sv : ndarray
+        Maximum velocities relative to the ground, m/s.
+    sa : ndarray
+        Maximum absolute accelerations, m/s^2.
+    maxima : str
+        Treatment of maxima between the samples, an element of `MAXIMA`.
+    interpolation : str
+        Ground acceleration between the samples, an element of `INTERPOLATIONS`.
     """
 
     record: Record

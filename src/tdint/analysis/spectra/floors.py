@@ -20,7 +20,15 @@ _CHANNEL = "HNX"
 @dataclass(frozen=True, repr=False)
 class FloorSpectrum(Tabular):
     """Elastic response spectrum of the absolute acceleration of a floor; floors are numbered from 1
-    at the bottom."""
+    at the bottom.
+
+    Attributes
+    ----------
+    floor : int
+        Floor, from 1 at the bottom.
+    spectrum : Spectrum
+        Response spectrum of its absolute acceleration.
+    """
 
     floor: int
     spectrum: Spectrum

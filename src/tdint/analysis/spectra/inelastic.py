@@ -42,6 +42,27 @@ class InelasticSpectrum(Tabular):
     `target` is None for spectra of constant strength. `elastic_sd` is the maximum displacement of
     the elastic oscillator, m. Without damping, `residual` is the center of the free vibration after
     the record.
+
+    Attributes
+    ----------
+    record : Record
+        Ground motion.
+    damping : float
+        Damping ratio.
+    hardening : float
+        Stiffness after yielding divided by the initial stiffness.
+    target : float or None
+        Requested ductility.
+    periods : ndarray
+        Natural periods of the initial stiffness, s.
+    yield_displacement : ndarray
+        Displacements at first yield, m.
+    sd : ndarray
+        Maximum displacements relative to the ground, m.
+    elastic_sd : ndarray
+        Maximum displacements of the elastic oscillator, m.
+    residual : ndarray
+        Displacements at rest after the record, with sign, m.
     """
 
     record: Record

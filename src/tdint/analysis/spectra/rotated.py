@@ -33,6 +33,8 @@ class RotatedSpectrum(Tabular):
 
     Attributes
     ----------
+    damping : float
+        Damping ratio.
     motion : Horizontals
         The two components.
     periods : ndarray, shape (k,)

@@ -267,6 +267,11 @@ class TargetSpectrum:
 
         A formula is defined from period 0, where its value is the peak ground acceleration.
 
+        Parameters
+        ----------
+        periods : array of float, shape (k,)
+            Periods, s.
+
         Raises
         ------
         UsageError

@@ -107,7 +107,19 @@ class FragilityRequest:
 
 @dataclass(frozen=True, repr=False)
 class FragilityResult(Tabular):
-    """Fitted functions, reasons why other functions cannot be fitted, warnings and notes."""
+    """Fitted functions, reasons why other functions cannot be fitted, warnings and notes.
+
+    Attributes
+    ----------
+    functions : tuple of Fragility
+        Fitted functions.
+    failures : tuple of AnalysisError
+        Reasons why other functions cannot be fitted.
+    warnings : tuple of str
+        Warnings that affect the meaning of the functions.
+    notes : tuple of str
+        Information for the user.
+    """
 
     functions: tuple[Fragility, ...]
     failures: tuple[AnalysisError, ...] = ()
@@ -124,7 +136,15 @@ class FragilityResult(Tabular):
 
     @classmethod
     def of(cls, results: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
-        """Return the result of several fits."""
+        """Return the result of several fits.
+
+        Parameters
+        ----------
+        results : iterable of Fragility or AnalysisError
+            Fitted functions, and errors of fits that failed.
+        warnings : str
+            Warnings about the data.
+        """
         every = list(results)
         functions = tuple(fit for fit in every if isinstance(fit, Fragility))
         return cls(

@@ -360,6 +360,11 @@ class Fragility:
 
         The delta method is applied to z = ln(im / theta) / beta, so that both bounds are
         probabilities.
+
+        Parameters
+        ----------
+        im : ndarray, shape (k,)
+            Intensities in the unit of the function.
         """
         z, error = self._z(im)
         return np.asarray(ndtr(z - _TWO_SIDED * error)), np.asarray(ndtr(z + _TWO_SIDED * error))
@@ -463,11 +468,26 @@ class Fragility:
         )
 
     def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
-        """Return the function with its threshold and intensity measure."""
+        """Return the function with its threshold and intensity measure.
+
+        Parameters
+        ----------
+        threshold : float
+            Limit of the demand, such as a drift ratio.
+        im : str
+            Name of the intensity measure.
+        unit : str
+            Unit of the intensities; empty if it is not known.
+        """
         return replace(self, threshold=threshold, im=im, unit=unit)
 
     def in_units(self, units: OutputUnits) -> Fragility:
         """Return the function with intensities in other units.
+
+        Parameters
+        ----------
+        units : OutputUnits
+            Units of the result.
 
         Raises
         ------

@@ -81,6 +81,11 @@ class Lines:
     def skip(self, count: int) -> None:
         """Skip `count` lines.
 
+        Parameters
+        ----------
+        count : int
+            Number of lines.
+
         Raises
         ------
         RecordError
@@ -186,6 +191,11 @@ class Lines:
     def table(self, rows: int, columns: int) -> NDArray[np.float64]:
         """Read a table of `rows` rows with `columns` numbers each; return shape (columns, rows).
 
+        Parameters
+        ----------
+        rows, columns : int
+            Size of the table in the file.
+
         Raises
         ------
         RecordError
@@ -205,7 +215,13 @@ class Lines:
 
     def rest(self, columns: int) -> NDArray[np.float64]:
         """Read all rows to the end of the file, with `columns` numbers each; return shape
-        (columns, rows)."""
+        (columns, rows).
+
+        Parameters
+        ----------
+        columns : int
+            Number of values in each row.
+        """
         values = array("d")
         first = self._next
         while self.peek() is not None:
@@ -246,6 +262,13 @@ class Lines:
         If the file ends without a newline, its last number must not have fewer decimals than the
         last numbers of the preceding rows. This check applies if all of these have the same number
         of decimals.
+
+        Parameters
+        ----------
+        values : array of float
+            Values of all rows.
+        first : int
+            Index of the line before the first row.
 
         Raises
         ------

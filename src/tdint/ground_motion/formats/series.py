@@ -149,7 +149,13 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
 
 def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
     """Decorate a function that reads components from lines; return the function
-    `read_<format>(file, headonly=False)` of the format."""
+    `read_<format>(file, headonly=False)` of the format.
+
+    Parameters
+    ----------
+    read : callable
+        Function that returns the components of a file from its lines.
+    """
 
     @wraps(read)
     def read_file(file: Any, headonly: bool = False, **_: Any) -> Stream:
@@ -205,6 +211,11 @@ def motion_units(text: str) -> str | None:
     of ground motion.
 
     `CM/SEC/SEC` gives cm/s^2, `G'S` gives g, `CM/SEC` gives cm/s, and `G/10` gives `0.1 g`.
+
+    Parameters
+    ----------
+    text : str
+        Units in the file header.
     """
     words = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
     tenth = re.fullmatch(r"(.*\S)\s*/\s*10", words)

@@ -65,7 +65,13 @@ _FACTOR, _STORE = rows.chained(_Factors)
 
 def factor_rows(modes: int) -> int:
     """Return the number of scratch rows of a factorization for a building with `modes` modally
-    damped modes."""
+    damped modes.
+
+    Parameters
+    ----------
+    modes : int
+        Number of modes with modal damping.
+    """
     return _STORE + 2 * modes + 1
 
 

@@ -23,7 +23,13 @@ couplings in the first half of these rows."""
 
 
 class Combination(NamedTuple):
-    """Coefficients of the matrix by_m M + by_c C + by_k K."""
+    """Coefficients of the matrix by_m M + by_c C + by_k K.
+
+    Attributes
+    ----------
+    by_m, by_c, by_k : float
+        Coefficients of mass, damping and stiffness matrix.
+    """
 
     by_m: float
     by_c: float
@@ -652,48 +658,41 @@ def _correct_pairs(factors, damping, x, y, n):
             scratch[y, i] -= amplitude * scratch[store + 2 * j + 1, i]
 
 
-def _solve_function(solve_undamped):
-    """Return a function that solves a linear system including the modal part.
+@inline
+def solve_blocks_damped(factors, damping, x, y, n):
+    """Solve a linear system with the factorization of `factor_blocks`, including the modal part.
 
     Parameters
     ----------
-    solve_undamped : function
-        `solve_blocks` or `solve_pairs`.
-
-    Returns
-    -------
-    function
-        (factors, damping, x, y, n).
+    factors : Factors
+        Rows of the factorization.
+    damping : ModalBlocks
+        Modal damping.
+    x, y : int
+        Rows of the two components. They contain the right side and receive the solution.
+    n : int
+        Number of floors.
     """
-
-    @inline
-    def solve_with_modes(factors, damping, x, y, n):
-        """Solve a linear system with right side and solution in the rows `x` and `y`.
-
-        Parameters
-        ----------
-        factors : Factors
-            Rows of the factorization.
-        damping : ModalBlocks
-            Modal damping.
-        x : int
-            Row of the first component of the right side and of the solution.
-        y : int
-            Row of the second component of the right side and of the solution.
-        n : int
-            Number of floors.
-        """
-        solve_undamped(factors, x, y, n)
-        if _MODAL and damping.modal.shape[0] > 0:
-            _correct_pairs(factors, damping, x, y, n)
-
-    return solve_with_modes
+    solve_blocks(factors, x, y, n)
+    if _MODAL and damping.modal.shape[0] > 0:
+        _correct_pairs(factors, damping, x, y, n)
 
 
-solve_blocks_damped = _solve_function(solve_blocks)
-"""(factors, damping, x, y, n). Solves a linear system with the factorization of `factor_blocks`.
-Rows `x` and `y` contain the right side and receive the solution."""
+@inline
+def solve_pairs_damped(factors, damping, x, y, n):
+    """Solve a linear system with the factorization of `factor_pairs`, including the modal part.
 
-solve_pairs_damped = _solve_function(solve_pairs)
-"""(factors, damping, x, y, n). Solves a linear system with the factorization of `factor_pairs`, in
-the same way."""
+    Parameters
+    ----------
+    factors : Factors
+        Rows of the factorization.
+    damping : ModalBlocks
+        Modal damping.
+    x, y : int
+        Rows of the two components. They contain the right side and receive the solution.
+    n : int
+        Number of floors.
+    """
+    solve_pairs(factors, x, y, n)
+    if _MODAL and damping.modal.shape[0] > 0:
+        _correct_pairs(factors, damping, x, y, n)

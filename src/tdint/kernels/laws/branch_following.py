@@ -61,7 +61,15 @@ def add_work(law_parameters, law_state, i, block, step, mean_force):
 
 @inline
 def extra_rows(law_state, block):
-    """Return the first of the extra rows that belong to the state in `block`."""
+    """Return the first of the extra rows that belong to the state in `block`.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    block : int
+        First row of the state.
+    """
     return rows.EXTRA_ROWS + block // rows.LAW_STATE_ROWS * (
         (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
     )

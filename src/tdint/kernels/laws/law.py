@@ -186,5 +186,13 @@ class DriftLaw:
 
 
 def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:
-    """Return the drift at first yield, m, of a law whose first parameter is the yield force."""
+    """Return the drift at first yield, m, of a law whose first parameter is the yield force.
+
+    Parameters
+    ----------
+    stiffness : float
+        Initial stiffness, N/m.
+    values : sequence of float
+        Parameters of the law.
+    """
     return values[0] / stiffness

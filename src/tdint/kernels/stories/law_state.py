@@ -19,19 +19,19 @@ from tdint.kernels.stories.branches import enter
 
 _force = select_function("force", case_with_6_arguments)
 
-strain_energy = select_function("strain_energy", case_with_3_arguments)
-"""(law_parameters, law_state, i) -> energy stored in the committed state of the law, J."""
+_strain_energy = select_function("strain_energy", case_with_3_arguments)
 
 
 @inline
-def _hysteretic_energy(law_parameters, law_state, i):
+def _stored_dissipation(law_parameters, law_state, i):
     """Return the dissipated energy of the committed state, J, for laws that store it in row
     DISSIPATED."""
     return law_state[rows.DISSIPATED, i]
 
 
-hysteretic_energy = select_function("hysteretic_energy", case_with_3_arguments, _hysteretic_energy)
-"""(law_parameters, law_state, i) -> energy dissipated by the law until the committed state, J."""
+_hysteretic_energy = select_function(
+    "hysteretic_energy", case_with_3_arguments, _stored_dissipation
+)
 
 
 @inline
@@ -70,13 +70,68 @@ def _no_rows(law_parameters, law_state, i, previous, trial):
     pass
 
 
-accumulate_dissipation = select_function(
+_accumulate_dissipation = select_function(
     "accumulate_dissipation", case_with_5_arguments, _copy_dissipation
 )
-"""(law_parameters, law_state, i, previous, trial). Sets the dissipated energy of block `trial` to
-that of block `previous` plus the energy dissipated between the two states, J."""
 
 _keep = select_function("keep", case_with_5_arguments, _no_rows)
+
+
+@inline
+def strain_energy(law_parameters, law_state, i):
+    """Return the energy that the committed state of story `i` stores.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+
+    Returns
+    -------
+    float
+        Strain energy, J.
+    """
+    return _strain_energy(law_parameters, law_state, i)
+
+
+@inline
+def hysteretic_energy(law_parameters, law_state, i):
+    """Return the energy that the law of story `i` dissipated until the committed state.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+
+    Returns
+    -------
+    float
+        Dissipated energy, J.
+    """
+    return _hysteretic_energy(law_parameters, law_state, i)
+
+
+@inline
+def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
+    """Add the energy that story `i` dissipates between two states to the dissipated energy of the
+    second state.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        Block of the state at the start of the path. Its dissipated energy is not changed.
+    trial : int
+        Block of the state at the end of the path, with the result (J) in row DISSIPATED.
+    """
+    _accumulate_dissipation(law_parameters, law_state, i, previous, trial)
 
 
 @inline
@@ -178,6 +233,13 @@ def resume(law_parameters, law_state, i):
 
     A step that does not follow branches must call this function before a step that follows
     branches. It has no effect for laws that store their branch in every state.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
     """
     if law_parameters[rows.CODE, i] not in BRANCH_STORING_LAWS:
         enter(law_parameters, law_state, i)

@@ -216,7 +216,19 @@ def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
 @dataclass(frozen=True, repr=False)
 class RecordInfo(Tabular):
     """Record with its intensity measures, its Housner intensity, m, and its predominant period,
-    s."""
+    s.
+
+    Attributes
+    ----------
+    record : Record
+        Ground motion.
+    measures : Measures
+        Intensity measures.
+    housner_intensity : float
+        Housner intensity, m.
+    predominant_period : float
+        Predominant period, s.
+    """
 
     record: Record
     measures: Measures
