@@ -619,7 +619,7 @@ file as [the standard ones](../../src/tdint/analysis/chart/standard_problems.yam
 ```
 $ tdint chart --problems standard --plugin verlet.py --method verlet,impulse4,newmark-average --plot profile.png
 $ tdint chart --problems mine.yaml -o mine.csv --plot
-$ tdint chart office.yaml tower.yaml --record a.mseed --record b.mseed
+$ tdint chart office.yaml tower.yaml a.mseed b.mseed
 ```
 
 The line of one plug-in is thick and in front; `--highlight NAME` takes another one.

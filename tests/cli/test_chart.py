@@ -221,6 +221,26 @@ def test_a_linear_building_under_forces(folder, tdint, words, steps, usual):
     assert "skip samples" not in result.stderr
 
 
+def test_records_follow_the_model_as_in_run(folder, tdint, make_record):
+    """A positional record is the record of --record; several records make several problems."""
+    make_record("other.mseed", "HNE", samples=250)
+    units = ("--component", "HNE", "--units", "m/s^2", "--duration", "1", "--repeat", "1")
+    steps = ("--method", "impulse4,newmark-average", "--dt", "0.02,0.01")
+    of_files, of_options = (
+        rows(tdint("chart", "shaken.yaml", *record, *units, *steps).stdout)
+        for record in (("other.mseed",), ("--record", "other.mseed"))
+    )
+    for row in (*of_files, *of_options):
+        del row["time_s"], row["time_min_s"]
+    assert of_files == of_options and float(of_files[0]["drift_error"]) > 0.0
+    many = rows(tdint("chart", "shaken.yaml", "motion.mseed", "other.mseed", *units, *LINES).stdout)
+    assert {row["problems"] for row in many} == {"2"}
+    tdint.refused(
+        "--record other.mseed and motion.mseed cannot",
+        *("chart", "shaken.yaml", "motion.mseed", "--record", "other.mseed"),
+    )
+
+
 def test_the_default_methods(folder, tdint):
     words = ("chart", "shaken.yaml", "--halvings", "1", "--repeat", "1", "--duration", "1")
     labels = [parse(name).label for name in DEFAULT_METHODS if name != "exact"]

@@ -52,7 +52,9 @@ class Request(options.record.RecordRequest):
 
     outputs: Outputs
     scale: tuple[float, ...] | None
-    models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1, type=FileName())
+    models: tuple[str, ...] = options.argument(
+        "[MODEL.yaml]... [RECORD]...", nargs=-1, type=FileName()
+    )
     records: tuple[str, ...] = options.option(
         "--record",
         heading=options.grammar.RECORD,
@@ -161,8 +163,9 @@ class Request(options.record.RecordRequest):
 def command(request: Request) -> None:
     """Compare the accuracy and computing time of methods: work-precision diagrams.
 
-    Each method integrates the building with each time step. MODEL.yaml is a model file, - is
-    standard input. CSV: time steps and solves; processor time of the compiled time loop, as in
+    Each method integrates the building with each time step. MODEL.yaml is a model file and RECORD a
+    ground motion; one of them may be - (standard input). Files after the first are models if their
+    names end with .yaml or .yml, otherwise records, as with --record. CSV: time steps and solves; processor time of the compiled time loop, as in
     `tdint run` without --history (with peaks and energies, without compilation; wall time if the
     clock of the system for processor time is coarse), median and minimum of the repetitions, which
     alternate between the methods; relative errors; the outcome of `tdint run`: done, collapsed,
@@ -193,6 +196,7 @@ def command(request: Request) -> None:
     tolerance. --peers adds OpenSeesPy for problems with laws that it supports. A problem that a
     method does not support counts as not solved.
     """
+    request = _sorted_files(request)
     if request.problems or len(request.models) > 1 or len(request.records) > 1:
         refuse_idle(_PROBLEMS if request.problems else _MANY, MODES)
         _chart_many(request)
@@ -235,6 +239,19 @@ def command(request: Request) -> None:
         _recommend(request, charts[0], advice)
     note(*notes)
     _report_timing([chart.timing for chart in charts], charts[0].peers)
+
+
+def _sorted_files(request: Request) -> Request:
+    """Return the request with the positional records in `records`."""
+    after_first = request.models[1:]
+    records = tuple(file for file in after_first if not file.lower().endswith((".yaml", ".yml")))
+    if records and request.records:
+        raise UsageError(
+            f"--record {request.records[0]} and {records[0]} cannot be used together; omit one of "
+            "them"
+        )
+    models = tuple(file for file in request.models if file not in records)
+    return replace(request, models=models, records=records or request.records)
 
 
 def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
