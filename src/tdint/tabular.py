@@ -38,12 +38,6 @@ _ARGUMENT_ERRORS = (TypeError, ValueError, AttributeError, IndexError, OverflowE
 """Errors that Python and numpy raise for an argument of a wrong type."""
 
 
-_RENAMED = {"methods": "method", "dts": "dt"}
-"""Names of arguments in version 0.1 and their present names. The old names are accepted with a
-deprecation warning until the next release.
-"""
-
-
 class WrongCall(UsageError, TypeError):
     """Call with a missing or an unknown argument."""
 
@@ -66,14 +60,6 @@ def validated_call(function: Callable[..., Any], name: str) -> Callable[..., Any
 
     @functools.wraps(function)
     def wrapper(*arguments: Any, **keywords: Any) -> Any:
-        for old, new in _RENAMED.items():
-            if (
-                old in keywords
-                and old not in (parameters := inspect.signature(function).parameters)
-                and new in parameters
-            ):
-                warnings.warn(f"{name}: {old} is {new} now", DeprecationWarning, stacklevel=2)
-                keywords[new] = keywords.pop(old)
         try:
             return function(*arguments, **keywords)
         except TdintError:

@@ -227,6 +227,27 @@ def test_progress_is_told_and_bars_stay_out_of_pipes(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_an_interrupt_before_the_first_run_gives_an_empty_result(monkeypatch):
+    """While the buildings are prepared, or while the first batch waits."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tdint.analysis.run.run_many._planned", interrupt)
+    empty = tdint.run_many(model(BILINEAR), RECORD, partial=True, gradient="record.scale")
+    assert len(empty.status) == 0 and empty.failures == {} and empty.gradient is None
+    assert "0 of" in repr(empty) and empty.time.shape == (0, 0)
+    assert all(len(column) == 0 for column in empty.to_dict().values())
+    with pytest.raises(UsageError, match="no runs"):
+        empty.plot()
+    with pytest.raises(KeyboardInterrupt):
+        tdint.run_many(model(BILINEAR), RECORD)
+    monkeypatch.undo()
+    monkeypatch.setattr("tdint.analysis.run.run_many.on_threads", interrupt)
+    runs = tdint.run_many(model(BILINEAR), RECORD, partial=True)
+    assert runs.status.tolist() == ["interrupted"] and len(runs.failures) == 1
+
+
 def test_an_interrupt_gives_what_is_done():
     def interrupt(done, of):
         raise KeyboardInterrupt

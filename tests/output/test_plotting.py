@@ -36,6 +36,8 @@ def results():
         "record": record,
         "run": tdint.run(model, record, history=True),
         "peaks": tdint.run(model, record),
+        "runs": tdint.run_many(model, [record, record], scales=[0.5, 1.0]),
+        "gradient": tdint.run(model, record, gradient=["damping", "record.scale"]).gradient,
         "modes": tdint.modes(model),
         "law": tdint.cyclic_test(model, 1, ["1%"]),
         "pushover": pushed,
@@ -58,6 +60,7 @@ ON_AXES = {
     "record",
     "run",
     "peaks",
+    "runs",
     "modes",
     "law",
     "pushover",
@@ -110,6 +113,41 @@ def test_what_is_drawn_is_the_result(results):
     )
     assert len(results["run"].plot().axes) > len(results["peaks"].plot().axes)
     assert len(tdint.plot([spectrum, spectrum]).axes[0].lines) == 2
+
+
+def test_runs_have_a_row_for_each_scale_and_their_mean(results):
+    """Runs without a result are counted in the title of the panel and are in no line."""
+    runs = results["runs"]
+    figure = runs.plot()
+    assert len(figure.axes) == 6
+    for row, scale in ((0, 0.5), (3, 1.0)):
+        mean = np.mean(runs.stories.peak_drift_ratio[runs.scale == scale], axis=0)
+        drawn = [line.get_xdata() for line in figure.axes[row].lines if line.get_label() == "mean"]
+        np.testing.assert_allclose(np.unique(drawn[0]), np.unique(100.0 * mean), rtol=1e-12)
+    labels = {line.get_label() for line in figure.axes[0].lines}
+    assert "one run" in labels
+    lost = tdint.run_many(
+        MODEL, results["record"], vary={"damping": [0.05, 2.0]}, errors="keep"
+    ).plot()
+    assert lost.axes[0].get_title("left").startswith("1 of 2")
+
+
+def test_derivatives_have_a_panel_for_each_parameter_with_errors(results):
+    gradient = results["gradient"]
+    figure = gradient.plot()
+    assert len(figure.axes) == 2
+    for axes, values, name in zip(
+        figure.axes, gradient.peak_drift, gradient.parameters, strict=True
+    ):
+        assert [bar.get_width() for bar in axes.patches] == values.tolist()
+        assert name in axes.get_xlabel()
+    ends = figure.axes[1].collections[0].get_segments()[0][:, 0]
+    assert np.ptp(ends) == pytest.approx(2.0 * gradient.errors.peak_drift[1, 0])
+    with pytest.raises(UsageError, match="units cannot be selected"):
+        gradient.plot(units="kip,in,g")
+    many = tdint.run_many(MODEL, results["record"], gradient="damping").gradient
+    with pytest.raises(UsageError, match="of_run"):
+        many.plot()
 
 
 def lines_of(results):

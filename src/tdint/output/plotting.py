@@ -12,7 +12,14 @@ import numpy as np
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.errors import UsageError
 from tdint.files import write_files
-from tdint.output.figures import assessment, collapse, comparison, runs, spectrum_curves
+from tdint.output.figures import (
+    assessment,
+    collapse,
+    comparison,
+    many_runs,
+    runs,
+    spectrum_curves,
+)
 from tdint.output.figures.style import picture, style_context
 from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
 from tdint.output.tables.spectra import RecordInfo, record_info
@@ -203,6 +210,7 @@ _LOOKS: dict[str, _Look] = {
         lambda ax, result, _: collapse.draw_functions(ax, result.functions),
         alone=True,
     ),
+    "Gradient": _Look(many_runs.gradient_picture, alone=True),
     "IdaStudy": _Look(
         lambda result, units: collapse.ida_picture(result.in_units(units)),
         lambda ax, result, units: collapse.draw_ida(ax, result.in_units(units)),
@@ -225,6 +233,7 @@ _LOOKS: dict[str, _Look] = {
     "RecordInfo": _INFO,
     "Response": _Look(runs.run_picture, runs.draw_drifts, alone=True),
     "RotatedSpectrum": _Look(spectrum_curves.rotated_picture),
+    "Runs": _Look(many_runs.runs_picture, many_runs.draw_runs, alone=True),
     "Scaling": _Look(collapse.suite_picture, collapse.draw_suite, alone=True),
     "Spectrum": _Look(
         lambda results, units: spectrum_curves.spectrum_picture(results, units=units),

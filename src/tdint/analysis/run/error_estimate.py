@@ -54,6 +54,7 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.time_steps import Steps, finer
 from tdint.arrays import Array
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
+from tdint.methods.method import Integrator
 
 REFERENCE, _EXACT = parse(DEFAULT_METHOD), parse("exact")
 """Method of the additional run that estimates the errors, and the method that is its own reference.
@@ -194,7 +195,7 @@ def with_error_estimate(
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
     check = ErrorEstimate.of(
         response.stories,
-        story_errors(response, other, factors(case)),
+        story_errors(response, other, factors(case.method)),
         time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,
@@ -226,9 +227,9 @@ def with_error_estimate(
     return replace(response, check=check)
 
 
-def factors(case: Case) -> EstimateFactors:
-    """Return the factors of the error estimate for the method of a case."""
-    return _HIGH_ORDER if case.method.order >= _HIGHER else _LOW_ORDER
+def factors(method: Integrator) -> EstimateFactors:
+    """Return the factors of the error estimate for a method."""
+    return _HIGH_ORDER if method.order >= _HIGHER else _LOW_ORDER
 
 
 def story_errors(

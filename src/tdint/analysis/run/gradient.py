@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from tdint.analysis.run.error_estimate import COMMON, FLOOR, OF_DIFFERENCE
+from tdint.analysis.run.error_estimate import FLOOR, EstimateFactors
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.model.definition import (
@@ -57,11 +57,13 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
     return derivative, 0.5 * np.abs(slope_2 - slope_1)
 
 
-def slope_errors(derivatives: Array, others: Array) -> Array:
+def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Array:
     """Estimate the errors of derivatives from those of a run with half the time step.
 
-    The terms are those of the error estimates of peaks (`tdint.analysis.run.error_estimate`). The
-    term that all stories have in common is absolute, because derivatives have zeros.
+    The factors are those of the error estimates of peaks (`tdint.analysis.run.error_estimate`),
+    which are larger for methods of order 3 and more. The term that all stories have in common is
+    absolute, because derivatives have zeros, and it has no limit: at orders 3 and more, most
+    estimates that are too small are accidental agreements of the two runs in a story.
 
     Parameters
     ----------
@@ -69,14 +71,16 @@ def slope_errors(derivatives: Array, others: Array) -> Array:
         Derivatives whose errors are estimated; the last axis is the story.
     others : ndarray, shape (..., n)
         The same derivatives with half the time step.
+    by : EstimateFactors
+        Factors for the method of the run.
     """
-    errors = OF_DIFFERENCE * np.abs(derivatives - others)
+    errors = by.difference * np.abs(derivatives - others)
     known = np.isfinite(errors)
     squares = np.sum(np.where(known, errors, 0.0) ** 2, axis=-1, keepdims=True)
     common = np.sqrt(squares / np.maximum(np.sum(known, axis=-1, keepdims=True), 1))
     return np.where(
         known,
-        np.maximum(errors, np.maximum(COMMON * common, FLOOR * np.abs(derivatives))),
+        np.maximum(errors, np.maximum(by.common * common, FLOOR * np.abs(derivatives))),
         math.nan,
     )
 

@@ -103,7 +103,7 @@ class Runs(Tabular):
         rows).
         """
         rows = max((kept.shape[1] for kept in self.history.values()), default=0)
-        steps = self.dt[:1] if np.all(self.dt == self.dt[0]) else self.dt
+        steps = self.dt[:1] if np.all(self.dt == self.dt[:1]) else self.dt
         return np.asarray(np.multiply.outer(self.every * steps, np.arange(rows)))
 
     def to_xarray(self) -> Dataset:

@@ -28,7 +28,7 @@ from tdint.analysis.arguments import (
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.batch import Subject, run_batch, run_sampled
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import reference
+from tdint.analysis.run.error_estimate import factors, reference, reference_steps
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
 from tdint.analysis.run.many_results import KEPT, Runs, history_arrays, kept_quantities
 from tdint.analysis.run.outcome import (
@@ -40,7 +40,7 @@ from tdint.analysis.run.outcome import (
     StoryValues,
 )
 from tdint.analysis.run.prepared import BatchResult, Motions
-from tdint.analysis.time_steps import Steps, finer
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, Numbers, cached_property
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.record import JoinedRecord, Record
@@ -209,7 +209,7 @@ def run_many(
         number of completed runs and the total number.
     partial : bool, default False
         After an interrupt (Ctrl-C), return the completed runs; the status of the others is
-        `interrupted`.
+        `interrupted`. The result is empty if no run was planned before the interrupt.
     gradient : str or sequence of str
         Names as in `vary`: parameters for derivatives of the peaks, and of the histories that are
         kept, of each run at its own sample (`Runs.gradient`); factors have the value 1. Each name
@@ -246,48 +246,18 @@ def run_many(
         )
     if not isinstance(method, str | None):
         raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
-    drawn = _drawn(vary or {}, product)
-    buildings = [model_of(model) for model in _several(models, "models")]
-    motions = tuple(map(record_of, _several(records, "records")))
-    if any(isinstance(record, JoinedRecord) for record in motions):
-        raise UsageError("run_many does not support sequences: use run_sequence")
-    subjects = tuple(
-        Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings
-    )
-    work = _RunsRequest(
-        subjects,
-        tuple(subject.integrator.label for subject in subjects),
-        motions,
-        number_of(dt, "dt"),
-        number_of(duration, "duration"),
-        check,
-        drawn,
-    )
-    if errors not in ("raise", "keep"):
-        raise UsageError(f"errors must be 'raise' or 'keep', got {errors!r:.60}")
-    lost = work.out_of_range() if errors == "keep" else {}
-    plan = _planned(work, scales, zip_records, {draw for _, draw in lost})
-    kept = kept_quantities(history)
-    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-        raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
-    threads = processors() if jobs is None else jobs
-    if threads < 1:
-        raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
-    file = Path(out) if isinstance(out, str | Path) else None
-    if file and file.suffix != ".parquet":
-        raise UsageError(f"out: the file name must end with .parquet, got {str(out)!r:.60}")
-    if file:
-        import_optional("pyarrow", "a Parquet file", "parquet")
-    result = _unfilled(
-        work, plan, every, history_arrays(_shape(work, plan, every), kept, None if file else out)
-    )
-    for run in plan if lost else ():
-        if (run.model, run.draw) in lost:
-            result.status[run.number], result.failures[run.number] = (
-                OUT_OF_RANGE,
-                lost[run.model, run.draw],
-            )
-    plan = [run for run in plan if (run.model, run.draw) not in lost]
+    try:
+        work, plan, result, threads, file = _requested(
+            (models, records, scales, zip_records),
+            (method, dt, duration, check),
+            (vary or {}, product, errors),
+            (history, every, out),
+            jobs,
+        )
+    except KeyboardInterrupt:
+        if not partial:
+            raise
+        return _no_runs(every)
     # The threads share the runs in small parts, so that they finish at about the same time.
     parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
     stop, marching = Event(), Semaphore(threads)
@@ -313,14 +283,95 @@ def run_many(
             dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN)
         )
     runs = replace(result, failures=dict(sorted(result.failures.items())))
-    if names := [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient)):
-        runs = replace(
-            runs,
-            gradient=_gradient(work, plan, runs.stories, runs.history, every, names, threads),
-        )
+    names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
+    plan = [run for run in plan if result.status[run.number] != INTERRUPTED]
+    if names and plan:
+        try:
+            derivatives = _gradient(work, plan, runs.stories, runs.history, every, names, threads)
+        except KeyboardInterrupt:
+            if not partial:
+                raise
+        else:
+            runs = replace(runs, gradient=derivatives)
     if file:
         runs.to_parquet(file)
     return runs
+
+
+def _requested(
+    inputs: tuple[Any, Any, Any, bool],
+    analysis: tuple[str | None, Any, Any, bool],
+    samples: tuple[Mapping[str, Any], bool, str],
+    kept: tuple[Any, Any, Any],
+    jobs: int | None,
+) -> tuple[_RunsRequest, list[_Run], Runs, int, Path | None]:
+    """Check the arguments of `run_many` and return what its loop needs.
+
+    Parameters
+    ----------
+    inputs, analysis, samples, kept, jobs
+        Arguments of `run_many`: models, records, scales, zip_records; method, dt, duration, check;
+        vary, product, errors; history, every, out; jobs.
+
+    Returns
+    -------
+    tuple
+        Request, runs to integrate, result without values, number of threads, and the Parquet file
+        or None.
+    """
+    models, records, scales, zip_records = inputs
+    method, dt, duration, check = analysis
+    vary, product, errors = samples
+    history, every, out = kept
+    drawn = _drawn(vary, product)
+    buildings = [model_of(model) for model in _several(models, "models")]
+    motions = tuple(map(record_of, _several(records, "records")))
+    if any(isinstance(record, JoinedRecord) for record in motions):
+        raise UsageError("run_many does not support sequences: use run_sequence")
+    subjects = tuple(
+        Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings
+    )
+    work = _RunsRequest(
+        subjects,
+        tuple(subject.integrator.label for subject in subjects),
+        motions,
+        number_of(dt, "dt"),
+        number_of(duration, "duration"),
+        check,
+        drawn,
+    )
+    if errors not in ("raise", "keep"):
+        raise UsageError(f"errors must be 'raise' or 'keep', got {errors!r:.60}")
+    lost = work.out_of_range() if errors == "keep" else {}
+    plan = _planned(work, scales, zip_records, {draw for _, draw in lost})
+    names = kept_quantities(history)
+    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+        raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
+    threads = processors() if jobs is None else jobs
+    if threads < 1:
+        raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
+    file = Path(out) if isinstance(out, str | Path) else None
+    if file and file.suffix != ".parquet":
+        raise UsageError(f"out: the file name must end with .parquet, got {str(out)!r:.60}")
+    if file:
+        import_optional("pyarrow", "a Parquet file", "parquet")
+    result = _unfilled(
+        work, plan, every, history_arrays(_shape(work, plan, every), names, None if file else out)
+    )
+    for run in plan if lost else ():
+        if (run.model, run.draw) in lost:
+            result.status[run.number], result.failures[run.number] = (
+                OUT_OF_RANGE,
+                lost[run.model, run.draw],
+            )
+    plan = [run for run in plan if (run.model, run.draw) not in lost]
+    return work, plan, result, threads, file
+
+
+def _no_runs(every: int) -> Runs:
+    """Return the result of a call that was interrupted before its first run."""
+    work = _RunsRequest((), (), (), None, None, False, {})
+    return _unfilled(work, [], every, {})
 
 
 INTERRUPTED = "interrupted"
@@ -451,7 +502,7 @@ class _RunsRequest:
     @cached_property
     def stories(self) -> int:
         """Number of stories of the tallest building."""
-        return max(len(subject.model.stories) for subject in self.subjects)
+        return max((len(subject.model.stories) for subject in self.subjects), default=0)
 
 
 @contextmanager
@@ -542,8 +593,8 @@ def _unfilled(
         models=tuple(subject.model for subject in work.subjects),
         records=work.records,
         methods=work.methods,
-        model=np.array([run.model for run in plan]),
-        record=np.array([run.record for run in plan]),
+        model=np.array([run.model for run in plan], np.int64),
+        record=np.array([run.record for run in plan], np.int64),
         scale=np.array([run.scale for run in plan]),
         dt=np.array([run.steps.h for run in plan]),
         steps=np.zeros(len(plan), np.int64),
@@ -714,15 +765,21 @@ def _gradient(
     )
     labels = tuple(subject.method for subject in subjects)
     other_work = replace(work, subjects=subjects, methods=labels, check=False)
-    others = [run._replace(number=i, steps=finer(run.steps)) for i, run in enumerate(plan)]
+    others = [
+        run._replace(number=i, steps=reference_steps(run.steps)) for i, run in enumerate(plan)
+    ]
     base = _unfilled(other_work, others, 1, {})
     _march_all(other_work, base, others, threads)
     other = _differentiated(other_work, others, base.stories, {}, 1, names, threads)
-    errors, rows = {}, [run.number for run in plan]
+    errors = {}
+    of_buildings = [factors(subject.integrator) for subject in work.subjects]
     for one in fields(StoryErrors):
-        derivatives = getattr(gradient, one.name)
+        derivatives, other_derivatives = getattr(gradient, one.name), getattr(other, one.name)
         errors[one.name] = np.full_like(derivatives, math.nan)
-        errors[one.name][rows] = slope_errors(derivatives[rows], getattr(other, one.name))
+        for run, with_half_step in zip(plan, other_derivatives, strict=True):
+            errors[one.name][run.number] = slope_errors(
+                derivatives[run.number], with_half_step, of_buildings[run.model]
+            )
     return replace(gradient, errors=StoryErrors(**errors))
 
 

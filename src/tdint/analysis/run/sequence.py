@@ -180,7 +180,7 @@ def event_responses(
         return shocks
     others = _parts(reference(joined), sequence, reference_steps(steps))
     return tuple(
-        replace(shock, errors=story_errors(shock, other, factors(joined)))
+        replace(shock, errors=story_errors(shock, other, factors(joined.method)))
         for shock, other in zip(shocks, others, strict=False)  # the second run may end earlier
     )
 

@@ -475,6 +475,7 @@ def profile_picture(
     *,
     limit: float | None = None,
     title: str = "",
+    member: str = "motion",
 ) -> Figure:
     """Draw the profiles of buildings, with one row of panels for each level.
 
@@ -488,6 +489,8 @@ def profile_picture(
         Limit of the drift ratio, drawn as a line.
     title : str
         Title; a single building has its name instead.
+    member : str
+        Noun for a motion of a profile; `run` for runs that differ in other ways.
     """
     units = units.in_figures
     # Each scale factor or level has a row; only the first rows are drawn.
@@ -499,10 +502,7 @@ def profile_picture(
     panels = figure.subplots(len(shown), 3, squeeze=False)
     looks = building_looks(profile.building for profile in profiles)
     for axes, same in zip(panels, shown, strict=True):
-        # Drifts are in percent of the height, or lengths if a building has no heights.
-        by_length = any(
-            profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in same
-        )
+        by_length = _by_length(same)
         for profile in same:
             peaks = profile.peaks
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
@@ -512,7 +512,7 @@ def profile_picture(
             ):
                 if len(values):
                     line = partial(_line, panel, by_floor=values is accelerations)
-                    _draw_motions(panel, values, line, looks[profile.building], "largest")
+                    _draw_motions(panel, values, line, looks[profile.building], "largest", member)
         _finish_row(
             axes,
             same,
@@ -525,7 +525,7 @@ def profile_picture(
     subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
     runs, pairs = shown[0][0].runs, shown[0][0].pairs
-    motions = pluralize(runs, "motion")
+    motions = pluralize(runs, member)
     part = "mean of both components" if shown[0][0].pair_demand == MEAN else "larger component"
     if 0 < pairs < runs:
         motions += f", of {pluralize(pairs, 'pair')} the {part}"
@@ -536,6 +536,47 @@ def profile_picture(
     elif shown[0][0].pair_demand:
         motions += ", the components of pairs counted separately"
     return titled(figure, f"{subject}\n{motions}{more}")
+
+
+def draw_drift_profiles(
+    axes: Any, profiles: Sequence[Profile], units: OutputUnits, member: str
+) -> None:
+    """Draw the drifts of `profile_picture` on axes, of all levels.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes.
+    profiles : sequence of Profile
+        Statistics of each building and level.
+    units : OutputUnits
+        Units of the axes.
+    member : str
+        Noun for a motion of a profile.
+    """
+    by_length = _by_length(profiles)
+    looks = building_looks(profile.building for profile in profiles)
+    levels = len({profile.level_text for profile in profiles})
+    for number, profile in enumerate(profiles):
+        peaks = profile.peaks
+        drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
+        look = looks[profile.building]
+        if levels > 1:
+            look = (COLORS[number % len(COLORS)], f"{look[1]}{profile.level_text}, ")
+        if len(drifts):
+            line = partial(_line, axes, by_floor=False)
+            _draw_motions(axes, drifts, line, look, "largest", member)
+    axes.set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
+    axes.set_ylim(0.5, max(profile.height.size for profile in profiles) + 0.5)
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    axes.set_xlim(left=0.0)
+
+
+def _by_length(profiles: Sequence[Profile]) -> bool:
+    """Return True if a building has no heights, so that drifts are lengths instead of percent."""
+    return any(
+        profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in profiles
+    )
 
 
 def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
@@ -566,17 +607,43 @@ def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
 
 
 def _draw_motions(
-    axes: Any, rows: Array, line: Callable[..., Any], look: tuple[str, str], largest: str
+    axes: Any,
+    rows: Array,
+    line: Callable[..., Any],
+    look: tuple[str, str],
+    largest: str,
+    member: str = "motion",
 ) -> None:
     """Draw each ground motion with `line`, thin and gray, and their mean and maximum.
 
     For several buildings, single ground motions are not drawn.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes.
+    rows : ndarray
+        Values of each motion.
+    line : callable
+        Function that draws values of one motion.
+    look : tuple of str
+        Color and name of the building.
+    largest : str
+        Name of the maximum.
+    member : str
+        Noun for a motion.
     """
     color, name = look
     if not name:
         for row in rows:
             line(row, color=GRAY, linewidth=0.7, zorder=1.5)
-        axes.plot([], [], color=GRAY, linewidth=0.7, label="one ground motion")
+        axes.plot(
+            [],
+            [],
+            color=GRAY,
+            linewidth=0.7,
+            label=f"one {'ground ' * (member == 'motion')}{member}",
+        )
     line(np.mean(rows, axis=0), color=color, linewidth=1.9, label=f"{name}mean", zorder=3)
     style = {"color": color, "linewidth": 1.1, "linestyle": DASHES[1], "zorder": 2.5}
     line(np.max(rows, axis=0), label=f"{name}{largest}", **style)

@@ -1,0 +1,127 @@
+"""Figures of many runs (peaks over the height) and of derivatives of the peak drifts."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tdint.analysis.run.gradient import SCALE
+from tdint.analysis.run.outcome import STORY, Gradient
+from tdint.arrays import Array
+from tdint.campaign.profiles import Profile
+from tdint.errors import UsageError
+from tdint.model.damage_states import DONE, FALLEN
+from tdint.output.figures.runs import draw_drift_profiles, profile_picture
+from tdint.output.figures.style import INK, LIGHT, titled
+from tdint.units import SI, OutputUnits
+from tdint.written_numbers import pluralize
+
+if TYPE_CHECKING:
+    from tdint.analysis.run.many_results import Runs
+
+_MOST_PARAMETERS = 6  # maximum number of panels of derivatives
+_PLAIN = 3  # power of ten up to which the axis has plain numbers
+_COLUMNS = 3  # maximum number of panels in a row
+
+
+def runs_picture(runs: Runs, units: OutputUnits = SI) -> Figure:
+    """Draw the peaks of many runs over the height, with one row of panels for each scale."""
+    return profile_picture(run_profiles(runs), units, member="run")
+
+
+def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
+    """Draw the peak drifts of many runs over the stories."""
+    draw_drift_profiles(axes, run_profiles(runs), units, member="run")
+    axes.set_ylabel("story")
+    axes.legend(fontsize=7.0, loc="best")
+
+
+def run_profiles(runs: Runs) -> list[Profile]:
+    """Return the peaks of each building at each scale; each run is one motion of the profile.
+
+    If the scale varies from sample to sample, all runs of a building are one profile.
+    """
+    if not len(runs.model):
+        raise UsageError("there are no runs to plot")
+    names = [model.name for model in runs.models]
+    profiles = []
+    of_samples = SCALE in runs.varied
+    scales = [math.nan] if of_samples else list(dict.fromkeys(runs.scale.tolist()))
+    for scale in scales:
+        for number, model in enumerate(runs.models):
+            chosen = np.flatnonzero((runs.model == number) & (of_samples | (runs.scale == scale)))
+            if not chosen.size:
+                continue
+            status = runs.status[chosen]
+            done, fallen = chosen[status == DONE], np.isin(status, FALLEN)
+            n = len(model.stories)
+            name = names[number]
+            profiles.append(
+                Profile(
+                    scale,
+                    math.nan,
+                    [[] for _ in done],
+                    pairs=0,
+                    collapsed=int(np.count_nonzero(fallen)),
+                    failed=int(chosen.size - done.size - np.count_nonzero(fallen)),
+                    measure=("", ""),
+                    pair_demand="",
+                    building=name if names.count(name) == 1 else f"{name} ({number + 1})",
+                    motions=tuple(runs.records[runs.record[run]].source for run in done),
+                    height=np.array([story.height or math.nan for story in model.stories]),
+                    peaks={one.name: getattr(runs.stories, one.name)[done, :n] for one in STORY},
+                    peak_errors={},
+                )
+            )
+    return profiles
+
+
+def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
+    """Draw the derivatives of the peak drifts over the stories, one panel for each parameter.
+
+    Horizontal lines are estimated errors.
+    """
+    if units != SI:
+        raise UsageError("derivatives are in SI units: units cannot be selected for a gradient")
+    if gradient.peak_drift.ndim > 2:
+        raise UsageError("gradient of many runs: plot a single run, gradient.of_run(0).plot()")
+    shown = gradient.parameters[:_MOST_PARAMETERS]
+    columns = min(len(shown), _COLUMNS)
+    rows = math.ceil(len(shown) / columns)
+    figure = Figure(figsize=(1.2 + 2.6 * columns, 1.0 + 3.0 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    errors = gradient.errors.peak_drift if gradient.errors is not None else None
+    for number, (axes, name) in enumerate(zip(panels, shown, strict=False)):
+        values = gradient.peak_drift[number]
+        # A power of ten in the label instead of the corner of the panel, where texts overlap.
+        largest = float(np.nanmax(np.abs(values), initial=0.0))
+        power = math.floor(math.log10(largest)) if largest > 0.0 else 0
+        power = 0 if -_PLAIN <= power <= _PLAIN else power
+        error = 10.0**-power * errors[number] if errors is not None else None
+        _draw_derivative(axes, 10.0**-power * values, error)
+        unit = f"1e{power} SI units" if power else "SI units"
+        axes.set_xlabel(f"derivative with respect to\n{name} ({unit})")
+        axes.set_ylabel("story" if number % columns == 0 else "")
+    for axes in panels[len(shown) :]:
+        axes.set_visible(False)
+    left_out = len(gradient.parameters) - len(shown)
+    more = f"; the first {len(shown)} of {len(gradient.parameters)} parameters" if left_out else ""
+    told = "with estimated errors" if errors is not None else "errors not estimated"
+    subject = f"Derivatives of the peak drifts, {pluralize(len(gradient.parameters), 'parameter')}"
+    return titled(figure, f"{subject}\n{told}{more}")
+
+
+def _draw_derivative(axes: Any, values: Array, errors: Array | None) -> None:
+    """Draw the derivative in each story as a bar, with its estimated error."""
+    places = np.arange(values.size) + 1.0
+    axes.barh(places, values, height=0.62, color=LIGHT)
+    axes.errorbar(values, places, xerr=errors, fmt="o", color=INK, markersize=3.0, capsize=2.0)
+    axes.axvline(0.0, color=INK, linewidth=0.8)
+    axes.set_ylim(0.5, values.size + 0.5)
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    axes.grid(axis="y", visible=False)
