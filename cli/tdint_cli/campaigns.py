@@ -136,7 +136,7 @@ class Profiles:
         """
         self._need("--plot")
         draw = partial(
-            figures.runs.profile_picture,
+            figures.suites.profile_picture,
             self.found,
             self.units,
             limit=self.limits.drift_line,

@@ -22,13 +22,12 @@ from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.output.figures.assessment import order_picture
 from tdint.output.figures.runs import (
-    floor_suite_picture,
-    profile_picture,
     run_picture,
     sensitivity_picture,
 )
 from tdint.output.figures.spectrum_curves import draw_adrs, draw_tripartite, spectrum_picture
 from tdint.output.figures.style import changed, picture, titled
+from tdint.output.figures.suites import floor_suite_picture, profile_picture
 from tdint.units import parse_output_units
 
 pytestmark = pytest.mark.usefixtures("not_laid_out")

@@ -163,17 +163,17 @@ class Request(options.record.RecordRequest):
 def command(request: Request) -> None:
     """Compare the accuracy and computing time of methods: work-precision diagrams.
 
-    Each method integrates the building with each time step. MODEL.yaml is a model file and RECORD a
-    ground motion; one of them may be - (standard input). Files after the first are models if their
-    names end with .yaml or .yml, otherwise records, as with --record. CSV: time steps and solves;
-    processor time of the compiled time loop, as in `tdint run` without --history (with peaks and
-    energies, without compilation; wall time if the clock of the system for processor time is
-    coarse), median and minimum of the repetitions, which alternate between the methods; relative
-    errors; the outcome of `tdint run`: done, collapsed, unstable-step (refused), diverged or not-
-    converged, with empty cells for the last three. Other programs (--peers) are listed as
-    program/method; their times include only their analysis loops, and the solves of scipy are
-    evaluations of the derivative. Lines of --tolerance contain the total time of `tdint run
-    --tolerance`, and only the error of peak drifts.
+    Each method integrates the building with each time step. MODEL.yaml is a model file, RECORD is a
+    ground motion, and - is standard input. Files after the first are models if their names end with
+    .yaml or .yml, otherwise records, as with --record. CSV: time steps and solves; processor time
+    of the compiled time loop, as in `tdint run` without --history (with peaks and energies, without
+    compilation; wall time if the clock of the system for processor time is coarse), median and
+    minimum of the repetitions, which alternate between the methods; relative errors; the outcome of
+    `tdint run`: done, collapsed, unstable-step (refused), diverged or not- converged, with empty
+    cells for the last three. Other programs (--peers) are listed as program/method; their times
+    include only their analysis loops, and the solves of scipy are evaluations of the derivative.
+    Lines of --tolerance contain the total time of `tdint run --tolerance`, and only the error of
+    peak drifts.
 
     displacement_error, drift_error, velocity_error and absolute_acceleration_error are errors of
     the complete response history: root of the sum of squares over all floors or stories and all
@@ -248,8 +248,7 @@ def _sorted_files(request: Request) -> Request:
     records = tuple(file for file in after_first if not file.lower().endswith((".yaml", ".yml")))
     if records and request.records:
         raise UsageError(
-            f"--record {request.records[0]} and {records[0]} cannot be used together; omit one of "
-            "them"
+            f"--record {request.records[0]} and {records[0]} cannot be used together; omit --record"
         )
     models = tuple(file for file in request.models if file not in records)
     return replace(request, models=models, records=records or request.records)

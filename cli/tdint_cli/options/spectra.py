@@ -211,7 +211,7 @@ class FloorRequest:
             SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
         if plot and suites:
-            draw = partial(figures.runs.floor_suite_picture, suites, units)
+            draw = partial(figures.suites.floor_suite_picture, suites, units)
             contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         return contents, suites
 
@@ -257,7 +257,7 @@ class FloorRequest:
             )
             if plot:
                 title = response.model.name
-                draw = partial(figures.runs.floor_picture, spectra, units, title=title)
+                draw = partial(figures.suites.floor_picture, spectra, units, title=title)
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         # The MiniSEED file contains all floors as stations, regardless of the requested spectra.
         if export:

@@ -19,6 +19,7 @@ from tdint.output.figures import (
     many_runs,
     runs,
     spectrum_curves,
+    suites,
 )
 from tdint.output.figures.style import picture, style_context
 from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
@@ -199,7 +200,7 @@ _LOOKS: dict[str, _Look] = {
     "FieldChart": _Look(
         lambda result, _: comparison.profile_picture(result, target="peak-drift"), alone=True
     ),
-    "FloorSpectrum": _Look(runs.floor_picture),
+    "FloorSpectrum": _Look(suites.floor_picture),
     "FourierSpectrum": _Look(comparison.fourier_picture, comparison.draw_fourier),
     "Fragility": _Look(
         lambda results, _: collapse.fragility_picture(results),

@@ -224,7 +224,7 @@ def run_page(
             )
         ]
     spectra = Picture(
-        lambda: figures.runs.floor_picture(floors, units, title=model.name), "Floor spectra"
+        lambda: figures.suites.floor_picture(floors, units, title=model.name), "Floor spectra"
     )
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
@@ -355,11 +355,11 @@ def suite_page(
     about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
     line = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile = Picture(
-        lambda: figures.runs.profile_picture(profiles, units, limit=limit, title=plan.name),
+        lambda: figures.suites.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{line}",
     )
     spectra = Picture(
-        lambda: figures.runs.floor_suite_picture(floors, units), "Floor spectra: mean, envelope"
+        lambda: figures.suites.floor_suite_picture(floors, units), "Floor spectra: mean, envelope"
     )
     # Only the first buildings are described, because the report must remain readable.
     models = [

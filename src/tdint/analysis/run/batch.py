@@ -11,19 +11,22 @@ and repeats failed runs with half the time step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tdint.analysis.arguments import numbers_of
 from tdint.analysis.run.case import Case, energy_errors, needs_review, peaks_of, until_rest, windows
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import NO_FREE_VIBRATION, BatchResult, Motions, PreparedBuilding
 from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array, cached_property
+from tdint.errors import UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.time_loop.loop import AT_REST, STEPS_COMPLETED
 from tdint.methods.catalogue import parse
@@ -310,3 +313,19 @@ def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: boo
         steps = case.steps(steps.h, steps.count * steps.h)  # the end is now the requested time
     response = (run_with_error_estimate if check else Case.integrate)(case, steps, history)
     return (ended_at_rest(response) if to_rest else response), at_rest
+
+
+def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
+    """Return the values of each sample by name; for `product` all combinations, the last name
+    fastest.
+    """
+    given = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
+    if product:
+        grids = np.meshgrid(*given.values(), indexing="ij")
+        given = {name: grid.ravel() for name, grid in zip(given, grids, strict=True)}
+    sizes = {len(values) for values in given.values()}
+    count = max(sizes, default=1)
+    if not count or sizes - {1, count}:
+        counts = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
+        raise UsageError(f"vary: each name needs one value, or one value per sample; got {counts}")
+    return {name: np.broadcast_to(values, count).copy() for name, values in given.items()}

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.run import case as run_totals
-from tdint.analysis.run.outcome import STORY, Gradient, History, StoryErrors, StoryPeaks
+from tdint.analysis.run.outcome import (
+    STORY,
+    Gradient,
+    History,
+    StoryErrors,
+    StoryPeaks,
+    StoryValues,
+)
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
@@ -204,3 +211,22 @@ def history_arrays(
                 f"{kind}"
             )
     return given
+
+
+def store_values(
+    arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None
+) -> None:
+    """Write the values of runs to their rows."""
+    if arrays and values:
+        for quantity in fields(arrays):
+            of_runs = getattr(values, quantity.name)
+            getattr(arrays, quantity.name)[places, : of_runs.shape[-1]] = of_runs
+
+
+def store_history(result: Runs, place: int, history: History | None) -> None:
+    """Write the history of an individual run; nan after its end, and if it has no result."""
+    for name, kept in result.history.items():
+        kept[place] = math.nan
+        if history:
+            rows = getattr(history, KEPT[name])[:: result.every]
+            kept[place, : len(rows), : rows.shape[1]] = rows

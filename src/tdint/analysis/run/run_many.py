@@ -11,7 +11,7 @@ from itertools import groupby
 from itertools import product as combined
 from pathlib import Path
 from threading import Event, Semaphore
-from typing import TYPE_CHECKING, Any, NamedTuple, cast, overload
+from typing import Any, NamedTuple, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,18 +26,23 @@ from tdint.analysis.arguments import (
     record_of,
 )
 from tdint.analysis.run import case as run_totals
-from tdint.analysis.run.batch import Subject, run_batch, run_sampled
+from tdint.analysis.run.batch import Subject, run_batch, run_sampled, samples_of
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import factors, reference, reference_steps
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
-from tdint.analysis.run.many_results import KEPT, Runs, history_arrays, kept_quantities
+from tdint.analysis.run.many_results import (
+    KEPT,
+    Runs,
+    history_arrays,
+    kept_quantities,
+    store_history,
+    store_values,
+)
 from tdint.analysis.run.outcome import (
     Gradient,
-    History,
     Response,
     StoryErrors,
     StoryPeaks,
-    StoryValues,
 )
 from tdint.analysis.run.prepared import BatchResult, Motions
 from tdint.analysis.time_steps import Steps
@@ -51,9 +56,6 @@ from tdint.model.definition import changes_of, check_parameter, check_value, dam
 from tdint.model.plausibility import on_plausibility
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
-
-if TYPE_CHECKING:
-    pass
 
 _AT_ONCE = 64
 """Number of runs that a thread integrates in one batch."""
@@ -323,7 +325,7 @@ def _requested(
     method, dt, duration, check = analysis
     vary, product, errors = samples
     history, every, out = kept
-    drawn = _drawn(vary, product)
+    drawn = samples_of(vary, product)
     buildings = [model_of(model) for model in _several(models, "models")]
     motions = tuple(map(record_of, _several(records, "records")))
     if any(isinstance(record, JoinedRecord) for record in motions):
@@ -381,22 +383,6 @@ OUT_OF_RANGE = "out-of-range"
 """Status of a run with an invalid sample."""
 
 _NOT_RUN = "interrupted before it was run"
-
-
-def _drawn(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
-    """Return the values of each sample by name; for `product` all combinations, the last name
-    fastest.
-    """
-    given = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
-    if product:
-        grids = np.meshgrid(*given.values(), indexing="ij")
-        given = {name: grid.ravel() for name, grid in zip(given, grids, strict=True)}
-    sizes = {len(values) for values in given.values()}
-    count = max(sizes, default=1)
-    if not count or sizes - {1, count}:
-        counts = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
-        raise UsageError(f"vary: each name needs one value, or one value per sample; got {counts}")
-    return {name: np.broadcast_to(values, count).copy() for name, values in given.items()}
 
 
 class _Run(NamedTuple):
@@ -649,38 +635,19 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
             )
         # Write the results: first all runs as done, then the runs with another status.
         result.status[places] = "done"
-        _put(result.stories, places, outcomes.stories)
+        store_values(result.stories, places, outcomes.stories)
         result.energy_error[places] = outcomes.energy_error
         result.steps[places] = outcomes.steps
         for i, status in outcomes.status.items():
             result.status[places[i]] = status
         for i, response in outcomes.responses.items():
             if response.check:
-                _put(result.errors, places[i], response.check.errors)
-                _put(result.corrected, places[i], response.check.corrected)
-            _put_history(result, places[i], response.history)
+                store_values(result.errors, places[i], response.check.errors)
+                store_values(result.corrected, places[i], response.check.corrected)
+            store_history(result, places[i], response.history)
         for i, failure in outcomes.failures.items():
-            _put_history(result, places[i], None)
+            store_history(result, places[i], None)
             result.failures[places[i]] = str(failure)
-
-
-def _put(
-    arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None
-) -> None:
-    """Write the values of runs to their rows."""
-    if arrays and values:
-        for quantity in fields(arrays):
-            of_runs = getattr(values, quantity.name)
-            getattr(arrays, quantity.name)[places, : of_runs.shape[-1]] = of_runs
-
-
-def _put_history(result: Runs, place: int, history: History | None) -> None:
-    """Write the history of an individual run; nan after its end, and if it has no result."""
-    for name, kept in result.history.items():
-        kept[place] = math.nan
-        if history:
-            rows = getattr(history, KEPT[name])[:: result.every]
-            kept[place, : len(rows), : rows.shape[1]] = rows
 
 
 def _march_and_keep(

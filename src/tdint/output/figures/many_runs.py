@@ -15,10 +15,10 @@ from tdint.arrays import Array
 from tdint.campaign.profiles import Profile
 from tdint.errors import UsageError
 from tdint.model.damage_states import DONE, FALLEN
-from tdint.output.figures.runs import draw_drift_profiles, profile_picture
+from tdint.number_parsing import pluralize
 from tdint.output.figures.style import INK, LIGHT, titled
+from tdint.output.figures.suites import draw_drift_profiles, profile_picture
 from tdint.units import SI, OutputUnits
-from tdint.written_numbers import pluralize
 
 if TYPE_CHECKING:
     from tdint.analysis.run.many_results import Runs
@@ -29,12 +29,12 @@ _COLUMNS = 3  # maximum number of panels in a row
 
 
 def runs_picture(runs: Runs, units: OutputUnits = SI) -> Figure:
-    """Draw the peaks of many runs over the height, with one row of panels for each scale."""
+    """Plot the peaks of many runs over the height, with one row of panels for each scale."""
     return profile_picture(run_profiles(runs), units, member="run")
 
 
 def draw_runs(axes: Any, runs: Runs, units: OutputUnits) -> None:
-    """Draw the peak drifts of many runs over the stories."""
+    """Plot the peak drifts of many runs over the stories."""
     draw_drift_profiles(axes, run_profiles(runs), units, member="run")
     axes.set_ylabel("story")
     axes.legend(fontsize=7.0, loc="best")
@@ -81,7 +81,7 @@ def run_profiles(runs: Runs) -> list[Profile]:
 
 
 def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
-    """Draw the derivatives of the peak drifts over the stories, one panel for each parameter.
+    """Plot the derivatives of the peak drifts over the stories, one panel for each parameter.
 
     Horizontal lines are estimated errors.
     """
@@ -110,13 +110,13 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
         axes.set_visible(False)
     left_out = len(gradient.parameters) - len(shown)
     more = f"; the first {len(shown)} of {len(gradient.parameters)} parameters" if left_out else ""
-    told = "with estimated errors" if errors is not None else "errors not estimated"
+    estimated = "with estimated errors" if errors is not None else "errors not estimated"
     subject = f"Derivatives of the peak drifts, {pluralize(len(gradient.parameters), 'parameter')}"
-    return titled(figure, f"{subject}\n{told}{more}")
+    return titled(figure, f"{subject}\n{estimated}{more}")
 
 
 def _draw_derivative(axes: Any, values: Array, errors: Array | None) -> None:
-    """Draw the derivative in each story as a bar, with its estimated error."""
+    """Plot the derivative in each story as a bar, with its estimated error."""
     places = np.arange(values.size) + 1.0
     axes.barh(places, values, height=0.62, color=LIGHT)
     axes.errorbar(values, places, xerr=errors, fmt="o", color=INK, markersize=3.0, capsize=2.0)

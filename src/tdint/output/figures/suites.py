@@ -1,0 +1,347 @@
+"""Figures of suites: demands over the height, and floor spectra.
+
+A single building has a thin line for each ground motion. Several buildings are plotted next to each
+other, each in the color of its name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tdint.analysis.spectra.floors import FloorSpectrum
+from tdint.arrays import Array
+from tdint.campaign.pairs import MEAN
+from tdint.campaign.profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
+from tdint.number_parsing import pluralize
+from tdint.output.figures.collapse import GRAY
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    INK,
+    MARK,
+    legend_columns,
+    line_look,
+    plain_logarithmic,
+    scaled_unit,
+    titled,
+)
+from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    pass
+
+_MOST_PANELS = 6  # maximum number of panels of floor spectra
+
+_MOST_ROWS = 4
+"""Maximum number of levels, which have one row of panels each."""
+
+
+def profile_picture(
+    profiles: Sequence[Profile],
+    units: OutputUnits = SI,
+    *,
+    limit: float | None = None,
+    title: str = "",
+    member: str = "motion",
+) -> Figure:
+    """Plot the profiles of buildings, with one row of panels for each level.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Statistics of each building and level.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    limit : float, optional
+        Limit of the drift ratio, plotted as a line.
+    title : str
+        Title; a single building has its name instead.
+    member : str
+        Noun for a motion of a profile; `run` for runs that differ in other ways.
+    """
+    units = units.in_figures
+    # Each scale factor or level has a row; only the first rows are plotted.
+    rows: dict[tuple[str, str], list[Profile]] = {}
+    for profile in profiles:
+        rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
+    shown = list(rows.values())[:_MOST_ROWS]
+    figure = Figure(figsize=(8.0, 0.9 + 3.6 * len(shown)), layout="constrained")
+    panels = figure.subplots(len(shown), 3, squeeze=False)
+    looks = building_looks(profile.building for profile in profiles)
+    for axes, same in zip(panels, shown, strict=True):
+        by_length = _by_length(same)
+        for profile in same:
+            peaks = profile.peaks
+            drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
+            accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
+            for panel, values in zip(
+                axes, (drifts, accelerations, peaks["peak_total_shear"]), strict=True
+            ):
+                if len(values):
+                    line = partial(_line, panel, by_floor=values is accelerations)
+                    _draw_motions(panel, values, line, looks[profile.building], "largest", member)
+        _finish_row(
+            axes,
+            same,
+            units,
+            None if by_length else limit,
+            same[0].level_text if len(rows) > 1 else "",
+        )
+        axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
+    _name_below(figure, panels[:, 0])
+    subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
+    more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
+    runs, pairs = shown[0][0].runs, shown[0][0].pairs
+    motions = pluralize(runs, member)
+    part = "mean of both components" if shown[0][0].pair_demand == MEAN else "larger component"
+    if 0 < pairs < runs:
+        motions += f", of {pluralize(pairs, 'pair')} the {part}"
+    elif pairs:
+        motions = f"{pluralize(pairs, 'pair')}, the {part} of each".removesuffix(
+            " of each" * (shown[0][0].pair_demand == MEAN)
+        )
+    elif shown[0][0].pair_demand:
+        motions += ", the components of pairs counted separately"
+    return titled(figure, f"{subject}\n{motions}{more}")
+
+
+def draw_drift_profiles(
+    axes: Any, profiles: Sequence[Profile], units: OutputUnits, member: str
+) -> None:
+    """Plot the drifts of `profile_picture` on axes, of all levels.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes.
+    profiles : sequence of Profile
+        Statistics of each building and level.
+    units : OutputUnits
+        Units of the axes.
+    member : str
+        Noun for a motion of a profile.
+    """
+    by_length = _by_length(profiles)
+    looks = building_looks(profile.building for profile in profiles)
+    levels = len({profile.level_text for profile in profiles})
+    for number, profile in enumerate(profiles):
+        peaks = profile.peaks
+        drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
+        look = looks[profile.building]
+        if levels > 1:
+            look = (COLORS[number % len(COLORS)], f"{look[1]}{profile.level_text}, ")
+        if len(drifts):
+            line = partial(_line, axes, by_floor=False)
+            _draw_motions(axes, drifts, line, look, "largest", member)
+    axes.set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
+    axes.set_ylim(0.5, max(profile.height.size for profile in profiles) + 0.5)
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    axes.set_xlim(left=0.0)
+
+
+def _by_length(profiles: Sequence[Profile]) -> bool:
+    """Return True if a building has no heights, so that drifts are lengths instead of percent."""
+    return any(
+        profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in profiles
+    )
+
+
+def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Return color and name of each building, independently of the order of the files.
+
+    A single building has no name.
+    """
+    buildings = sorted(dict.fromkeys(names))
+    if len(buildings) == 1:
+        return {buildings[0]: (INK, "")}
+    return {name: (COLORS[i % len(COLORS)], f"{name}, ") for i, name in enumerate(buildings)}
+
+
+def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
+    """Add a legend below all panels that contains each name once."""
+    found = (axes.get_legend_handles_labels() for axes in panels)
+    named = {
+        label: handle
+        for handles, labels in found
+        for handle, label in zip(handles, labels, strict=True)
+    }
+    columns = legend_columns(list(named), 4, figure.get_figwidth())
+    legend = figure.legend(
+        list(named.values()), list(named), loc="outside lower center", ncols=columns
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
+def _draw_motions(
+    axes: Any,
+    rows: Array,
+    line: Callable[..., Any],
+    look: tuple[str, str],
+    largest: str,
+    member: str = "motion",
+) -> None:
+    """Plot each ground motion with `line`, thin and gray, and their mean and maximum.
+
+    For several buildings, single ground motions are not plotted.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes.
+    rows : ndarray
+        Values of each motion.
+    line : callable
+        Function that plots values of one motion.
+    look : tuple of str
+        Color and name of the building.
+    largest : str
+        Name of the maximum.
+    member : str
+        Noun for a motion.
+    """
+    color, name = look
+    if not name:
+        for row in rows:
+            line(row, color=GRAY, linewidth=0.7, zorder=1.5)
+        axes.plot(
+            [],
+            [],
+            color=GRAY,
+            linewidth=0.7,
+            label=f"one {'ground ' * (member == 'motion')}{member}",
+        )
+    line(np.mean(rows, axis=0), color=color, linewidth=1.9, label=f"{name}mean", zorder=3)
+    style = {"color": color, "linewidth": 1.1, "linestyle": DASHES[1], "zorder": 2.5}
+    line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
+
+
+def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
+    """Plot values of floors as a line through the floors, or values of stories as steps."""
+    places = np.arange(values.size) + 1.0
+    if by_floor:
+        axes.plot(values, places + 0.5, **style)
+        return
+    edges = np.repeat(np.arange(values.size + 1) + 0.5, 2)[1:-1]
+    axes.plot(np.repeat(values, 2), edges, **style)
+
+
+def _finish_row(
+    axes: Sequence[Any],
+    profiles: Sequence[Profile],
+    units: OutputUnits,
+    limit: float | None,
+    level: str,
+) -> None:
+    """Add limits, ticks and labels to a row of panels: drifts, accelerations, shears."""
+    drifts, accelerations, shears = axes
+    if limit is not None:
+        drifts.axvline(
+            100.0 * limit,
+            color=MARK,
+            linestyle=DASHES[2],
+            label=f"limit {100.0 * limit:g} %",
+            zorder=4,
+        )
+    accelerations.set_xlabel(f"absolute floor acceleration ({units.label('m/s^2')})")
+    # The unit of the forces follows from their maximum.
+    lines = [line for line in shears.get_lines() if len(line.get_xdata())]
+    largest = max((float(np.max(line.get_xdata())) for line in lines), default=0.0)
+    factor, unit = scaled_unit(largest, "N", units)
+    for line in lines:
+        line.set_xdata(np.asarray(line.get_xdata()) * factor)
+    shears.relim()
+    shears.autoscale_view()
+    shears.set_xlabel(f"total story shear ({unit})")
+    drifts.set_ylabel(f"{level}\nstory" if level else "story")
+    lost = sum(profile.collapsed + profile.failed for profile in profiles)
+    if lost:
+        runs = sum(profile.runs for profile in profiles)
+        drifts.set_title(
+            f"{lost} of {runs} collapsed or failed: not drawn", loc="left", fontsize=8.0
+        )
+    most = max(profile.height.size for profile in profiles)
+    for panel in axes:
+        panel.set_ylim(0.5, most + 0.5)
+        panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+        panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        panel.set_xlim(left=0.0)
+        panel.tick_params(labelleft=panel is drifts)
+        if not any(profile.motions for profile in profiles):
+            panel.set_xticks([])
+
+
+def floor_picture(
+    spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = ""
+) -> Figure:
+    """Plot the floor spectra of a run, with a labeled curve for each floor and damping ratio."""
+    units = units.in_figures
+    figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+    axes = figure.subplots()
+    floors = list(dict.fromkeys(floor_spectrum.floor for floor_spectrum in spectra))
+    ratios = list(dict.fromkeys(floor_spectrum.spectrum.damping for floor_spectrum in spectra))
+    for floor_spectrum in spectra:
+        floor, spectrum = floor_spectrum.floor, floor_spectrum.spectrum
+        label = f"floor {floor}" + (f", {100.0 * spectrum.damping:g} %" if len(ratios) > 1 else "")
+        look = line_look(floors.index(floor), ratios.index(spectrum.damping)) | {"linewidth": 1.6}
+        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), **look, label=label)
+    _finish(axes, units)
+    axes.legend(loc="best")
+    alone = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
+    return titled(figure, f"{title}\nspectra of absolute floor accelerations{alone}".strip())
+
+
+def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -> Figure:
+    """Plot the floor spectra of a suite.
+
+    Each floor, scale factor and damping ratio has a panel. A single building has thin gray lines
+    for ground motions, and mean and envelope. Several buildings have means and envelopes in their
+    colors.
+    """
+    units = units.in_figures
+    panels: dict[tuple[object, ...], list[FloorSuite]] = {}
+    for suite in suites:
+        panels.setdefault(
+            (suite.floor, repr(suite.scale), repr(suite.level), suite.damping), []
+        ).append(suite)
+    shown = list(panels.values())[:_MOST_PANELS]
+    columns = min(len(shown), 2)
+    rows = -(-len(shown) // columns)
+    figure = Figure(figsize=(4.0 * columns + 0.4, 3.6 * rows + 0.8), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    looks = building_looks(suite.building for suite in suites)
+    several_scales = len({repr(suite.scale) for suite in suites}) > 1
+    for axes, same in zip(grid.ravel(), shown, strict=False):
+        for suite in same:
+            line, psa = partial(axes.plot, suite.periods), units.of(suite.psa, "m/s^2")
+            _draw_motions(axes, psa, line, looks[suite.building], "envelope")
+        _finish(axes, units)
+        first = same[0]
+        level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
+        damping = f"{100.0 * first.damping:g} % damping"
+        axes.set_title(
+            ", ".join(filter(None, [f"floor {first.floor}", level, damping])), fontsize=9.0
+        )
+    for axes in grid.ravel()[len(shown) :]:
+        axes.set_visible(False)
+    _name_below(figure, grid.ravel())
+    subject = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
+    more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
+    return titled(
+        figure,
+        f"{subject}, {pluralize(suites[0].runs, 'motion')}\nspectra of absolute floor "
+        f"accelerations{more}",
+    )
+
+
+def _finish(axes: Any, units: OutputUnits) -> None:
+    plain_logarithmic(axes)
+    axes.set(xlabel="period (s)", ylabel=f"pseudo-acceleration ({units.label('m/s^2')})")
+    axes.label_outer()
