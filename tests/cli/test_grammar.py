@@ -393,7 +393,7 @@ ASKED = {
     ("spectrum", "with --against"): "x --against y",
     ("chart", "with one building"): "x",
     ("chart", "with --stories"): "x --stories 2",
-    ("chart", "with many problems"): "x y",
+    ("chart", "with many problems"): "x.yaml y.yaml",
     ("chart", "with --problems"): "--problems standard",
     ("run", "with a single run"): "x y",
     ("run", "with --sequence"): "x y z --sequence",
