@@ -42,7 +42,7 @@ WITHOUT_FILES = {"yaml", "tdint.model.config", *WITHOUT_RECORDS}
 CALLS = {
     "init": ("new.yaml", 3_750, ""),
     "check": ("office.yaml", 17_550, "obspy"),
-    "run": ("office.yaml", 21_300, "obspy"),
+    "run": ("office.yaml", 19_500, "obspy"),
     "modes": ("office.yaml", 10_100, ""),
     "law": ("office.yaml --drift 1%", 11_800, ""),
     "pushover": ("office.yaml --points 20", 12_000, ""),
@@ -83,7 +83,9 @@ MORE = {
     "run": SPARED
     | {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"}
     | {"tdint_cli.campaigns", "tdint.model.law_checks", "tdint.methods.step_check"}
-    | {f"tdint.methods.{family}" for family in FAMILIES if family not in ("impulse4", "exact")},
+    | {"tdint.analysis.spectra", "tdint.csv_table", "tdint.ground_motion.measures"}
+    | {"tdint.ground_motion.processing_steps", "tdint.output.run_summary", "tdint.output.summary"}
+    | {f"tdint.methods.{family}" for family in FAMILIES if family != "impulse4"},
     "spectrum": SPARED - {"numpy.ma", "tdint.ground_motion.horizontals"} | {"yaml"},
     "law": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.time_loop"},
     "modes": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"llvmlite", "shutil", "tempfile"},

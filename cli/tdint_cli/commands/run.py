@@ -142,7 +142,6 @@ def _run(request: Request) -> None:
     from tdint.analysis.run.prepared import run_interpreted
     from tdint.analysis.run.run import prepare
     from tdint.model.config.model_file import load_model
-    from tdint.output.summary import model_input
 
     request.check_files()
     model = (
@@ -171,10 +170,7 @@ def _run(request: Request) -> None:
         assert shock is not None
         shocks.append(shock)
     record = None if shocks else model_record(model)
-    inputs = [
-        model_input(model),
-        *(source for read in shocks or filter(None, [record]) for source in read.inputs),
-    ]
+    of_records = [source for read in shocks or filter(None, [record]) for source in read.inputs]
     case = prepare(
         model,
         shocks[0] if shocks else record,
@@ -202,6 +198,7 @@ def _run(request: Request) -> None:
     except FailedRun as failure:
         from tdint.analysis.spectra.elastic import first_mode
         from tdint.output.run_summary import failure_summary
+        from tdint.output.summary import model_input
 
         # Write only the summary, which states how far the run came.
         warn(*_of_record(record if shocks else None))
@@ -211,7 +208,7 @@ def _run(request: Request) -> None:
             failure,
             case.model,
             case.record,
-            inputs,
+            [model_input(model), *of_records],
             wall_time,
             first=first,
             settings=request.settings,
@@ -221,7 +218,7 @@ def _run(request: Request) -> None:
     judged = _judged(response, request.limit, request.units_shown)
     stories = tables.responses.response_table(response).in_units(request.units_shown)
     emit_table(stories)
-    _write(request, *_files(request, response, stories, case, inputs, began))
+    _write(request, *_files(request, response, stories, case, of_records, began))
     say(_paragraph(response, request.units_shown))
     say(*(verdict.text for verdict in judged))
     if response.collapse:
@@ -318,7 +315,7 @@ def _files(
     response: Response,
     stories: Table,
     case: Case,
-    inputs: list[Input],
+    of_records: list[Input],
     began: float,
 ) -> tuple[dict[Path, Content], dict[str, Any]]:
     """Return the files of a run except the summary, and the content of the summary.
@@ -333,8 +330,8 @@ def _files(
         The table of stories.
     case : Case
         The analysis.
-    inputs : list of Input
-        The files that were read.
+    of_records : list of Input
+        The files from which the ground motions were read.
     began : float
         Time at which the run started, s (`time.perf_counter`).
 
@@ -345,10 +342,6 @@ def _files(
     content : dict
         The content of the summary; empty if neither -o nor --report is given.
     """
-    from tdint.analysis.spectra.elastic import first_mode
-    from tdint.output.run_summary import run_summary
-    from tdint.output.summary import files_read, merged_inputs
-
     units = request.units_shown
     files: dict[Path, Content] = {}
     if request.output:
@@ -377,11 +370,21 @@ def _files(
         )
     if not (request.output or request.report):
         return files, {}
+    # Imported here, because a run without a summary loads a fifth less code.
+    from tdint.analysis.spectra.elastic import first_mode
+    from tdint.output.run_summary import run_summary
+    from tdint.output.summary import files_read, merged_inputs, model_input
+
     wall_time = time.perf_counter() - began
     first = first_mode(case.building, response.record)
     checks = response.limit_checks(request.limit)
     content = run_summary(
-        response, inputs, wall_time, first=first, settings=request.settings, limits=checks
+        response,
+        [model_input(case.model), *of_records],
+        wall_time,
+        first=first,
+        settings=request.settings,
+        limits=checks,
     )
     if request.report:
         from tdint.output.page import Told, page_units
@@ -461,13 +464,13 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     content : dict
         Content of the summary, without the list of files.
     """
-    from tdint.output.run_summary import UNITS
-    from tdint.output.summary import listed_files
-
     # Without a directory there is no summary that lists the files of an earlier run.
     if request.output is None:
         write_files(files, overwrite=request.overwrite)
         return
+    from tdint.output.run_summary import UNITS
+    from tdint.output.summary import listed_files
+
     folder = Path(request.output)
 
     def summary(digests: Mapping[Path, str]) -> bytes:

@@ -89,14 +89,17 @@ def model_record(model: Model) -> Record | None:
     source = model.excitation.record
     if source is None:
         return None
-    from tdint.ground_motion.processing_steps import processed
     from tdint.ground_motion.reading.read import read_record
 
     if isinstance(source.choice.units, Mapping):  # units by file, which must match the file
         from tdint.ground_motion.reading.suites import records_of
 
         records_of([source.file], source.choice)
-    record = processed(read_record(source.file, **source.choice.reading), source.choice.processing)
+    record = read_record(source.file, **source.choice.reading)
+    if source.choice.processing:
+        from tdint.ground_motion.processing_steps import processed
+
+        record = processed(record, source.choice.processing)
     return record.scaled(source.scale) if source.scale != 1.0 else record
 
 

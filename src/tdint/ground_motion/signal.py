@@ -9,7 +9,6 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.ground_motion.choice import CORNERS
-from tdint.ground_motion.processing_steps import resampled, zero_phase
 from tdint.ground_motion.record import Input
 
 _QUIET = 1e-6
@@ -136,6 +135,8 @@ def in_band(
     if band is None:
         return samples
     held = quantity == "displacement"
+    from tdint.ground_motion.processing_steps import zero_phase
+
     lower = zero_phase(samples, dt, "highpass", band[0], CORNERS, label, held=held)
     return zero_phase(lower, dt, "lowpass", band[1], CORNERS, label)
 
@@ -163,6 +164,8 @@ def at_times(samples: Array, dt: float, first: float, interval: float, count: in
         Values of the motion; nan before the first and after the last sample.
     """
     if not math.isclose(dt, interval, rel_tol=_SAME):
+        from tdint.ground_motion.processing_steps import resampled
+
         samples, _ = resampled(samples, dt, interval)
     whole = math.floor(first / interval + 0.5)
     fraction = first / interval - whole

@@ -41,7 +41,6 @@ from tdint.analysis.run.prepared import (
 from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
-from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
 from tdint.kernels.time_loop.loop import CODE
@@ -713,7 +712,10 @@ class Case:
             notes.append(
                 f"the record ends at {record.duration:.6g} s; the ground is at rest after it"
             )
-        elif record and not ended:
+        elif record and not ended and end < record.duration:
+            # Imported here, because most runs continue until the end of the record.
+            from tdint.ground_motion.measures import cut_off
+
             notes += cut_off([record], end)
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact interpolates harmonic forces linearly between time steps")

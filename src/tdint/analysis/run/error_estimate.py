@@ -56,9 +56,11 @@ from tdint.arrays import Array
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.methods.method import Integrator
 
-REFERENCE, _EXACT = parse(DEFAULT_METHOD), parse("exact")
-"""Method of the additional run that estimates the errors, and the method that is its own reference.
-"""
+REFERENCE = parse(DEFAULT_METHOD)
+"""Method of the additional run that estimates the errors."""
+
+_EXACT = "exact"
+"""Method that is its own reference."""
 
 OF_DIFFERENCE = 4.0 / 3.0
 """Dimensionless. Error divided by the difference from a run with half the time step, at second
@@ -154,8 +156,8 @@ def reference(case: Case) -> Case:
     Its method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
     forces on floors.
     """
-    itself = case.method.label == _EXACT.label and not case.model.excitation.forces
-    return replace(case, method=_EXACT if itself else REFERENCE, remarks=())
+    itself = case.method.label == _EXACT and not case.model.excitation.forces
+    return replace(case, method=parse(_EXACT) if itself else REFERENCE, remarks=())
 
 
 def reference_steps(steps: Steps) -> Steps:

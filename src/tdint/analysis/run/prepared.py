@@ -40,7 +40,6 @@ from tdint.kernels.building.sources import CODE
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws import OURS
 from tdint.kernels.laws.compiled_separately import separate_kernels
-from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.stepping import Memory, Scene
 from tdint.kernels.stories.law_state import follow
 from tdint.kernels.time_loop.loop import END_COLUMNS, integrate, integrate_many
@@ -749,6 +748,8 @@ def _of_building(
     prepared: PreparedBuilding, integrator: Integrator
 ) -> tuple[list[tuple[Kernel, Variant]], ...]:
     """Return the kernels of the time integration, and the other kernels of a run."""
+    from tdint.kernels.oscillators.elastic import peaks  # few runs need their kernels in advance
+
     others = (peaks, *separate_kernels(prepared.building.law_parameters))
     of_scene = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
     # For a method with a stability limit: kernels that measure the stability of a time step
@@ -798,6 +799,7 @@ def of_everything() -> list[tuple[Kernel, Variant]]:
     """Return all kernels, each in the variant for all buildings."""
     # Kernels that a run does not need
     from tdint.kernels.oscillators.bilinear import bilinear_response
+    from tdint.kernels.oscillators.elastic import peaks
     from tdint.kernels.oscillators.extremes import extremes, radii
     from tdint.kernels.oscillators.modal_sums import largest_drifts
     from tdint.kernels.oscillators.rotated import rotated_peaks

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from tdint.csv_table import read_table
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.files import STDIN
 from tdint.units import Units, parse_units
@@ -163,6 +162,8 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
         return by_file
     if not text.strip().lower().endswith(".csv"):
         return text
+
+    from tdint.csv_table import read_table
 
     # A file without units in the table must state its units.
     file = str((folder or Path()) / text.strip())
