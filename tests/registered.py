@@ -48,7 +48,7 @@ def forgotten(monkeypatch):
 
 @cache
 def true_motion(law):
-    """What `step_check._true_motion` gives, by the compiled march."""
+    """What `step_check._reference_displacements` gives, by the compiled march."""
     story = simple_story(1.0, Law(law, step_check._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
     prepared = PreparedBuilding(
         assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
@@ -68,7 +68,7 @@ def compiled_truth(monkeypatch):
     """The true motion by the compiled march, and no longer one than shows what a method does
     wrong."""
     monkeypatch.setattr(step_check, "_SECONDS", SHORTER * step_check._H)
-    monkeypatch.setattr(step_check, "_true_motion", true_motion)
+    monkeypatch.setattr(step_check, "_reference_displacements", true_motion)
 
 
 @pytest.fixture

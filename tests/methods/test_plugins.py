@@ -84,12 +84,12 @@ MISTAKES = {
     "its laws are never committed": (
         "        commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)\n",
         "",
-        "where 2 is due",
+        "the expected order is 2",
     ),
     "dissipation is not added up": (
         "commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)",
         "stories.commit_without_dissipation(law_parameters, law_state, i, rows.FIRST_TRIAL)",
-        "out of balance",
+        "the energies are not balanced",
     ),
     "too few scratch rows": (
         "lambda modes: ROWS",
@@ -241,8 +241,7 @@ def test_what_a_plugin_imports_counts(tmp_path, verlet, monkeypatch):
 FAULTS = {
     "def f(:\n": "outside_plugin.py:1: SyntaxError: ",
     "x = 1\ny = x / 0\n": "outside_plugin.py:2: ZeroDivisionError: division by zero",
-    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this "
-    "one has none",
+    "x = 1\n": "outside_plugin.py: a plug-in must define a tuple METHODS, LAWS, PEERS or MEASURES",
     "METHODS = (3,)\n": "outside_plugin.py: METHODS must contain Method objects, not int",
     "METHODS = 3\n": "outside_plugin.py: TypeError: ",
     "raise SystemExit(3)\n": "outside_plugin.py:1: SystemExit: 3",
@@ -271,7 +270,7 @@ CHANGES = {
         '"Verlet 2",\n        family',
     ): "invalid name of a method: 'Verlet 2'",
     ("verlet", 'Family("verlet"', 'Family("bathe"'): "a family 'bathe' already exists",
-    ("verlet", "order=lambda: 2", "order=lambda: '2'"): "verlet: order gives '2', no int",
+    ("verlet", "order=lambda: 2", "order=lambda: '2'"): "order must be of type int, got '2'",
     ("verlet", "order=lambda: 2", "order=lambda x: 2"): "TypeError: ",
     ("verlet", "coefficients=lambda: ()", "coefficients=lambda: 'a'"): "ValueError: ",
     ("hyperbolic", '"hyperbolic",', '"a,b",'): "invalid name of a law: 'a,b'",
@@ -551,7 +550,7 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         (
             "forgets",
             ("        commit(law_parameters, law_state, i, rows.SECOND_TRIAL", "        abs("),
-            "is each story's state",
+            "the state of each story must be committed",
         ),
         ("sound", ("", ""), ""),
     ],

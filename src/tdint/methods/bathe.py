@@ -1,13 +1,15 @@
-"""The composite methods of Bathe: average acceleration to a point inside the step, then a formula
-over three points.
+"""Composite methods of Bathe: each step of length h consists of two implicit substeps.
+
+The first substep, of length gamma h, uses average acceleration. The second substep uses a formula
+over the start, the inner point (suffix g) and the end of the step:
 
     t0 + gamma h:  vg = v0 + gamma h (a0 + ag) / 2            ug = u0 + gamma h (v0 + vg) / 2
     t0 + h:        v1 = v0 + h (q0 a0 + q1 ag + q2 a1)        u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
 
-with equilibrium at both points (Noh and Bathe 2019). For rho_inf = 0 this is, for every gamma, the
-method of Bathe and Baig (2005) and Bathe (2007): q0 = q1 = 1 / (2 (2 - gamma)) and q2 = (1 - gamma)
-/ (2 - gamma) are its three-point backward difference. The default gamma gives both sub-steps the
-same matrix.
+Equilibrium is satisfied at the inner point and at the end (Noh and Bathe 2019). For rho_inf = 0,
+the coefficients are those of Bathe and Baig (2005) and Bathe (2007), with the three-point backward
+difference q0 = q1 = 1 / (2 (2 - gamma)), q2 = (1 - gamma) / (2 - gamma). With the default gamma,
+both substeps have the same matrix, which is factorized once.
 """
 
 from __future__ import annotations
@@ -28,13 +30,15 @@ from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
 from tdint.kernels.stories.law_state import accumulate_dissipation, commit
 from tdint.methods.method import Family, Method, Parameter
 
-# Coefficients
+# Indices of the coefficients
 GAMMA = 0
 Q0 = 1
 Q1 = 2
 Q2 = 3
 
-_FACTORS = EQUILIBRIUM_ROWS  # rows of work of the first sub-step, then of the second
+# First scratch row of the factorization of the first substep; the factorization of the second
+# substep follows.
+_FACTORS = EQUILIBRIUM_ROWS
 
 
 @kernel(STEP)
@@ -52,13 +56,46 @@ def step(
     scratch,
     step_status,
 ):
-    """One step: two sub-steps, each in equilibrium at its end."""
+    """Integrate the equations of motion over one time step of the Bathe method.
+
+    The step consists of two substeps with equilibrium at the end of each (see the equations of this
+    module). The unknown of a substep is the change of the acceleration of each floor. The
+    hysteretic laws follow the path from the committed state to the inner point (block FIRST_TRIAL)
+    and from there to the end (SECOND_TRIAL).
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients gamma, q0, q1 and q2.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows of `solve_equilibrium` and two factorizations.
+    step_status : ndarray
+        FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
+
+    Returns
+    -------
+    int
+        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
+        then unchanged. NOT_FINITE if the new state is not finite.
+    """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
-    # Where both sub-steps weigh alike they share a matrix, which is factored once.
-    one_matrix = coefficients[Q2] == 0.5 * coefficients[GAMMA]
-    second_factors = _FACTORS if one_matrix else (_FACTORS + scratch.shape[0]) // 2
+    # The matrix of a substep depends only on the weight of the acceleration at its end. If both
+    # weights are equal, the substeps share one factorization.
+    has_equal_matrices = coefficients[Q2] == 0.5 * coefficients[GAMMA]
+    second_factors = _FACTORS if has_equal_matrices else (_FACTORS + scratch.shape[0]) // 2
     if step_status[rows.FACTORED_STEP] != h:
         invalidate(scratch, _FACTORS, n)
         invalidate(scratch, second_factors, n)
@@ -66,21 +103,21 @@ def step(
     iterations = 0
     for second in range(2):
         if second == 0:
-            part = coefficients[GAMMA]
-            by_v = 0.5 * part * h
+            fraction = coefficients[GAMMA]
+            by_v = 0.5 * fraction * h
             factors = _FACTORS
             previous = rows.COMMITTED
             trial = rows.FIRST_TRIAL
             _guess_inner(by_v, state, scratch, n)
         else:
-            part = 1.0
+            fraction = 1.0
             by_v = coefficients[Q2] * h
             factors = second_factors
             previous = rows.FIRST_TRIAL
             trial = rows.SECOND_TRIAL
             _guess_end(coefficients, h, state, scratch, n)
-        ground = load[rows.GROUND_0] + part * (load[rows.GROUND_1] - load[rows.GROUND_0])
-        floor_load(linear_terms, forces, load[rows.TIME] + part * h, ground, scratch, ROW.LOAD)
+        ground = load[rows.GROUND_0] + fraction * (load[rows.GROUND_1] - load[rows.GROUND_0])
+        floor_load(linear_terms, forces, load[rows.TIME] + fraction * h, ground, scratch, ROW.LOAD)
         code = solve_equilibrium(
             EffectiveCoefficients(by_v * by_v, by_v, 1.0), factors, previous, trial, scene, memory
         )
@@ -97,20 +134,47 @@ def step(
 
 
 @inline
-def _guess_inner(half, state, scratch, n):
-    """First guess: the acceleration stays over the first sub-step, of length 2 `half`; x is its
-    change."""
+def _guess_inner(half_length, state, scratch, n):
+    """Store the first guess of the first substep: a constant acceleration.
+
+    Parameters
+    ----------
+    half_length : float
+        Half of the length of the substep, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Rows U (m), V (m/s) and A (m/s^2) are set.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
-        v = state[rows.VELOCITY, i] + 2.0 * half * state[rows.ACCELERATION, i]
-        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + half * (state[rows.VELOCITY, i] + v)
+        v = state[rows.VELOCITY, i] + 2.0 * half_length * state[rows.ACCELERATION, i]
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + half_length * (
+            state[rows.VELOCITY, i] + v
+        )
         scratch[ROW.V, i] = v
         scratch[ROW.A, i] = state[rows.ACCELERATION, i]
 
 
 @inline
 def _guess_end(coefficients, h, state, scratch, n):
-    """First guess: the acceleration of the inner point, left in work, stays over the second
-    sub-step."""
+    """Store the first guess of the second substep: the acceleration of the inner point.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients gamma, q0, q1 and q2.
+    h : float
+        Time step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Rows V and A contain velocity and acceleration at the inner point. U (m) and V (m/s) are
+        replaced by the guess at the end of the step; A remains.
+    n : int
+        Number of floors.
+    """
     q0 = coefficients[Q0]
     q1 = coefficients[Q1]
     q2 = coefficients[Q2]
@@ -124,15 +188,21 @@ def _guess_end(coefficients, h, state, scratch, n):
         scratch[ROW.V, i] = v
 
 
-def gamma_of_one_matrix(rho_inf: float) -> float:
-    """The gamma for which both sub-steps have the same matrix, (2 - sqrt(2 + 2 r)) / (1 - r),
-    without its 0 / 0."""
+def gamma_with_equal_matrices(rho_inf: float) -> float:
+    """Return the gamma for which both substeps have the same matrix.
+
+    It is (2 - sqrt(2 + 2 rho_inf)) / (1 - rho_inf), written without the division 0 / 0 for
+    rho_inf = 1.
+    """
     return 2.0 / (2.0 + math.sqrt(2.0 + 2.0 * rho_inf))
 
 
 def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
-    """Noh and Bathe (2019); q2 is rid of the rounding that would hide from the step that it is
-    gamma / 2."""
+    """Return the coefficients gamma, q0, q1 and q2 of Noh and Bathe (2019).
+
+    If q2 equals gamma / 2 up to rounding, it is set to exactly this value, by which `step`
+    recognizes that both substeps have the same matrix.
+    """
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
     q0 = 0.5 - (1.0 - gamma) * q1
     q2 = 0.5 - gamma * q1
@@ -148,7 +218,7 @@ METHODS = (
         parameters=(
             Parameter("rho_inf", 0.0, 0.0, 1.0),
             Parameter(
-                "gamma", gamma_of_one_matrix, 0.0, 1.0, low_allowed=False, high_allowed=False
+                "gamma", gamma_with_equal_matrices, 0.0, 1.0, low_allowed=False, high_allowed=False
             ),
         ),
         coefficients=coefficients,

@@ -70,8 +70,11 @@ def _known() -> dict[str, Method]:
 
 @cache
 def _built_in(name: str) -> Method | None:
-    """Return a built-in method, or None. A family in a file of this name is searched first, so that
-    a run with the default method imports one family."""
+    """Return the built-in method with this name, or None.
+
+    The file with the same name as the method is searched first. A run with the default method
+    therefore imports only one family, which saves start time.
+    """
     own = name.replace("-", "_")
     for family in sorted(FAMILIES, key=lambda family: family != own):
         for method in _methods_of(family):
@@ -87,11 +90,11 @@ def catalogue() -> dict[str, Method]:
     Plug-ins include installed packages (entry points `tdint.methods`).
     """
 
-    def take(module: Any, origin: Origin) -> None:
+    def register_methods(module: Any, origin: Origin) -> None:
         for method in declared(module, "METHODS", Method, origin.where):
             register_method(method, origin)
 
-    installed("tdint.methods", take)
+    installed("tdint.methods", register_methods)
     return _known()
 
 
@@ -106,10 +109,10 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     Parameters
     ----------
     method : Method
-        See `tdint.methods.method`. Its family's step stands in a module with a file; it may be a
-        family of ours.
+        Method with a new name. Its family may be a built-in family. The step of a new family must
+        be defined in a file, because it is compiled from there.
     where : str or Origin
-        Where it is from, for messages; by default its name.
+        Origin of the method for messages, such as the file; default: its name.
 
     Returns
     -------
@@ -118,8 +121,9 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     Raises
     ------
     UsageError
-        No method; a name that is taken or is none; a family of another step under a name of ours; a
-        declaration that cannot be called with the defaults.
+        `method` is not a `Method`; its name is invalid or already used; a new family has the name
+        of an existing family; or a property of the method cannot be computed with the default
+        parameters.
     """
     if not isinstance(method, Method):
         raise UsageError(
@@ -136,8 +140,8 @@ def register_method(method: Method, where: str | Origin = "") -> None:
         )
     if method.family.step.signature != STEP:
         raise UsageError(
-            f"{where}: method {method.name!r}: its step is no kernel of the signature "
-            "tdint.plugin.STEP"
+            f"{where}: method {method.name!r}: its step must be a kernel with the "
+            "signature tdint.plugin.STEP"
         )
     # Evaluate the declared properties with default parameters; a method that fails is removed.
     kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
@@ -151,8 +155,8 @@ def register_method(method: Method, where: str | Origin = "") -> None:
                     kind is float and isinstance(declaration, int)
                 ):
                     raise UsageError(
-                        f"{where}: {integrator.label}: {name} gives {declaration!r}, no "
-                        f"{kind.__name__}"
+                        f"{where}: {integrator.label}: {name} must be of type "
+                        f"{kind.__name__}, got {declaration!r}"
                     )
             if integrator.family.prepare is None:
                 np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
@@ -164,39 +168,40 @@ def register_method(method: Method, where: str | Origin = "") -> None:
 
 
 def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
-    """Register the methods and drift laws of a Python file, and its measures of motions: what its
-    tuples METHODS, LAWS and MEASURES have.
+    """Load a plug-in: register methods, hysteretic laws and intensity measures of a Python file.
+
+    The file is executed. Its tuples METHODS, LAWS and MEASURES contain the objects to register.
 
     Parameters
     ----------
     file : str or Path
-        NAME.py; it is executed.
+        Python file, NAME.py.
 
     Returns
     -------
-    tuple of list of Method and list of DriftLaw
+    methods : list of Method
+        Methods of the file.
+    laws : list of DriftLaw
+        Hysteretic laws of the file.
 
     Raises
     ------
     UsageError
-        No such file, or it is faulty: one line with the file and, where that is known, its line.
+        The file does not exist or is invalid. The message is one line with the file and, if known,
+        the line number.
     """
     file = os.fspath(file)
     module = module_of(file)
     if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS", "MEASURES")):
-        raise UsageError(
-            f"{file}: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this one has none"
-        )
+        raise UsageError(f"{file}: a plug-in must define a tuple METHODS, LAWS, PEERS or MEASURES")
     with faults_of(file):
         laws, methods = (
             list(declared(module, "LAWS", DriftLaw, file)),
             list(declared(module, "METHODS", Method, file)),
         )
         if hasattr(module, "MEASURES"):
-            from tdint.ground_motion.measures import (
-                MEASURES,
-                Measure,
-            )  # `tdint methods` does without
+            # imported here because `tdint methods` does not need this module
+            from tdint.ground_motion.measures import MEASURES, Measure
 
             for measure in declared(module, "MEASURES", Measure, file):
                 if MEASURES.get(measure.name) is not measure:
@@ -214,8 +219,8 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
 def parse(text: str) -> Integrator:
     """Parse a specification such as `generalized-alpha` or `newmark:beta=0.25:gamma=0.5`.
 
-    Commas between parameters are accepted with a warning; they would separate the cells of a CSV
-    table.
+    Commas between parameters are accepted with a warning. Colons are preferred, because a comma
+    would start a new cell in a CSV table.
 
     Raises
     ------
@@ -224,7 +229,7 @@ def parse(text: str) -> Integrator:
         is never replaced by another one.
     """
     if not isinstance(text, str):
-        raise UsageError(f"a method is a text such as 'impulse4', got {text!r}")
+        raise UsageError(f"a method must be a text such as 'impulse4', got {text!r}")
     name, _, rest = text.strip().partition(":")
     method = _built_in(name) or _known().get(name) or catalogue().get(name)
     if method is None:
@@ -282,7 +287,7 @@ def resolved(specification: str) -> dict[str, float]:
 
 @cache
 def _deprecate(text: str, typed: str) -> None:
-    """Log the warning about commas once for each specification."""
+    """Warn that commas between parameters are deprecated, once for each specification."""
     LOG.warning("method %r: write %s; commas between parameters are still read", text, typed)
 
 
@@ -396,7 +401,10 @@ class Publication:
 
 @cache
 def references() -> dict[str, tuple[Publication, ...]]:
-    """Return the publications of each built-in method, as named in the keywords of the entries."""
+    """Return the publications of each built-in method, read from `publications.bib`.
+
+    The field `keywords` of an entry lists the methods that it describes.
+    """
     from importlib.resources import files  # imported here because the import is slow
 
     publications: dict[str, tuple[Publication, ...]] = {}

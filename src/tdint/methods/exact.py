@@ -1,9 +1,13 @@
-"""The exact response of a linear building to a load that is linear over each step (Nigam and
-Jennings 1969).
+"""Method exact: the exact response of a linear building to a load that is linear within each step.
 
-(u1, v1) = A (u0, v0) + B0 p0 + B1 p1 with the matrix exponential of the step. Where the damping is
-classical the matrices come from the modes, each in closed form; otherwise from the exponential of
-the block matrix of Van Loan (1978). Harmonic forces are taken as linear between the steps' ends.
+The response at the end of a step is a linear function of the state and of the loads p at both
+endpoints (Nigam and Jennings 1969),
+
+    (u1, v1) = A (u0, v0) + B0 p0 + B1 p1
+
+with constant matrices A, B0 and B1. For classical damping, they are computed in closed form for
+each mode; otherwise from the matrix exponential of a block matrix (Van Loan 1978). Harmonic forces
+on floors are approximated as linear within each step.
 """
 
 from __future__ import annotations
@@ -23,8 +27,11 @@ from tdint.model.building import Building
 
 Array = NDArray[np.float64]
 
-_SERIES_BELOW = 4.0  # omega h: the closed form cancels below, 42 terms and more are needed above
-_TERMS = 18, 6.0  # and these times the largest omega h
+# Limit of max(1, 2 xi) omega h below which power series are used, because the closed form suffers
+# from cancellation. Above it, the series would need more than 42 terms.
+_SERIES_BELOW = 4.0
+# Number of terms of the series: the first value plus the second value times the largest omega h
+_SERIES_TERMS = 18, 6.0
 
 
 @kernel(STEP)
@@ -42,17 +49,43 @@ def step(
     scratch,
     step_status,
 ):
-    """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
+    """Compute the exact response of a linear building at the end of one time step.
 
-    A column is 2 n numbers. The loads are the ground acceleration and the floor forces, one column
-    each per end.
+    The response (u1, v1) of n floors is the matrix of `prepare` times the vector of u0, v0, the
+    loads at the start and the loads at the end. The loads are the ground acceleration and the
+    forces on floors.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Matrix of `prepare`, column by column; a column has 2 n values.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground; updated in
+        place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Rows 0 and 1 accumulate displacements (m) and velocities (m/s) at the end.
+    step_status : ndarray
+        Not used.
+
+    Returns
+    -------
+    int
+        1, or NOT_FINITE if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     loads = 1 + forces.shape[0]
     for i in range(n):
         scratch[0, i] = 0.0
         scratch[1, i] = 0.0
-    # What each number of the state and of the loads at both ends adds.
+    # Add each column of the matrix times its factor: a value of the state or a load.
     for j in range(2 * n + 2 * loads):
         if j < n:
             factor = state[rows.DISPLACEMENT, j]
@@ -100,48 +133,76 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     Returns
     -------
     ndarray, shape (k, 2, 4)
-        Matrix from (u0, h v0, h^2 p0, h^2 p1) to (u1, h v1). By power series for small omega h,
-        where the closed form cancels; in closed form for underdamped oscillators; from Van Loan's
-        block matrix otherwise.
+        Matrix that maps (u0, h v0, h^2 p0, h^2 p1) to (u1, h v1). It is computed from power series
+        for small omega h, where the closed form suffers from cancellation; in closed form for other
+        underdamped oscillators; and from Van Loan's block matrix for the remaining oscillators.
     """
     omega_h, damping = np.broadcast_arrays(np.asarray(omega_h, float), np.asarray(damping, float))
     result = np.empty((*omega_h.shape, 2, 4))
-    series = np.maximum(omega_h, 2.0 * damping * omega_h) < _SERIES_BELOW
-    closed = ~series & (damping < 1.0)
-    if series.any():
+    use_series = np.maximum(omega_h, 2.0 * damping * omega_h) < _SERIES_BELOW
+    use_closed_form = ~use_series & (damping < 1.0)
+    if use_series.any():
         # Taylor series of the impulse response and its first two integrals; exact at omega = 0.
-        w, xi = omega_h[series], damping[series]
-        count = _TERMS[0] + math.ceil(_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
+        w, xi = omega_h[use_series], damping[use_series]
+        count = _SERIES_TERMS[0] + math.ceil(_SERIES_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
         terms = np.empty((count, *w.shape))
         terms[0], terms[1] = 1.0, -2.0 * xi * w
         for n in range(2, count):
             terms[n] = terms[1] * terms[n - 1] - w * w * terms[n - 2]
-        inverse = 1.0 / np.cumprod(np.arange(1.0, count + 3.0))  # of the factorials from 1! on
+        inverse = 1.0 / np.cumprod(np.arange(1.0, count + 3.0))  # 1 / 1!, 1 / 2!, ...
         g, i1, i2 = (np.tensordot(inverse[k : k + count], terms, 1) for k in range(3))
         a11 = 1.0 - w * w * i1
-        result[series] = _fill(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
-    if closed.any():
-        w, xi = omega_h[closed], damping[closed]
+        result[use_series] = _assemble_step(w, g, i1, i2, a11, a11 - 2.0 * xi * w * g)
+    if use_closed_form.any():
+        w, xi = omega_h[use_closed_form], damping[use_closed_form]
         damped, decay = w * np.sqrt((1.0 - xi) * (1.0 + xi)), np.exp(-xi * w)
         c, g = decay * np.cos(damped), decay * np.sin(damped) / damped
         a11 = c + xi * w * g
         i1 = (1.0 - a11) / w**2
         i2 = (1.0 - g - 2.0 * xi * w * i1) / w**2
-        result[closed] = _fill(w, g, i1, i2, a11, c - xi * w * g)
-    for index in np.argwhere(~series & ~closed):
+        result[use_closed_form] = _assemble_step(w, g, i1, i2, a11, c - xi * w * g)
+    for index in np.argwhere(~use_series & ~use_closed_form):
         w, xi = omega_h[tuple(index)], damping[tuple(index)]
         result[tuple(index)] = _van_loan(np.array([[w * w]]), np.array([[2.0 * xi * w]]), np.eye(1))
     return result
 
 
-def _fill(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
+def _assemble_step(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
+    """Assemble the matrices of `oscillator` for a step of unit length.
+
+    Parameters
+    ----------
+    w : ndarray, shape (k,)
+        omega h.
+    g, i1, i2 : ndarray, shape (k,)
+        Displacement at the end of the step after a unit initial velocity (impulse response), and
+        its first and second integral over the step.
+    a11, a22 : ndarray, shape (k,)
+        Displacement at the end after a unit initial displacement, and velocity at the end after a
+        unit initial velocity.
+    """
     coefficient_rows = np.array([[a11, g, i1 - i2, i2], [-w * w * g, a22, g - i1, i1]])
     return np.moveaxis(coefficient_rows, (0, 1), (-2, -1))
 
 
 def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
-    """Step of u'' + c u' + k u = P p(t) over unit time, from (u0, v0, p0, p1); k and c are divided
-    by the mass."""
+    """Return the exact step of u'' + c u' + k u = P p(t) over unit time, by Van Loan (1978).
+
+    The load p is linear over the step. The matrix exponential of a block matrix, which includes the
+    load and its increase as additional state variables, gives the response to all of them.
+
+    Parameters
+    ----------
+    k, c : ndarray, shape (n, n)
+        Stiffness and damping matrix, divided by the masses.
+    patterns : ndarray, shape (n, loads)
+        Distribution P of each load over the floors, divided by the masses.
+
+    Returns
+    -------
+    ndarray, shape (2 n, 2 n + 2 loads)
+        Matrix that maps (u0, v0, p0, p1) to (u1, v1).
+    """
     from scipy.linalg import expm
 
     n, loads = patterns.shape
@@ -151,15 +212,33 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
     block[n : 2 * n, n : 2 * n] = -c
     block[n : 2 * n, 2 * n : 2 * n + loads] = patterns
     block[2 * n : 2 * n + loads, 2 * n + loads :] = np.eye(loads)
-    # The load starts at p0 and grows by p1 - p0.
-    whole = expm(block)[: 2 * n]
-    by_growth = whole[:, 2 * n + loads :]
-    return np.hstack([whole[:, : 2 * n], whole[:, 2 * n : 2 * n + loads] - by_growth, by_growth])
+    # The block matrix describes a load p0 + (p1 - p0) t. The response to its increase is subtracted
+    # from the response to p0 to obtain the columns of p0 and p1.
+    exponential = expm(block)[: 2 * n]
+    by_increase = exponential[:, 2 * n + loads :]
+    return np.hstack(
+        [exponential[:, : 2 * n], exponential[:, 2 * n : 2 * n + loads] - by_increase, by_increase]
+    )
 
 
 def prepare(building: Building, forces: Array, h: float) -> Array:
-    """The step's matrix for one building and step, column by column (shape (2 n (2 n + 2
-    loads),))."""
+    """Return the matrix of one step of a linear building, for the coefficients of `step`.
+
+    Parameters
+    ----------
+    building : Building
+        Building with n floors.
+    forces : ndarray
+        Forces on floors. With the ground acceleration there are 1 + len(forces) loads.
+    h : float
+        Time step, s.
+
+    Returns
+    -------
+    ndarray, shape (2 n (2 n + 2 loads),)
+        Columns, one after the other, of the matrix that maps (u0, v0, loads at the start, loads at
+        the end) to (u1, v1).
+    """
     n = building.stories
     patterns = np.zeros((n, 1 + len(forces)))
     patterns[:, 0] = -1.0
@@ -172,18 +251,20 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
         per_mass = 1.0 / building.mass[:, None]
         matrix = _van_loan(h * h * per_mass * k, h * per_mass * c, patterns)
     else:
-        # The steps of the modes, put together; their shapes are mass-normalized columns.
+        # The damping is classical: superpose the steps of the modes. The columns of `shapes` are
+        # mass-normalized mode shapes, so that their transpose times the mass projects on the modes.
         steps, shapes = oscillator(modes.omega * h, classical), modes.shapes
-        to_modes = shapes.T * building.mass
-        load_to_modes = to_modes @ patterns
-        of_columns = (to_modes, to_modes, load_to_modes, load_to_modes)
+        modal_projection = shapes.T * building.mass
+        modal_load = modal_projection @ patterns
+        projections = (modal_projection, modal_projection, modal_load, modal_load)
         blocks = [
-            [shapes @ (steps[:, row, column, None] * of_columns[column]) for column in range(4)]
+            [shapes @ (steps[:, row, column, None] * projections[column]) for column in range(4)]
             for row in range(2)
         ]
         matrix = np.block(blocks)
     loads = patterns.shape[1]
-    # From unit step to h: rows v / h; columns h v0, h^2 p.
+    # The matrix is for a step of unit length, with h v and h^2 p. Convert rows and columns to v
+    # and p.
     matrix[n:] /= h
     matrix[:, n : 2 * n] *= h
     matrix[:, 2 * n : 2 * n + 2 * loads] *= h * h

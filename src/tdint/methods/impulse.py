@@ -1,5 +1,7 @@
-"""The impulse-momentum method as published in 2022, with its free number beta, line by line as the
-paper has it.
+"""Method impulse: the impulse-momentum method as published in 2022, with its parameter beta.
+
+Equation numbers in this module are those of the publication. The equations of a step of length h
+from the state u0, v0, a0 to u1, v1, a1 are
 
     eqs. 11, 12   M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)                 displacement quartic over the step
     eq. 13        M (v1 - v0) + C (u1 - u0) + K q = I                                impulse is change of momentum
@@ -10,18 +12,18 @@ paper has it.
 
 | paper | here |
 |---|---|
-| q, eq. 14 | `q` in `_end`; here less u0 h |
-| I, eq. 13 | `work[IMPULSE]`: h/2 (p0 + p1), as published (`_loads`) |
+| q, eq. 14 | `q` in `_evaluate_laws`, without the term u0 h |
+| I, eq. 13 | `scratch[IMPULSE]`: h/2 (p0 + p1), as published (`_store_load`) |
 | beta, 1/144 | `coefficients[BETA]` |
-| k_T, eq. 46 | `tangent` in `_end`, at the end of the step |
-| k_x u1 = p_x, eqs. 17-21 | the Newton matrix (`_factor`) and minus the residuals (`residuals`): u1 and v1 together |
-| a1, eq. 16 | none: the number m h^2/6 - k h^4/72, which the paper divides by to eliminate the jerk |
+| k_T, eq. 46 | `tangent` in `_evaluate_laws`, at the end of the step |
+| k_x u1 = p_x, eqs. 17-21 | matrix of Newton's method (`_factor`) and minus the residuals (`residuals`), for u1 and v1 together |
+| a1, eq. 16 | not used: the coefficient m h^2/6 - k h^4/72, by which the paper divides to eliminate the jerk |
 
-That number is zero at omega h = sqrt(12); the lines above, solved for u1 and v1, have no such
-division. The paper as printed, with the division, is `tests/as_printed.py`: the same motion to
-rounding.
+This coefficient is zero at omega h = sqrt(12). The equations above are solved for u1 and v1 without
+such a division. The printed equations, with the division, are implemented in `tests/as_printed.py`;
+the results agree up to rounding.
 
-Misprints of the paper, with the correction before the printed form:
+Misprints of the paper. In each line, the correction precedes the printed form:
 
     eq. 11        holds for the increment of the jerk, and misses powers of dt
     eq. 12        12 du/dt^2 for 2 du/dt^2
@@ -82,20 +84,21 @@ from tdint.kernels.stepping import STEP, Factors, Memory
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
-# Coefficients
+# Index in the coefficients
 BETA = 0
 
-_THETA = 0.5  # of both ends alike
-_BY_A = 1.0 / 12.0  # weight of a0 and -a1 in the kinematic line
+# Weights in the kinematic equation: of both velocities, times h; of a0 and -a1, times h^2
+_THETA = 0.5
+_BY_A = 1.0 / 12.0
 
 
 class _TangentRows(NamedTuple):
-    """Rows of work beyond those of the momentum equations."""
+    """Number of scratch rows for each quantity, in addition to those of the momentum equations."""
 
-    TANGENT: int = 1
-    FACTORED: int = 1
-    BLOCKS: int = 4
-    COUPLING: int = COUPLING_ROWS
+    TANGENT: int = 1  # tangent stiffness at the end of the step, N/m
+    FACTORED: int = 1  # tangent stiffness in the factorization, N/m
+    BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization
+    COUPLING: int = COUPLING_ROWS  # blocks between adjacent floors
 
 
 _ROW, _STORE = rows.chained(_TangentRows, momentum.MOMENTUM_ROWS)
@@ -116,21 +119,53 @@ def step(
     scratch,
     step_status,
 ):
-    """One step (eqs. 15-23, nonlinear 46-54); Newton with unknowns (u1 - u0, v1 - v0) per floor,
-    the change of the tangent left out of the matrix."""
+    """Integrate the equations of motion over one time step of the published method.
+
+    The equations are eqs. 15 to 23 of the publication, for nonlinear laws eqs. 46 to 54. Newton's
+    method solves them for u1 - u0 and v1 - v0 of each floor. The derivative of the tangent k_T,
+    which is part of eq. 46, is omitted from the matrix.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Parameter beta.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows of `impulse_momentum` and `_TangentRows`.
+    step_status : ndarray
+        FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
+
+    Returns
+    -------
+    int
+        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
+        then unchanged. NOT_FINITE if the new state is not finite.
+    """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
-    _loads(linear_terms, forces, h, load, scratch)
+    _store_load(linear_terms, forces, h, load, scratch)
     store_first_guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
     iterations = 0
-    last = False
+    is_last = False
     while True:
-        stale = _end(coefficients, linear_terms, law_parameters, h, memory)  # eqs. 14 and 46
-        # Eqs. 11, 12 (kinematics), 13 (momentum) and equilibrium at the end: what they are out of
-        # balance
+        is_stale = _evaluate_laws(
+            coefficients, linear_terms, law_parameters, h, memory
+        )  # eqs. 14 and 46
+        # Residuals of eqs. 11 and 12 (kinematics) and 13 (momentum); acceleration from equilibrium
+        # at the end
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
-        balanced = has_converged(
+        is_balanced = has_converged(
             iterations == MAX_ITERATIONS,
             RESIDUAL_TOLERANCE,
             _BY_A,
@@ -140,16 +175,16 @@ def step(
             scratch,
             step_status,
         )
-        if last or (balanced and iterations == MAX_ITERATIONS):
+        if is_last or (is_balanced and iterations == MAX_ITERATIONS):
             break
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
-        if stale:
+        if is_stale:
             _factor(coefficients, linear_terms, modal, h, factors)
             step_status[rows.FACTORED_STEP] = h
-        # One correction beyond balance: the published equations to rounding, where balance alone
-        # leaves 1e-11.
-        last = correct(_BY_A, modal, h, factors, n) or balanced or flags[rows.LINEAR] != 0.0
+        # One more correction is applied after convergence. It satisfies the published equations up
+        # to rounding, whereas the tolerance of the residuals is 1e-11.
+        is_last = correct(_BY_A, modal, h, factors, n) or is_balanced or flags[rows.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
         state[rows.DISPLACEMENT, i] += scratch[momentum.DU, i]
@@ -160,9 +195,20 @@ def step(
 
 
 @inline
-def _loads(linear_terms, forces, h, load, scratch):
-    """Load at the end of the step, and its impulse I by the trapezoidal rule, as published (eq.
-    13)."""
+def _store_load(linear_terms, forces, h, load, scratch):
+    """Store the load at the end of the step, and its impulse I by the trapezoidal rule (eq. 13).
+
+    Parameters
+    ----------
+    linear_terms, forces : ndarray
+        Linear terms of the building and forces on floors.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    scratch : ndarray
+        Rows LOAD (N) and IMPULSE (N s) are set.
+    """
     floor_load(
         linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, momentum.IMPULSE
     )
@@ -176,13 +222,35 @@ def _loads(linear_terms, forces, h, load, scratch):
 
 
 @inline
-def _end(coefficients, linear_terms, law_parameters, h, memory):
-    """Story forces at the end of the step and story impulses. True if the factorization does not
-    fit the tangents."""
+def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
+    """Compute the story forces at the end of the step and their impulses, eqs. 14 and 46.
+
+    The impulse of a story force is h f0 + k_T (q - u0 h) on its drift, with the tangent k_T at the
+    end of the step. P-delta and dampers are included.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Parameter beta.
+    linear_terms, law_parameters : ndarray
+        Linear terms of the building and parameters of the laws.
+    h : float
+        Time step, s.
+    memory : Memory
+        State at the start of the step; law states, whose block FIRST_TRIAL is set. In the scratch
+        array, rows DU and DV contain the increments; U1, V1, FORCE_1 (N), FORCE_S (N s), SIZE and
+        TANGENT are set.
+
+    Returns
+    -------
+    bool
+        True if the factorization must be computed again: the time step differs, or a tangent
+        differs by more than TANGENT_TOLERANCE from its value in the factorization.
+    """
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
-    stale = step_status[rows.FACTORED_STEP] != h
+    is_stale = step_status[rows.FACTORED_STEP] != h
     u_below = 0.0
     v_below = 0.0
     du_below = 0.0
@@ -191,7 +259,7 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
         du = scratch[momentum.DU, i]
         u = state[rows.DISPLACEMENT, i] + du
         v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
-        q = h * (  # eq. 14 less u0 h
+        q = h * (  # eq. 14 without the term u0 h
             (1.0 - 72.0 * beta) * du
             + h * ((48.0 * beta - 0.25) * state[rows.VELOCITY, i] + (24.0 * beta - 0.25) * v)
             + h * h * (12.0 * beta - 1.0 / 12.0) * state[rows.ACCELERATION, i]
@@ -207,14 +275,15 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
         v_below = v
         du_below = du
         q_below = q
-        # Equilibrium has f(u1); the momentum f0 h + k_T (q - u0 h), eq. 46.
+        # Equilibrium contains f(u1), and the momentum equation f0 h + k_T (q - u0 h) (eq. 46).
         tangent = restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
         scratch[_ROW.TANGENT, i] = tangent
-        # A drift is a difference: what the displacements round is not out of balance.
+        # A drift is a difference of displacements. The rounding errors of the displacements are not
+        # part of the residual.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(u - drift))
-        stale = (
-            stale
+        is_stale = (
+            is_stale
             or abs(tangent - scratch[_ROW.FACTORED, i])
             > TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         )
@@ -228,12 +297,24 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
             + (tangent + geometric) * q_drift
             + damper * increment
         )
-    return stale
+    return is_stale
 
 
 @outlined
 def _factor(coefficients, linear_terms, modal, h, factors):
-    """Factor the Newton matrix for the present tangents."""
+    """Assemble and factorize the matrix of Newton's method for the current tangents.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Parameter beta.
+    linear_terms, modal : ndarray
+        Linear terms of the building and rows of the modal damping matrix.
+    h : float
+        Time step, s.
+    factors : Factors
+        Scratch array and the rows of the factorization.
+    """
     scratch = factors.table
     n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
@@ -242,10 +323,12 @@ def _factor(coefficients, linear_terms, modal, h, factors):
         scratch[_ROW.FACTORED, i] = scratch[_ROW.TANGENT, i]
         tangent = scratch[_ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i]
-        # Kinematics by u1 and v1, with a1 from equilibrium (eqs. 11, 12)
+        # Derivatives of the kinematic equation with respect to u1 and v1, with a1 from equilibrium
+        # (eqs. 11, 12)
         scratch[_ROW.COUPLING, i] = -by_a * tangent
         scratch[_ROW.COUPLING + 1, i] = -by_a * damper
-        # Momentum by u1 and v1: C and k_T times the derivatives of q (eqs. 13, 14)
+        # Derivatives of the momentum equation with respect to u1 and v1: C, and k_T times the
+        # derivatives of q (eqs. 13, 14)
         scratch[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
         scratch[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
@@ -253,10 +336,11 @@ def _factor(coefficients, linear_terms, modal, h, factors):
 
 
 def _limit(beta: float) -> float:
-    """Lower end of the unstable band of an undamped oscillator; none for beta = 1/144.
+    """Return the omega h from which an undamped oscillator is unstable; inf for beta = 1/144.
 
-    The determinant of the amplification matrix is 1, and trace + 2 is proportional to (W^2 - 12)(12
-    beta W^2 - 1): it is negative between the two roots.
+    The determinant of the amplification matrix is 1. The method is unstable if its trace is less
+    than -2. With W = omega h, trace + 2 is proportional to (W^2 - 12) (12 beta W^2 - 1), which is
+    negative between its two roots. The result is the smaller root.
     """
     if beta == PUBLISHED:
         return math.inf
@@ -264,7 +348,7 @@ def _limit(beta: float) -> float:
     return math.sqrt(min(roots))
 
 
-PUBLISHED = 1.0 / 144.0  # of the paper: no unstable band (`_limit`)
+PUBLISHED = 1.0 / 144.0  # beta of the paper, the only value without an unstable band (`_limit`)
 
 FAMILY = Family(
     "impulse",

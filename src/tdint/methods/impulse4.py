@@ -1,16 +1,25 @@
-"""The impulse-momentum step with the restoring force and the load integrated: order 4, dissipation
-by rho_inf.
+"""Method impulse4: the impulse-momentum step of order 4 with controllable numerical dissipation.
+
+The equations of a step of length h, with the state u0, v0, a0 at its start and u1, v1, a1 at its
+end, the floor masses M, the damping matrix C, the restoring forces f and the loads p, are
 
     kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
     momentum    M (v1 - v0) + C (u1 - u0) + S = I
     equilibrium M a1 + C v1 + f(u1) = p1
 
-I is the exact impulse of the load. S = h (w0 f0 + wc f(uc) + w1 f1) integrates the restoring force
-with a point inside the step, uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c; forces
-of power-law dashpots are integrated alike, with vc from the cubic Hermite interpolant
-(`tdint.kernels.equations.impulse4`). In a linear building the step is the Pade approximation of the
-exponential with denominator of degree 2: (2,2) for rho_inf = 1, order 4; (1,2), that is Radau IIA,
-for rho_inf = 0; order 3 in between. The tests derive the coefficients again.
+I is the exact impulse of the load. S is the impulse of the restoring force,
+
+    S = h (w0 f(u0) + wc f(uc) + w1 f(u1)),   uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
+
+where uc is the displacement at an inner point, at the fraction c of the step. The impulse of
+power-law dashpots has the same weights, with the velocity vc of the cubic Hermite interpolant. The
+coefficients th, al, be, w, g and c depend on the spectral radius rho_inf at infinite frequency
+(function `coefficients`). In a linear building, the step is a Pade approximation of the matrix
+exponential: (2,2) with order 4 for rho_inf = 1; (1,2), which is Radau IIA, for rho_inf = 0. The
+order is 3 for rho_inf < 1.
+
+A step is divided into substeps at the branch changes of piecewise-linear hysteretic laws. The
+equations are solved in `tdint.kernels.equations.impulse4`.
 """
 
 from __future__ import annotations
@@ -24,10 +33,10 @@ from tdint.kernels.equations.impulse4 import (
     FACTORS,
     ROW,
     factor_rows,
-    join,
-    loads,
+    keep_negligible_kinks,
     newton,
     solve_linear,
+    store_load,
 )
 from tdint.kernels.equations.iteration import add_rows, copy_rows
 from tdint.kernels.laws.branch_following import copy_extra_rows
@@ -44,14 +53,19 @@ from tdint.kernels.stories.law_state import (
 )
 from tdint.methods.method import Family, Method, Parameter
 
-_STRAYED = 0.1  # tolerance of an event location, as a fraction of the path of the drift
-# Results of `_miss`: the event is not reached, or another event lies before it
-_SHORT = -1.0
-_BEYOND = 1.0
-_BACKWARD = (
-    1e-6  # allowed reversal on a branch valid for one direction, as a fraction of the drifts
-)
-_AT_ONCE = 1e-9  # an event within this fraction of the step is applied immediately
+# Fraction of the path of the story drift in the substep. A substep reaches its branch change if the
+# drift at its end differs from the limit of the branch by no more than this tolerance.
+_LOCATION_TOLERANCE = 0.1
+# Results of `_compare_with_event`: the substep ends before its branch change, or beyond the limits
+# of a branch.
+_BEFORE_EVENT = -1.0
+_BEYOND_EVENT = 1.0
+# Fraction of the drift. A smaller movement against the direction of a branch is attributed to
+# rounding and to the error of the interpolant, and does not count as a reversal.
+_REVERSAL_TOLERANCE = 1e-6
+# Fraction of the time step. A branch change closer to the start of a substep is applied at the
+# start, because a shorter substep would be lost in rounding.
+_IMMEDIATE = 1e-9
 
 
 @kernel(STEP)
@@ -69,28 +83,31 @@ def step(
     scratch,
     step_status,
 ):
-    """Take one time step, divided at the branch changes of the piecewise laws.
+    """Integrate the equations of motion over one time step of impulse4.
 
-    The step is not divided if no law has branches or if there are too many branch changes.
+    If some laws have branches, the step is divided into substeps at their branch changes. If no law
+    has branches, or if the division fails because of too many branch changes, the complete step is
+    solved by Newton's method. The arguments and the return value are those of every compiled step
+    (`tdint.kernels.stepping`).
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     if not HAS_NONLINEAR_FORCE:
-        return _by_branches(coefficients, scene, h, load, memory)
+        return _take_substeps(coefficients, scene, h, load, memory)
     n = linear_terms.shape[1] - 1
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
-        code = _by_branches(coefficients, scene, h, load, memory)
+        code = _take_substeps(coefficients, scene, h, load, memory)
         if code != rows.NOT_CONVERGED:
             return code
     step_status[rows.STEP_PEAKS] = 0.0
-    loads(
+    store_load(
         linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch
     )
     code = newton(False, False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
-    join(scene, h, memory)
-    _arrive(False, linear_terms, law_parameters, state, law_state, scratch)
+    keep_negligible_kinks(scene, h, memory)
+    _update_state(False, linear_terms, law_parameters, state, law_state, scratch)
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         for i in range(n):
             resume(law_parameters, law_state, i)
@@ -98,70 +115,97 @@ def step(
 
 
 @outlined
-def _by_branches(coefficients, scene, h, load, memory):
+def _take_substeps(coefficients, scene, h, load, memory):
     """Take one time step as a sequence of substeps between the branch changes of the laws.
 
-    The first branch change is located on the cubic Hermite interpolant of the drifts. The step is
-    repeated up to this time and continues on the new branch. A curved law may reverse within a
-    substep if the effect on its force is smaller than the error of a step (`join`). If all laws are
-    linear on their branches, a substep is one linear solve; curved laws require Newton's method. If
-    the step is too large for the interpolant, the motion may not reach the located branch change:
-    the substep is accepted and the search continues from its end. If the motion goes far beyond the
-    branch change, the search is repeated on the interpolant of the substep. If there are more than
-    20 + 4 n substeps, the initial state is restored and the code NOT_CONVERGED is returned.
+    Each pass of the loop solves the equations for the remaining step on the current branches, by
+    one linear solution if all laws are linear on their branches, otherwise by Newton's method. The
+    first branch change is located on the cubic Hermite interpolant of the drifts. If there is one,
+    the next pass solves the substep that ends at this time, the branch is changed, and the loop
+    continues with the remaining step. Reversals of curved laws with a negligible effect
+    (`keep_negligible_kinks`) are not located.
+
+    If the step is too large for the interpolant, the drift at the end of the substep may differ
+    from the limit of the branch. A substep that ends before the limit is accepted, and the search
+    continues from its end. If the drift is far beyond the limit, the search is repeated on the
+    interpolant of the substep.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the time step, s.
+    load : ndarray
+        Time at the start (s) and ground acceleration at both endpoints (m/s^2).
+    memory : Memory
+        State and law states, which are moved to the end of the step; scratch array; status of the
+        step.
+
+    Returns
+    -------
+    int
+        Number of linear solutions, or NOT_CONVERGED. The latter is returned with the initial state
+        if there are more than 20 + 4 n branch changes for n stories or if Newton's method fails.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    straight = flags[rows.BRANCHES] == rows.ALL_BRANCHES
-    slope = (load[rows.GROUND_1] - load[rows.GROUND_0]) / h
-    most = 20 + 4 * n
-    done = 0.0
-    piece = h
-    pieces = 0
-    events = 0
+    is_piecewise_linear = flags[rows.BRANCHES] == rows.ALL_BRANCHES
+    ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / h
+    max_substeps = 20 + 4 * n
+    elapsed = 0.0
+    substep = h
+    substep_count = 0
+    branch_changes = 0
     solves = 0
     has_guess = False  # DU and DV contain the first estimate of the next substep
     is_shortened = False  # REMAINING contains the motion to the end of the step
-    ending = False  # whether the piece ends with a change of branch
+    ends_at_event = False  # True if the substep ends at the located branch change of `story`
     story = -1
-    how = rows.REVERSED
+    event = rows.REVERSED
     while True:
-        factors = FACTORS if piece == h else FACTORS + factor_rows(modal.shape[0])
-        ground = load[rows.GROUND_0] + slope * done
-        loads(
+        # Complete time steps and substeps have separate factorizations, so that the factorization
+        # of complete steps can be reused in the next step.
+        factors = FACTORS if substep == h else FACTORS + factor_rows(modal.shape[0])
+        ground = load[rows.GROUND_0] + ground_rate * elapsed
+        store_load(
             linear_terms,
             forces,
-            load[rows.TIME] + done,
-            piece,
+            load[rows.TIME] + elapsed,
+            substep,
             ground,
-            ground + slope * piece,
+            ground + ground_rate * substep,
             scratch,
         )
-        if not HAS_CURVED_FORCE or straight:
-            solve_linear(coefficients, scene, piece, memory, factors)
+        if not HAS_CURVED_FORCE or is_piecewise_linear:
+            solve_linear(coefficients, scene, substep, memory, factors)
             solves += 1
         else:
-            code = newton(True, has_guess, coefficients, scene, piece, memory, factors)
+            code = newton(True, has_guess, coefficients, scene, substep, memory, factors)
             if code < 0:
-                if pieces > 0:
-                    _restore(state, law_state, scratch, n)
+                if substep_count > 0:
+                    _restore_start(state, law_state, scratch, n)
                 return code
             solves += code
-            join(scene, piece, memory)
-            if HAS_CURVED_LAW and ending and how == rows.REVERSED:
+            keep_negligible_kinks(scene, substep, memory)
+            if HAS_CURVED_LAW and ends_at_event and event == rows.REVERSED:
+                # The substep ends at the reversal, which is therefore not within the substep.
                 scratch[ROW.KINK, story] = 0.0
         if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
-            miss = (
-                _miss(linear_terms, piece, state, law_state, scratch, story, how)
-                if ending
-                else _BEYOND
+            outcome = (
+                _compare_with_event(linear_terms, substep, state, law_state, scratch, story, event)
+                if ends_at_event
+                else _BEYOND_EVENT
             )
-            if miss == _BEYOND:
-                ending = False
-                fraction, story, how = first_event(
+            if outcome == _BEYOND_EVENT:
+                # Locate the first branch change. If there is one, solve again up to its time.
+                ends_at_event = False
+                fraction, story, event = first_event(
                     linear_terms,
-                    piece,
+                    substep,
                     state,
                     law_state,
                     scratch,
@@ -170,47 +214,49 @@ def _by_branches(coefficients, scene, h, load, memory):
                     ROW.KINK,
                 )
                 if fraction != NONE:
-                    if pieces == 0:
-                        _save(state, law_state, scratch, n)
-                    pieces += 1
-                    if pieces > most:
-                        _restore(state, law_state, scratch, n)
+                    if substep_count == 0:
+                        _save_start(state, law_state, scratch, n)
+                    substep_count += 1
+                    if substep_count > max_substeps:
+                        _restore_start(state, law_state, scratch, n)
                         return rows.NOT_CONVERGED
-                    if fraction * piece > _AT_ONCE * h:
-                        if HAS_CURVED_FORCE and not straight:
+                    if fraction * substep > _IMMEDIATE * h:
+                        if HAS_CURVED_FORCE and not is_piecewise_linear:
+                            # Newton's method starts from the part of the present solution.
                             if not is_shortened:
                                 copy_rows(scratch, momentum.DU, ROW.REMAINING, 2, n)
-                            _shorten(fraction, piece, state, scratch, n)
+                            _shorten_increments(fraction, substep, state, scratch, n)
                             has_guess = is_shortened = True
-                        piece *= fraction
-                        ending = True
+                        substep *= fraction
+                        ends_at_event = True
                     else:
-                        _change(linear_terms, law_parameters, state, law_state, story, how)
-                        events += 1
-                        piece = h - done
+                        _change_branch(linear_terms, law_parameters, state, law_state, story, event)
+                        branch_changes += 1
+                        substep = h - elapsed
                         if HAS_CURVED_FORCE and is_shortened:
                             copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
                             is_shortened = False
                     continue
-            elif miss == _SHORT:
-                ending = False
-        if HAS_NONLINEAR_FORCE and pieces > 0:
+            elif outcome == _BEFORE_EVENT:
+                ends_at_event = False
+        # The substep is accepted. Store its start for the peaks, then update state and peaks.
+        if HAS_NONLINEAR_FORCE and substep_count > 0:
             for row in range(3):
                 for i in range(n):
-                    scratch[ROW.PIECE + row, i] = state[row, i]
-        if not HAS_CURVED_FORCE or straight:
-            _advance(linear_terms, law_parameters, state, law_state, scratch)
+                    scratch[ROW.SUBSTEP_START + row, i] = state[row, i]
+        if not HAS_CURVED_FORCE or is_piecewise_linear:
+            _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch)
         else:
-            _arrive(True, linear_terms, law_parameters, state, law_state, scratch)
-        if HAS_NONLINEAR_FORCE and pieces > 0:
-            t = load[rows.TIME] + done + piece
-            _look(
+            _update_state(True, linear_terms, law_parameters, state, law_state, scratch)
+        if HAS_NONLINEAR_FORCE and substep_count > 0:
+            t = load[rows.TIME] + elapsed + substep
+            _update_substep_peaks(
                 scene,
                 Span(
                     t,
-                    piece,
+                    substep,
                     ground,
-                    ground + slope * piece,
+                    ground + ground_rate * substep,
                     False,
                     flags[rows.UNRESOLVED_MODES] != 0.0,
                     False,
@@ -224,29 +270,29 @@ def _by_branches(coefficients, scene, h, load, memory):
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
             copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
             is_shortened = False
-        done += piece
-        if HAS_NONLINEAR_FORCE and ending:
-            _change(linear_terms, law_parameters, state, law_state, story, how)
-            events += 1
-            ending = False
-        piece = h - done
-        if not HAS_NONLINEAR_FORCE or piece <= _AT_ONCE * h:
+        elapsed += substep
+        if HAS_NONLINEAR_FORCE and ends_at_event:
+            _change_branch(linear_terms, law_parameters, state, law_state, story, event)
+            branch_changes += 1
+            ends_at_event = False
+        substep = h - elapsed
+        if not HAS_NONLINEAR_FORCE or substep <= _IMMEDIATE * h:
             break
-    step_status[rows.BRANCH_CHANGES] += events
+    step_status[rows.BRANCH_CHANGES] += branch_changes
     return solves if finite(state, n) else rows.NOT_FINITE
 
 
 @outlined
-def _shorten(fraction, h, state, scratch, n):
-    """Replace the motion over a substep by the motion over its first part.
+def _shorten_increments(fraction, h, state, scratch, n):
+    """Replace the increments over a substep by the increments over its first part.
 
-    The displacements between the ends are the cubic Hermite polynomials of displacement and
-    velocity at both ends. The result is the first estimate of Newton's method.
+    The motion between the endpoints is the cubic Hermite polynomial of displacement and velocity.
+    The result is the first estimate of Newton's method for the shortened substep.
 
     Parameters
     ----------
     fraction : float
-        Part of the substep that is kept, between 0 and 1.
+        Length of the first part divided by the length of the substep, between 0 and 1.
     h : float
         Length of the substep, s.
     state : ndarray
@@ -256,39 +302,54 @@ def _shorten(fraction, h, state, scratch, n):
     n : int
         Number of floors.
     """
-    rest = 1.0 - fraction
+    remaining = 1.0 - fraction
     for i in range(n):
         du = scratch[momentum.DU, i]
         v0 = state[rows.VELOCITY, i]
         v1 = v0 + scratch[momentum.DV, i]
         scratch[momentum.DU, i] = fraction * fraction * (3.0 - 2.0 * fraction) * du
-        scratch[momentum.DU, i] += fraction * rest * h * (rest * v0 - fraction * v1)
-        scratch[momentum.DV, i] = 6.0 * fraction * rest * du / h
-        scratch[momentum.DV, i] += rest * (1.0 - 3.0 * fraction) * v0
+        scratch[momentum.DU, i] += fraction * remaining * h * (remaining * v0 - fraction * v1)
+        scratch[momentum.DV, i] = 6.0 * fraction * remaining * du / h
+        scratch[momentum.DV, i] += remaining * (1.0 - 3.0 * fraction) * v0
         scratch[momentum.DV, i] += fraction * (3.0 * fraction - 2.0) * v1 - v0
 
 
 @outlined
-def _change(linear_terms, law_parameters, state, law_state, story, how):
-    """Change the branch of a story.
+def _change_branch(linear_terms, law_parameters, state, law_state, story, event):
+    """Change the branch of the law of one story at a located event.
 
-    The law is first moved exactly to the end of its branch, because rounding and the error of the
-    interpolant may leave the drift slightly before it and the same event would be found again. A
-    sudden change of the force, as in a story that fails, changes the floor accelerations.
+    Rounding and the error of the interpolant may leave the drift slightly before the limit of the
+    branch, and the same event would be located again. Therefore, the law is moved to the limit,
+    changes its branch there, and returns to the actual drift. If the force changes suddenly, for
+    example because the story fails, the accelerations of the adjacent floors change by the jump of
+    the force divided by the floor mass.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building; rows INVERSE_MASS (1/kg) and LINK are used.
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws. The committed state of the story is changed.
+    state : ndarray
+        State of the floors; row ACCELERATION (m/s^2) may be changed.
+    story : int
+        Index of the story.
+    event : float
+        Event at the end of the branch: ABOVE, BELOW or REVERSED.
     """
     drift = law_state[rows.DRIFT, story]
     force = law_state[rows.FORCE, story]
-    if how == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
-        switch(law_parameters, law_state, story, 0, how)
+    if event == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
+        switch(law_parameters, law_state, story, 0, event)
     else:
         advance_outlined(
             law_parameters,
             law_state,
             story,
             0,
-            law_state[rows.UPPER, story] if how == rows.ABOVE else law_state[rows.LOWER, story],
+            law_state[rows.UPPER, story] if event == rows.ABOVE else law_state[rows.LOWER, story],
         )
-        switch(law_parameters, law_state, story, 0, how)
+        switch(law_parameters, law_state, story, 0, event)
         advance_outlined(law_parameters, law_state, story, 0, drift)
     jump = law_state[rows.FORCE, story] - force
     if jump != 0.0:
@@ -300,44 +361,79 @@ def _change(linear_terms, law_parameters, state, law_state, story, how):
 
 
 @outlined
-def _miss(linear_terms, h, state, law_state, scratch, story, how):
-    """Return 0 if a substep reaches its event, _SHORT if it ends before the event, and _BEYOND if a
-    story goes far beyond its branch."""
-    miss = 0.0
+def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event):
+    """Compare the drifts at the end of a substep with the branch change for which it was shortened.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building.
+    h : float
+        Length of the substep, s.
+    state, law_state : ndarray
+        State and law states at the start of the substep.
+    scratch : ndarray
+        Rows U1 (m) and V1 (m/s) contain the response at the end of the substep. Row KINK is not 0
+        for stories with a reversal that is not located.
+    story : int
+        Index of the story that changes its branch.
+    event : float
+        Event at the end of its branch: ABOVE, BELOW or REVERSED.
+
+    Returns
+    -------
+    float
+        _BEYOND_EVENT if the drift of any story is outside of its branch by more than the tolerance;
+        otherwise _BEFORE_EVENT if `story` has not reached the limit of its branch; otherwise 0.
+    """
+    outcome = 0.0
     u_below = 0.0
     v_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]
         drift = scratch[momentum.U1, i] - link * u_below
-        change = drift - law_state[rows.DRIFT, i]
+        drift_change = drift - law_state[rows.DRIFT, i]
         # The path is longer than the change if the drift reverses.
-        way = h * max(
+        path_length = h * max(
             abs(state[rows.VELOCITY, i] - link * v_below),
             abs(scratch[momentum.V1, i] - link * v1_below),
         )
-        allowed = _STRAYED * max(way, abs(change))
+        tolerance = _LOCATION_TOLERANCE * max(path_length, abs(drift_change))
         u_below = scratch[momentum.U1, i]
         v_below = state[rows.VELOCITY, i]
         v1_below = scratch[momentum.V1, i]
-        backward = law_state[rows.RATE_SIGN, i] * change < -_BACKWARD * (
+        is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
         )
-        if backward and scratch[ROW.KINK, i] == 0.0:
-            return _BEYOND
-        if drift > law_state[rows.UPPER, i] + allowed or drift < law_state[rows.LOWER, i] - allowed:
-            return _BEYOND
-        if i == story and (
-            (how == rows.ABOVE and drift < law_state[rows.UPPER, i] - allowed)
-            or (how == rows.BELOW and drift > law_state[rows.LOWER, i] + allowed)
+        if is_reversed and scratch[ROW.KINK, i] == 0.0:
+            return _BEYOND_EVENT
+        if (
+            drift > law_state[rows.UPPER, i] + tolerance
+            or drift < law_state[rows.LOWER, i] - tolerance
         ):
-            miss = _SHORT
-    return miss
+            return _BEYOND_EVENT
+        if i == story and (
+            (event == rows.ABOVE and drift < law_state[rows.UPPER, i] - tolerance)
+            or (event == rows.BELOW and drift > law_state[rows.LOWER, i] + tolerance)
+        ):
+            outcome = _BEFORE_EVENT
+    return outcome
 
 
 @inline
-def _advance(linear_terms, law_parameters, state, law_state, scratch):
-    """Update the state after a substep in which all stories stay on their branches."""
+def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch):
+    """Move state and law states to the end of a substep that was solved on linear branches.
+
+    Parameters
+    ----------
+    linear_terms, law_parameters : ndarray
+        Linear terms of the building and parameters of the laws.
+    state, law_state : ndarray
+        State and law states at the start of the substep, which are replaced.
+    scratch : ndarray
+        Rows DU (m), DV (m/s) and A1 (m/s^2) contain the solution of the substep.
+    """
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         u = state[rows.DISPLACEMENT, i] + scratch[momentum.DU, i]
@@ -349,12 +445,23 @@ def _advance(linear_terms, law_parameters, state, law_state, scratch):
 
 
 @outlined
-def _arrive(frozen, linear_terms, law_parameters, state, law_state, scratch):
-    """Update the state after a step or a substep; with `frozen`, linear stories stay on their
-    branches.
+def _update_state(keep_branches, linear_terms, law_parameters, state, law_state, scratch):
+    """Move state and law states to the end of a step or substep that Newton's method has solved.
 
-    The function is not inlined and not used if all stories are linear, because this would increase
-    their run time by 20 to 50 percent.
+    The laws are committed from the trial states of the last iteration. Buildings without curved
+    laws use `_advance_on_branches` instead, because this function would increase their run time by
+    20 to 50 percent.
+
+    Parameters
+    ----------
+    keep_branches : bool
+        True if stories on a linear branch remain on it, as in a substep.
+    linear_terms, law_parameters : ndarray
+        Linear terms of the building and parameters of the laws.
+    state, law_state : ndarray
+        State and law states at the start, which are replaced.
+    scratch : ndarray
+        Rows DU (m), DV (m/s) and A1 (m/s^2) contain the solution.
     """
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -362,11 +469,12 @@ def _arrive(frozen, linear_terms, law_parameters, state, law_state, scratch):
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
-        if frozen and law_state[rows.SLOPE, i] < math.inf:
+        if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * below)
-        elif HAS_CURVED_LAW and frozen and scratch[ROW.KINK, i] != 0.0:
-            # The inner point and the turn, in the order in which the motion comes to them
-            second = int(scratch[ROW.BEFORE, i])
+        elif HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, i] != 0.0:
+            # The story has a reversal within the substep. Accumulate the dissipated energy over the
+            # inner point and the reversal in the order in which they occur.
+            second = int(scratch[ROW.PREVIOUS_BLOCK, i])
             first = rows.THIRD_TRIAL if second == rows.FIRST_TRIAL else rows.FIRST_TRIAL
             accumulate_dissipation(law_parameters, law_state, i, 0, first)
             accumulate_dissipation(law_parameters, law_state, i, first, second)
@@ -378,26 +486,43 @@ def _arrive(frozen, linear_terms, law_parameters, state, law_state, scratch):
 
 
 @outlined
-def _look(scene, span, memory):
-    """Raise the peaks by what the motion has at the end of a piece, and, unless it is fast, within
-    it."""
+def _update_substep_peaks(scene, span, memory):
+    """Update the peaks with the response at the end of a substep and within the substep.
+
+    The interior of the substep is not searched if the building has modes that the step does not
+    resolve (`span.fast`). The peaks are maximum absolute values.
+
+    Parameters
+    ----------
+    scene : Scene
+        Building and forces on floors.
+    span : Span
+        End time, length and ground acceleration of the substep.
+    memory : Memory
+        State and law states at the end of the substep. In the scratch array, rows SUBSTEP_START
+        contain the response at the start; rows PEAKS are updated.
+    """
     state, law_state, scratch, _ = memory
-    turned = 0
+    reversal_count = 0
     if not span.fast:
-        passage = Passage(scratch, ROW.PIECE, state, state, rows.ACCELERATION)
-        turned = find_interstep_peaks(
-            span, scene, passage, law_state, scratch, ROW.TURNS, scratch, ROW.PEAKS
+        passage = Passage(scratch, ROW.SUBSTEP_START, state, state, rows.ACCELERATION)
+        reversal_count = find_interstep_peaks(
+            span, scene, passage, law_state, scratch, ROW.REVERSAL_DRIFTS, scratch, ROW.PEAKS
         )
-    moved = 0.0
+    # The total shear of a story is the sum of the inertial forces of all floors above it, minus the
+    # external forces on these floors.
+    total_shear = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = law_state[rows.DRIFT, i]
-        moved *= scene.linear_terms[rows.LINK, i + 1]
-        moved += scene.linear_terms[rows.MASS, i] * (state[rows.ACCELERATION, i] + span.ground_1)
+        total_shear *= scene.linear_terms[rows.LINK, i + 1]
+        total_shear += scene.linear_terms[rows.MASS, i] * (
+            state[rows.ACCELERATION, i] + span.ground_1
+        )
         if FORCES:
             for j in range(scene.forces.shape[0]):
                 if scene.forces[j, rows.FLOOR] == i:
-                    moved -= force_value(scene.forces, j, span.t)
-        raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, moved)
+                    total_shear -= force_value(scene.forces, j, span.t)
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, total_shear)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FORCE, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
@@ -408,9 +533,15 @@ def _look(scene, span, memory):
             i,
             state[rows.ACCELERATION, i] + span.ground_1,
         )
-        if turned > 0 and scratch[ROW.TURNS, i] != drift:
+        # A story that reversed within the substep has its largest force at the reversal.
+        if reversal_count > 0 and scratch[ROW.REVERSAL_DRIFTS, i] != drift:
             restoring_force_outlined(
-                scene.law_parameters, law_state, i, 0, rows.FIRST_TRIAL, scratch[ROW.TURNS, i]
+                scene.law_parameters,
+                law_state,
+                i,
+                0,
+                rows.FIRST_TRIAL,
+                scratch[ROW.REVERSAL_DRIFTS, i],
             )
             raise_peak(
                 scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i]
@@ -418,8 +549,18 @@ def _look(scene, span, memory):
 
 
 @outlined
-def _save(state, law_state, scratch, n):
-    """Keep what a step begins with."""
+def _save_start(state, law_state, scratch, n):
+    """Store the state and the law states at the start of a time step for `_restore_start`.
+
+    Parameters
+    ----------
+    state, law_state : ndarray
+        State and law states.
+    scratch : ndarray
+        Rows SAVED are set. Extra rows of laws are stored in the third trial block of `law_state`.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
         for row in range(3):
             scratch[ROW.SAVED + row, i] = state[row, i]
@@ -431,8 +572,18 @@ def _save(state, law_state, scratch, n):
 
 
 @outlined
-def _restore(state, law_state, scratch, n):
-    """Give up a step: what peaks it had within its pieces are none."""
+def _restore_start(state, law_state, scratch, n):
+    """Return to the start of a time step that could not be divided into substeps.
+
+    Parameters
+    ----------
+    state, law_state : ndarray
+        State and law states, which are replaced by those that `_save_start` has stored.
+    scratch : ndarray
+        Rows SAVED are used. Rows PEAKS are set to zero, because the substeps are discarded.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
         for row in range(2 * rows.PEAK_ROWS):
             scratch[ROW.PEAKS + row, i] = 0.0
@@ -446,17 +597,27 @@ def _restore(state, law_state, scratch, n):
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
-    """Coefficients of the step for a spectral radius rho_inf at infinity.
+    """Return the coefficients of the step for a spectral radius `rho_inf` at infinite frequency.
 
-    theta, alpha and beta make the linear step the Pade approximation that tends to rho_inf. Any
-    inner point c would do for order 3: quadratics are integrated exactly by (w0, wc, w1), and uc is
-    exact for quadratics. c runs from 1/3, where the step is Radau IIA for nonlinear laws too, to
-    1/2, where it is Simpson's rule on the cubic Hermite interpolant.
+    The coefficients theta, alpha and beta of the kinematic equation make the linear step the Pade
+    approximation with the limit `rho_inf`. The quadrature with the weights (w0, wc, w1) at the
+    fractions 0, c and 1 of the step is exact for quadratics, and so is the displacement uc.
+    Order 3 is therefore obtained for any c. The value c = 1 / (3 - rho_inf) increases from 1/3
+    for rho_inf = 0, where the step is Radau IIA for nonlinear laws as well, to 1/2 for rho_inf = 1,
+    where the quadrature is Simpson's rule on the cubic Hermite interpolant.
 
-    Measured on a hardening and a softening oscillator: at rho_inf = 1 Simpson's rule has a quarter
-    of the error of the corrected trapezoidal rule with tangents at the ends; below 1 the choice of
-    c matters by a few percent, and the inner point of the cubic Hermite interpolant, c = 1 / (1 +
-    rho_inf), degenerates towards rho_inf = 0.
+    The choice was measured on a hardening and a softening oscillator. For rho_inf = 1, Simpson's
+    rule has a quarter of the error of the corrected trapezoidal rule with the tangents at the
+    endpoints. For rho_inf < 1, the choice of c changes the error by a few percent. The inner point
+    of the cubic Hermite interpolant, c = 1 / (1 + rho_inf), is not used because wc tends to
+    infinity as rho_inf tends to 0.
+
+    Returns
+    -------
+    tuple of float
+        theta, alpha, beta; w0, wc, w1; gd, g0, g1 (displacement at the inner point); the three
+        coefficients of its velocity; real and imaginary part of the root l / h of
+        l^2 - theta h l + beta h^2 = 0 (`tdint.kernels.equations.impulse4.solve_linear`).
     """
     theta = (2.0 + rho_inf) / (3.0 * (1.0 + rho_inf))
     alpha = 1.0 / 3.0 - theta / 2.0

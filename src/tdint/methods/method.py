@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Parameter:
-    """Parameter of a method: default value and range (both ends are allowed by default).
+    """Parameter of a method: default value and allowed range.
 
     The default may be a function of the values of the preceding parameters.
 
@@ -56,7 +56,7 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """The range as text, round brackets for ends that are not allowed: [0, 1)."""
+        """Allowed range as text, such as [0, 1); a round bracket excludes the end."""
         left = "[" if self.low_allowed else "("
         right = "]" if self.high_allowed else ")"
         return f"{left}{self.low:g}, {self.high:g}{right}"
@@ -179,14 +179,15 @@ class Integrator:
 
     @property
     def label(self) -> str:
-        """Name in tables, figures and JSON: the specification, which `parse` accepts."""
+        """Label in tables, figures and JSON: the specification, in the form that `parse` reads."""
         full = (f"{name}={value!r}" for name, value in self.resolved.items())
         return self.typed or ":".join([self.method.name, *full])
 
     @property
     def resolved(self) -> dict[str, float]:
         """Value of each parameter, specified or default."""
-        # There are no values if the plug-in could not be loaded; its method must not be used then.
+        # There are no values if the plug-in of the method could not be loaded. Its attributes must
+        # not be accessed in this case.
         names = (parameter.name for parameter in self.method.parameters) if self.values else ()
         return dict(zip(names, self.values, strict=True))
 

@@ -1,27 +1,32 @@
-"""Explicit methods with the initial stiffness K0 in their matrices: one pass per step, whatever the
-drift laws.
+"""Model-based explicit methods KR-alpha, CR and Chang: no iteration for nonlinear hysteretic laws.
 
-KR-alpha (Kolay and Ricles 2014), with w for its velocity, X = gamma h C + beta h^2 K0, A = M + X, q
-= A^-1 M a and g = p - C w - f(u):
+The matrices of these methods contain the initial stiffness K0. The restoring forces f(u) are
+evaluated once per step.
+
+KR-alpha (Kolay and Ricles 2014), with its velocity w, X = gamma h C + beta h^2 K0, A = M + X,
+q = A^-1 M a and g = p - C w - f(u):
 
     u1 = u0 + h w0 + (1/2 + gamma) h^2 q0,   w1 = w0 + h q0
-    [(1 - alpha_m) M + (1 - alpha_f) X] q1 + (alpha_m M + alpha_f X) q0 = (1 - alpha_f) g1 + alpha_f
-    g0
+    [(1 - alpha_m) M + (1 - alpha_f) X] q1 + (alpha_m M + alpha_f X) q0
+        = (1 - alpha_f) g1 + alpha_f g0
 
-(Published with a for q.) w lags: it is the velocity at t - gamma h, and a start from w0 = v0 makes
-u and v order 1. Here v = w + gamma h q is carried and reported instead; the same lines become
+The publication uses a instead of q. The velocity w lags behind: it approximates the velocity at
+t - gamma h. With the initial value w0 = v0, displacements and velocities have order 1 only. Here
+v = w + gamma h q is used and reported instead. The same equations become
 
     u1 = u0 + h v0 + h^2/2 q0,   v1 = v0 + h ((1 - gamma) q0 + gamma q1)
     (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0,   r = p - C v - f(u) - beta h^2 K0 q
 
-and are order 2 from any initial state. They are generalized-alpha for the displacement u + beta h^2
-q, whose last part is left to K0. CR (Chen and Ricles 2008) is the member alpha_m = alpha_f = 0.
-State row ACCELERATION holds q, which starts from M q0 = r0.
+which have order 2 for any initial state. They are the generalized-alpha method for the displacement
+u + beta h^2 q, where the force due to the second term is computed with the initial stiffness K0. CR
+(Chen and Ricles 2008) is the special case alpha_m = alpha_f = 0. Row ACCELERATION of the state
+contains q, which is initialized from M q0 = r0.
 
-Chang (2002) needs no such shift; its acceleration is that of equilibrium at every step.
+The method of Chang (2002) needs no such modification. Its acceleration is the acceleration from
+equilibrium at each step.
 
-All are stable for every step in a linear building and where stories soften, but not where one
-stiffens above K0.
+All methods are stable for any step in linear buildings and with softening stories, but not if a
+story becomes stiffer than its initial stiffness.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -44,7 +49,7 @@ from tdint.kernels.stepping import STEP, Factors, Memory
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
-# Coefficients of the KR-alpha step
+# Indices of the coefficients of KR-alpha
 ALPHA_M = 0
 ALPHA_F = 1
 BETA = 2
@@ -52,16 +57,16 @@ GAMMA = 3
 
 
 class _StepRows(NamedTuple):
-    """Rows of work."""
+    """Number of scratch rows for each quantity; the columns are floors or stories."""
 
-    LOAD: int = 1
-    SUM: int = 1  # story forces
-    V: int = 1  # velocity at the weighted point; Chang: predicted
-    X: int = 1  # right side and solution
-    LOAD_0: int = 1
-    PIVOT: int = 1
+    LOAD: int = 1  # load at the weighted point; Chang: at the end of the step, N
+    SUM: int = 1  # story forces including P-delta and dampers, N
+    V: int = 1  # velocity at the weighted point; Chang: predicted velocity, m/s
+    X: int = 1  # right side, then solution of the linear system
+    LOAD_0: int = 1  # load at the start of the step, N
+    PIVOT: int = 1  # factorization
     COUPLING: int = 1
-    SECOND_PIVOT: int = 1  # Chang: of the second matrix, M + h/2 C
+    SECOND_PIVOT: int = 1  # Chang: factorization of the second matrix, M + h/2 C
     SECOND_COUPLING: int = 1
 
 
@@ -83,26 +88,54 @@ def step(
     scratch,
     step_status,
 ):
-    """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change
-    of q."""
+    """Integrate the equations of motion over one time step of KR-alpha or CR.
+
+    The change of q follows from one linear system with the matrix
+    (1 - alpha_m) M + (1 - alpha_f) X (see the equations of this module).
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients alpha_m, alpha_f, beta and gamma.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground, and q in row
+        ACCELERATION (m/s^2); updated in place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows `_StepRows` and the rows for modal damping.
+    step_status : ndarray
+        STEPS_DONE is used, FACTORED_STEP is updated.
+
+    Returns
+    -------
+    int
+        1, or NOT_FINITE if the new state is not finite.
+    """
     n = linear_terms.shape[1] - 1
     memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
-    weight = 1.0 - coefficients[ALPHA_F]
+    end_weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h
     by_k = coefficients[BETA] * h * h
     if step_status[rows.STEPS_DONE] == 0.0:
-        _start(linear_terms, law_parameters, by_k, state, factors, n)
+        _initialize_q(linear_terms, law_parameters, by_k, state, factors, n)
         step_status[rows.FACTORED_STEP] = 0.0
     if step_status[rows.FACTORED_STEP] != h:
-        combination = Combination(1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k)
+        combination = Combination(1.0 - coefficients[ALPHA_M], end_weight * by_c, end_weight * by_k)
         factor_combination(
             linear_terms, modal, law_parameters, rows.STIFFNESS, combination, factors, n
         )
         step_status[rows.FACTORED_STEP] = h
-    # The weighted point for q1 = q0: what is out of balance there gives the change of q.
-    _weighted_load(linear_terms, forces, weight, h, load, scratch, n)
-    _advance(linear_terms, law_parameters, weight, by_k, h, memory)
+    # The residual at the weighted point for q1 = q0 is the right side for the change of q.
+    _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n)
+    _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory)
     for i in range(n):
         inner = scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
         scratch[_ROW.X, i] = (
@@ -121,8 +154,22 @@ def step(
 
 
 @inline
-def _start(linear_terms, law_parameters, by_k, state, factors, n):
-    """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
+def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
+    """Replace the initial acceleration a0 in the state by q0, from (M + beta h^2 K0) q0 = M a0.
+
+    Parameters
+    ----------
+    linear_terms, law_parameters : ndarray
+        Linear terms of the building and parameters of the laws.
+    by_k : float
+        beta h^2, s^2.
+    state : ndarray
+        Row ACCELERATION contains a0 from equilibrium, then q0 (m/s^2).
+    factors : Factors
+        Scratch array and the rows of the factorization, which is overwritten.
+    n : int
+        Number of floors.
+    """
     scratch = factors.table
     assemble_combination(
         linear_terms, law_parameters, rows.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n
@@ -136,21 +183,54 @@ def _start(linear_terms, law_parameters, by_k, state, factors, n):
 
 
 @inline
-def _weighted_load(linear_terms, forces, weight, h, load, scratch, n):
-    """Load at the weighted point, N."""
+def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
+    """Store the load at the weighted point of the step in row LOAD, N.
+
+    Parameters
+    ----------
+    linear_terms, forces : ndarray
+        Linear terms of the building and forces on floors.
+    end_weight : float
+        Weight 1 - alpha_f of the load at the end of the step.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    scratch : ndarray
+        Row LOAD is set.
+    n : int
+        Number of floors.
+    """
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
-    if weight != 1.0:
+    if end_weight != 1.0:
         floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, _ROW.LOAD_0)
         for i in range(n):
             scratch[_ROW.LOAD, i] = (
-                weight * scratch[_ROW.LOAD, i] + (1.0 - weight) * scratch[_ROW.LOAD_0, i]
+                end_weight * scratch[_ROW.LOAD, i] + (1.0 - end_weight) * scratch[_ROW.LOAD_0, i]
             )
 
 
 @inline
-def _advance(linear_terms, law_parameters, weight, by_k, h, memory):
-    """Displacement and drift laws to the end of the step; weighted velocity and story forces for q1
-    = q0."""
+def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory):
+    """Move displacements and hysteretic laws to the end of the step.
+
+    The displacement at the end, u1 = u0 + h v0 + h^2/2 q0, depends on the start of the step only.
+    The velocities and the story forces at the weighted point are stored for q1 = q0.
+
+    Parameters
+    ----------
+    linear_terms, law_parameters : ndarray
+        Linear terms of the building and parameters of the laws.
+    end_weight : float
+        Weight 1 - alpha_f of the forces at the end of the step.
+    by_k : float
+        beta h^2, s^2.
+    h : float
+        Time step, s.
+    memory : Memory
+        State and law states, which are updated; rows V (m/s) and SUM (N) of the scratch array are
+        set.
+    """
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     u_below = 0.0
@@ -159,7 +239,7 @@ def _advance(linear_terms, law_parameters, weight, by_k, h, memory):
     for i in range(n):
         q = state[rows.ACCELERATION, i]
         u = state[rows.DISPLACEMENT, i] + h * state[rows.VELOCITY, i] + 0.5 * h * h * q
-        v = state[rows.VELOCITY, i] + weight * h * q
+        v = state[rows.VELOCITY, i] + end_weight * h * q
         link = linear_terms[rows.LINK, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
         force_0 = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
@@ -167,8 +247,8 @@ def _advance(linear_terms, law_parameters, weight, by_k, h, memory):
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
         force_1 = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         scratch[_ROW.SUM, i] = (
-            weight * force_1
-            + (1.0 - weight) * force_0
+            end_weight * force_1
+            + (1.0 - end_weight) * force_0
             + by_k * (law_parameters[rows.STIFFNESS, i] + geometric) * (q - link * q_below)
             + linear_terms[rows.STORY_DAMPER, i] * (v - link * v_below)
         )
@@ -194,9 +274,42 @@ def chang_step(
     scratch,
     step_status,
 ):
-    """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C +
-    h^2/4 K0, which is the published line without the matrix C on its right; then average
-    acceleration with equilibrium at u1."""
+    """Integrate the equations of motion over one time step of the method of Chang (2002).
+
+    The displacement at the end of the step depends on the start of the step only:
+
+        u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0),   D = M + h/2 C + h^2/4 K0
+
+    This is the published equation, rearranged so that C does not occur on the right side. Velocity
+    and acceleration then follow from equilibrium at u1 with average acceleration,
+
+        (M + h/2 C) a1 = p1 - C (v0 + h/2 a0) - f(u1),   v1 = v0 + h/2 (a0 + a1)
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Not used.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows `_StepRows` and the rows for modal damping of two matrices.
+    step_status : ndarray
+        FACTORED_STEP is updated.
+
+    Returns
+    -------
+    int
+        1, or NOT_FINITE if the new state is not finite.
+    """
     n = linear_terms.shape[1] - 1
     half = 0.5 * h
     first = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
@@ -235,7 +348,7 @@ def chang_step(
     for i in range(n):
         inner = scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
         scratch[_ROW.X, i] = linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i] - inner
-    # The displacement at the end follows from the start alone.
+    # Solve for the displacement at the end of the step, and move the laws to it.
     solve_damped(first, modal, _ROW.X, n)
     below = 0.0
     for i in range(n):
@@ -282,7 +395,11 @@ CHANG = replace(
 
 
 def kr_alpha(rho_inf: float) -> tuple[float, ...]:
-    """Kolay and Ricles (2014): alpha_m, alpha_f, beta and gamma of generalized-alpha."""
+    """Return the coefficients alpha_m, alpha_f, beta and gamma of KR-alpha (Kolay and Ricles 2014).
+
+    They are those of the generalized-alpha method with the spectral radius `rho_inf` at infinite
+    frequency.
+    """
     alpha_m = (2.0 * rho_inf - 1.0) / (1.0 + rho_inf)
     alpha_f = rho_inf / (1.0 + rho_inf)
     gamma = 0.5 - alpha_m + alpha_f
@@ -314,9 +431,8 @@ METHODS = (
         coefficients=kr_alpha,
         rho_inf=lambda rho_inf: rho_inf,
         source=f"Kolay and Ricles (2014); {_LIMITED}",
-        parameters=(
-            Parameter("rho_inf", 0.8, 0.0, 1.0),
-        ),  # as generalized-alpha, whose spectrum it has
+        # the default of generalized-alpha, which has the same eigenvalues
+        parameters=(Parameter("rho_inf", 0.8, 0.0, 1.0),),
         implicit=lambda rho_inf: False,
     ),
 )

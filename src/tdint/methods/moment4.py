@@ -1,7 +1,8 @@
-"""Impulse and first moment of the equation of motion over the step: order 4, and energy never made.
+"""Method moment4: impulse and first moment of the equations of motion over a step; order 4.
 
-The paper of 2022 integrates the equation of motion once over the step: impulse equals change of
-momentum. Here it is integrated twice, with the weights 1 and s = t - 1/2, t in [0, 1] (times 12):
+The paper of 2022 integrates the equations of motion once over the step: the impulse is equal to the
+change of momentum. This method integrates them twice, with the weight 1 (impulse) and with the
+weight 12 s (first moment), where s = t - 1/2 and t increases from 0 to 1 over the step:
 
     impulse        M A0 + C U0 + int f(u) dt              = mean of p
     first moment   M A1 + C U1 + 12 int s f(u) dt + r h K U1 = 12 (mean of s p)
@@ -10,31 +11,34 @@ momentum. Here it is integrated twice, with the weights 1 and s = t - 1/2, t in 
     end            u1 = u0 + h U0,   v1 = v0 + h A0
 
 with the acceleration A0 + A1 s, K the initial stiffness and r = (1 - rho_inf) / (6 (1 + rho_inf)).
-The rate on the path is U0 + U1 s, so that h (U0 impulse + U1 first moment / 12) is the balance of
-energy:
+The velocity along the path is U0 + U1 s. The sum of the first equation times h U0 and of the second
+equation times h U1 / 12 is therefore the energy balance:
 
     change of kinetic energy + work of the restoring forces along the path
         = work of the load - h (U0 C U0 + U1 C U1 / 12) - h^2 r / 12 (A1 M A1 + U1 K U1)
 
-With both integrals of the restoring force exact, the work along the path is the change of what an
-elastic story stores, at any step: for rho_inf = 1 energy is kept to rounding, and below it never
-made. What a story with a memory dissipates is the work along the path. Turning points and branch
-ends on a parabola are roots of quadratics, so a law that is linear branch by branch is integrated
-exactly, without a search for events (`tdint.kernels.stories.path`). The load enters by its impulse
-and first moment, which a record tells exactly over any number of samples. For rho_inf below 1 a
-floor force has, in place of its moment, the one that makes stiff parts follow it at the ends of the
-steps.
+If both integrals of the restoring force are exact, the work along the path is equal to the change
+of the strain energy of an elastic story for any step length. The energy is then conserved up to
+rounding for rho_inf = 1, and it never increases for rho_inf < 1. The energy dissipated by a
+hysteretic story is the work along the path.
+
+Reversals and branch ends on a parabola are roots of quadratics. A law that is linear on its
+branches is therefore integrated exactly, without a search for branch changes
+(`tdint.kernels.stories.path`). The load enters by its impulse and its first moment, which are exact
+for a sampled record over any number of samples. For rho_inf < 1, the first moment of a force on a
+floor is replaced by a value with which stiff parts of the building follow the force at the
+endpoints of the steps (`tdint.kernels.linear_terms.mean_load`).
 
 | here | in the code (`tdint.kernels.equations.moment4`) | equation |
 |---|---|---|
-| h U0, h U1 | `work[RISE]`, `work[BEND]`: the unknowns | path |
-| h^2 A0, h^2 A1 | `work[A0]`, `work[A1]`, from rise, bend and v0 | path |
-| int f dt, 12 int s f dt | `MEAN`, `MOMENT` of `tdint.kernels.stories.path`, by story | impulse, moment |
-| mean of p, 12 (mean of s p) | `work[LOAD]`, two rows (`mean_load`) | impulse, moment |
+| h U0, h U1 | `scratch[RISE]`, `scratch[BEND]`: the unknowns | path |
+| h^2 A0, h^2 A1 | `scratch[A0]`, `scratch[A1]`, from rise, bend and v0 | path |
+| int f dt, 12 int s f dt | `MEAN`, `MOMENT` of `tdint.kernels.stories.path`, for each story | impulse, moment |
+| mean of p, 12 (mean of s p) | `scratch[LOAD]`, two rows (`mean_load`) | impulse, moment |
 | r, 12 / (1 + 6 r) | `coefficients[R]`, `coefficients[BY_RISE]` | path, first moment |
 
-In a linear building the step is that of impulse4 with the same rho_inf, as long as the load is
-linear in it. For rho_inf = 1 it is the energy-preserving collocation method of order 4 (Hairer
+In a linear building, the step is that of impulse4 with the same rho_inf if the load is linear
+within the step. For rho_inf = 1 it is the energy-preserving collocation method of order 4 (Hairer
 2010), which is the continuous Galerkin method of degree 2 in time (Betsch and Steinmann 2000).
 """  # noqa: E501
 
@@ -65,7 +69,39 @@ def step(
     scratch,
     step_status,
 ):
-    """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
+    """Integrate the equations of motion over one time step of moment4.
+
+    The mean and the first moment of the load are computed, the equations are solved for the
+    parabolas of all floors, and the state is moved to the end of the step. If a story changes its
+    branch or reverses, the peaks within the step are updated.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        r and 12 / (1 + 6 r), see `coefficients`.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m) and VELOCITY (m/s) of all floors, relative to the ground; updated in
+        place. Row ACCELERATION (m/s^2) is only the first guess of the next step.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows of `tdint.kernels.equations.moment4`.
+    step_status : ndarray
+        STEP_PEAKS, RUN_PEAKS, WORK_INPUT and WORK_VISCOUS are updated; RESIDUAL and WORST_STORY
+        are set if there is no convergence.
+
+    Returns
+    -------
+    int
+        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
+        then unchanged. NOT_FINITE if the new state is not finite.
+    """
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
@@ -79,7 +115,10 @@ def step(
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
-    """r, and 12 / (1 + 6 r), for a spectral radius rho_inf at infinity."""
+    """Return the coefficients r and 12 / (1 + 6 r) of the step.
+
+    r = (1 - rho_inf) / (6 (1 + rho_inf)) for a spectral radius `rho_inf` at infinite frequency.
+    """
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     return r, 12.0 / (1.0 + 6.0 * r)
 

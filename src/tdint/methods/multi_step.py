@@ -1,21 +1,26 @@
-"""Multi-step methods: velocity and acceleration from differences over three steps, equilibrium at
-the end.
+"""Multi-step methods of Houbolt (1950) and Park (1975): backward differences over three steps.
 
-With the mean velocity w1 = (u1 - u0) / h and the mean acceleration b1 = (v1 - v0) / h of the step,
-and those of the two steps before it, w0, w_ and b0, b_, the formulas of Houbolt (1950) and Park
-(1975) are sums with three weights each:
+The unknowns of a step of length h are the displacement u1, velocity v1 and acceleration a1 at its
+end. Let w1 = (u1 - u0) / h be the mean velocity and b1 = (v1 - v0) / h the mean acceleration of the
+step; w0, b0 those of the previous step, and w_, b_ those of the step before. Both methods are
 
     v1 = V . (w1, w0, w_)
     a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
     M a1 + C v1 + f(u1) = p1
 
-The state keeps the means in the place of older displacements and velocities. That is the same
-memory, but small steps do not drown in rounding: differences of displacements would put an error of
-rounding(u) / h^2 into each acceleration. Where the ground's acceleration jumps by j between two
-steps, the means become those of a past under the new one, which is u + j t^2 / 2 before the jump at
-t = 0. The first two steps are average acceleration (Newmark 1959), which keeps order 2 in u, v and
-a; so are the pieces of a step that was halved because it did not converge, and the two steps after
-it.
+with three weights in each of V, W and B.
+
+The state contains the means instead of displacements and velocities of previous steps. Differences
+of displacements would cause an error of the order of rounding(u) / h^2 in each acceleration, which
+dominates for small steps.
+
+If the ground acceleration jumps by j between two steps (a step that is longer than the sampling
+interval), the means are replaced by those of a motion that had the new acceleration before the
+jump, u + j t^2 / 2 with the jump at t = 0.
+
+The first two steps use average acceleration (Newmark 1959), which preserves order 2 in u, v and a.
+The parts of a step that was halved because it did not converge, and the two steps after it, use
+average acceleration as well.
 """
 
 from __future__ import annotations
@@ -34,23 +39,25 @@ from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
 from tdint.kernels.stories.law_state import commit
 from tdint.methods.method import Family, Method
 
-# Coefficients: V, W, B, three each
+# Index of the first of the three coefficients of V, W and B: the weights of the mean velocities in
+# the velocity and in the acceleration, and of the mean accelerations in the acceleration
 V_BY_W = 0
 A_BY_W = 3
 A_BY_B = 6
 
-# Rows of the state beyond u, v, a: means over the last step and over the one before it
+# Rows of the state after displacement, velocity and acceleration: mean velocity (m/s) and mean
+# acceleration (m/s^2) over the last step, and over the step before it (OLDER)
 MEAN_VELOCITY = rows.FIRST_OLDER
 OLDER_MEAN_VELOCITY = rows.FIRST_OLDER + 1
 MEAN_ACCELERATION = rows.FIRST_OLDER + 2
 OLDER_MEAN_ACCELERATION = rows.FIRST_OLDER + 3
 
-# Rows of work behind those of the balance
-_W = EQUILIBRIUM_ROWS  # first guess of the mean velocity
-_FACTORS = _W + 1
+# Scratch rows that follow those of `solve_equilibrium`
+_GUESSED_MEAN_VELOCITY = EQUILIBRIUM_ROWS  # first guess of the mean velocity, m/s
+_FACTORS = _GUESSED_MEAN_VELOCITY + 1  # first row of the factorization
 
 START = 2
-"""Steps of average acceleration before the first multi-step."""
+"""Number of steps with average acceleration before the first step with the multi-step formulas."""
 
 
 @kernel(STEP)
@@ -68,22 +75,57 @@ def step(
     scratch,
     step_status,
 ):
-    """One step of the family, of average acceleration for the first two."""
+    """Integrate the equations of motion over one time step of Houbolt's or Park's method.
+
+    The first START steps use average acceleration. In both cases, the response at the end is a
+    linear function of one unknown x per floor (`solve_equilibrium`): the correction of the first
+    guess, which is proportional to the correction of the mean velocity.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Weights V, W and B of the mean velocities and mean accelerations, three each.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Displacement, velocity and acceleration of all floors, and their means over the last two
+        steps; updated in place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows of `solve_equilibrium`, the guessed mean velocity and the factorization.
+    step_status : ndarray
+        STEPS_DONE is used. FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is
+        no convergence.
+
+    Returns
+    -------
+    int
+        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
+        then unchanged. NOT_FINITE if the new state is not finite.
+    """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     c = coefficients
+    # by_w, by_v, by_a: change of mean velocity, velocity and acceleration per unit of x
     if step_status[rows.STEPS_DONE] < START:
         by_w = 0.25 * h
         by_v = 0.5 * h
         by_a = 1.0
-        _guess_start(h, state, scratch, n)
+        _guess_average_acceleration(h, state, scratch, n)
     else:
         by_w = h
         by_v = c[V_BY_W] * h
         by_a = c[A_BY_W] + c[A_BY_B] * c[V_BY_W]
-        _guess(c, h, state, scratch, n)
-    if step_status[rows.FACTORED_STEP] != by_v:  # tells h, and the start from what follows
+        _guess_multi_step(c, h, state, scratch, n)
+    if step_status[rows.FACTORED_STEP] != by_v:
+        # by_v identifies the matrix: it differs between time steps, and between the first steps
+        # and the multi-step formulas.
         invalidate(scratch, _FACTORS, n)
         step_status[rows.FACTORED_STEP] = by_v
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD)
@@ -95,7 +137,7 @@ def step(
     for i in range(n):
         state[OLDER_MEAN_VELOCITY, i] = state[MEAN_VELOCITY, i]
         state[OLDER_MEAN_ACCELERATION, i] = state[MEAN_ACCELERATION, i]
-        state[MEAN_VELOCITY, i] = scratch[_W, i] + by_w * scratch[ROW.X, i]
+        state[MEAN_VELOCITY, i] = scratch[_GUESSED_MEAN_VELOCITY, i] + by_w * scratch[ROW.X, i]
         state[MEAN_ACCELERATION, i] = (scratch[ROW.V, i] - state[rows.VELOCITY, i]) / h
         state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
         state[rows.VELOCITY, i] = scratch[ROW.V, i]
@@ -105,27 +147,59 @@ def step(
 
 
 @inline
-def _guess_start(h, state, scratch, n):
-    """First guess of average acceleration: the acceleration stays; x is its change."""
+def _guess_average_acceleration(h, state, scratch, n):
+    """Store the first guess of a step with average acceleration: a constant acceleration.
+
+    The unknown x of the step is the change of the acceleration.
+
+    Parameters
+    ----------
+    h : float
+        Time step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        The guessed mean velocity and the rows U (m), V (m/s) and A (m/s^2) are set.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
         v = state[rows.VELOCITY, i]
         a = state[rows.ACCELERATION, i]
-        scratch[_W, i] = v + 0.5 * h * a
-        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * scratch[_W, i]
+        scratch[_GUESSED_MEAN_VELOCITY, i] = v + 0.5 * h * a
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * scratch[_GUESSED_MEAN_VELOCITY, i]
         scratch[ROW.V, i] = v + h * a
         scratch[ROW.A, i] = a
 
 
 @inline
-def _guess(c, h, state, scratch, n):
-    """First guess: the mean velocity goes on changing as it did; x is its further change over h."""
+def _guess_multi_step(c, h, state, scratch, n):
+    """Store the first guess of a multi-step method: the mean velocity w is extrapolated linearly.
+
+    The guess is w1 = 2 w0 - w_, with the mean velocities w0 and w_ of the last two steps. Velocity
+    and acceleration follow from the formulas of the method. The unknown x of the step is the
+    correction of w1, divided by h.
+
+    Parameters
+    ----------
+    c : ndarray
+        Coefficients of the method: V, W and B.
+    h : float
+        Time step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        The guessed mean velocity and the rows U (m), V (m/s) and A (m/s^2) are set.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
         w0 = state[MEAN_VELOCITY, i]
         older = state[OLDER_MEAN_VELOCITY, i]
         w = 2.0 * w0 - older
         v = c[V_BY_W] * w + c[V_BY_W + 1] * w0 + c[V_BY_W + 2] * older
         b = (v - state[rows.VELOCITY, i]) / h
-        scratch[_W, i] = w
+        scratch[_GUESSED_MEAN_VELOCITY, i] = w
         scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * w
         scratch[ROW.V, i] = v
         scratch[ROW.A, i] = (
@@ -137,6 +211,11 @@ def _guess(c, h, state, scratch, n):
 
 
 def _family(*memory: int) -> Family:
+    """Return the family with `memory` as the independent rows of the state.
+
+    `shifts` are the changes of the state for a unit jump of the ground acceleration: a motion
+    t^2 / 2 has the mean velocities -h/2 and -3 h/2 over the last two steps.
+    """
     return Family(
         "multi-step",
         step,
@@ -148,29 +227,28 @@ def _family(*memory: int) -> Family:
     )
 
 
-_BACKWARD = (11.0 / 6.0, -7.0 / 6.0, 2.0 / 6.0)  # the derivative of the cubic through four points
-_SECOND = (2.0, -3.0, 1.0)  # its second derivative
-_PARK = (
-    10.0 / 6.0,
-    -5.0 / 6.0,
-    1.0 / 6.0,
-)  # the mean of _BACKWARD and of the parabola through three points
-_NONE = (0.0, 0.0, 0.0)
-_OF_VELOCITY = (MEAN_VELOCITY, OLDER_MEAN_VELOCITY)
-_OF_ACCELERATION = (MEAN_ACCELERATION, OLDER_MEAN_ACCELERATION)
+# Weights of the mean slopes over the last three steps, the last step first, in a derivative at the
+# end: the first and second derivative of the cubic through the last four points (Houbolt), and the
+# average of the first derivatives of this cubic and of the parabola through three points (Park)
+_BACKWARD = (11.0 / 6.0, -7.0 / 6.0, 2.0 / 6.0)
+_SECOND_BACKWARD = (2.0, -3.0, 1.0)
+_PARK = (10.0 / 6.0, -5.0 / 6.0, 1.0 / 6.0)
+_NO_COEFFICIENTS = (0.0, 0.0, 0.0)
+_VELOCITY_ROWS = (MEAN_VELOCITY, OLDER_MEAN_VELOCITY)
+_ACCELERATION_ROWS = (MEAN_ACCELERATION, OLDER_MEAN_ACCELERATION)
 
 METHODS = (
     Method(
         name="houbolt",
-        family=_family(rows.DISPLACEMENT, *_OF_VELOCITY),
-        coefficients=lambda: (*_BACKWARD, *_SECOND, *_NONE),
+        family=_family(rows.DISPLACEMENT, *_VELOCITY_ROWS),
+        coefficients=lambda: (*_BACKWARD, *_SECOND_BACKWARD, *_NO_COEFFICIENTS),
         rho_inf=lambda: 0.0,
         source="Houbolt (1950), started by two steps of average acceleration",
     ),
     Method(
         name="park",
-        family=_family(rows.DISPLACEMENT, *_OF_VELOCITY, rows.VELOCITY, *_OF_ACCELERATION),
-        coefficients=lambda: (*_PARK, *_NONE, *_PARK),
+        family=_family(rows.DISPLACEMENT, *_VELOCITY_ROWS, rows.VELOCITY, *_ACCELERATION_ROWS),
+        coefficients=lambda: (*_PARK, *_NO_COEFFICIENTS, *_PARK),
         rho_inf=lambda: 0.0,
         source="Park (1975), started by two steps of average acceleration",
     ),

@@ -19,8 +19,8 @@ the two are identical.
 
 The damping forces use predicted velocities, so the acceleration a1 in the state is not exactly the
 acceleration from equilibrium. The step is stable up to a limit of omega h, and not in a story that
-stiffens beyond it. Power-law dashpots are refused: their tangent is not bounded, and so is not the
-step that they permit.
+becomes stiffer than this limit permits. Power-law dashpots are not supported: the derivative of
+their force is not bounded, and therefore there is no stable step.
 
 References
 ----------

@@ -1,13 +1,18 @@
-"""The generalized single-step family of Zhou and Tamma (2004): one kernel, a row of coefficients
-per method.
+"""Generalized single-step methods of Zhou and Tamma (2004), such as Newmark and generalized-alpha.
 
-The increment da of the acceleration follows from equilibrium at a weighted point of the step:
+All methods of the family share one compiled step and differ in seven coefficients. With the masses
+M, the damping matrix C, the restoring forces f and the loads p, the increment da of the
+acceleration follows from equilibrium at a weighted point of the step of length h:
 
-    M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da) + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) =
-    (1 - W1) p0 + W1 p1 u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 =
-    a0 + da
+    M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
+        + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
 
-(X. Zhou and K. K. Tamma, 2004, with L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2 in every member here.)
+The response at the end of the step is then
+
+    u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
+
+The names of the coefficients are those of the publication. Its other coefficients have the same
+values in all methods of this module: L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2.
 """
 
 from __future__ import annotations
@@ -33,7 +38,7 @@ from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
 from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
-# Coefficients
+# Indices of the coefficients
 W1 = 0
 L2W2 = 1
 L3W3 = 2
@@ -42,9 +47,9 @@ L6W1 = 4
 L3 = 5
 L5 = 6
 
-# Rows of work behind those of the balance
-_LOAD_0 = EQUILIBRIUM_ROWS  # at the start of the step
-_FACTORS = _LOAD_0 + 1
+# Scratch rows that follow those of `solve_equilibrium`
+_LOAD_0 = EQUILIBRIUM_ROWS  # load at the start of the step, N
+_FACTORS = _LOAD_0 + 1  # first row of the factorization
 
 
 @kernel(STEP)
@@ -62,19 +67,50 @@ def step(
     scratch,
     step_status,
 ):
-    """One step of the family; the unknown of the balance is da."""
+    """Integrate the equations of motion over one time step of a generalized single-step method.
+
+    Equilibrium at the weighted point of the step (see the equations of this module) is solved for
+    the increment da of the acceleration of each floor. Displacement, velocity and acceleration at
+    the end of the step are linear functions of da.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of Zhou and Tamma (2004).
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place.
+    law_state : ndarray
+        State of the hysteretic laws; updated in place.
+    scratch : ndarray
+        Scratch rows of `solve_equilibrium`, _LOAD_0 and the factorization.
+    step_status : ndarray
+        FACTORED_STEP is updated; RESIDUAL and WORST_STORY are set if there is no convergence.
+
+    Returns
+    -------
+    int
+        Number of linear solutions. NOT_CONVERGED if Newton's method does not converge; the state is
+        then unchanged. NOT_FINITE if the new state is not finite.
+    """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     if step_status[rows.FACTORED_STEP] != h:
         invalidate(scratch, _FACTORS, n)
         step_status[rows.FACTORED_STEP] = h
-    _predict(coefficients, linear_terms, forces, h, load, state, scratch)
-    # What brings the weighted point into balance: the state at the end follows from it.
-    weights = EffectiveCoefficients(
+    _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, scratch)
+    # Increments of displacement, velocity and acceleration at the weighted point per unit of da
+    effective = EffectiveCoefficients(
         coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1]
     )
-    code = solve_equilibrium(weights, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
+    code = solve_equilibrium(effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
     below = 0.0
@@ -100,8 +136,24 @@ def step(
 
 
 @inline
-def _predict(coefficients, linear_terms, forces, h, load, state, scratch):
-    """Weighted load, and the weighted point for da = 0."""
+def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, scratch):
+    """Store the load and the response at the weighted point of the step for da = 0.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    linear_terms, forces : ndarray
+        Linear terms of the building and forces on floors.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Rows LOAD (N), U (m), V (m/s) and A (m/s^2) are set.
+    """
     n = linear_terms.shape[1] - 1
     w1 = coefficients[W1]
     if w1 != 1.0:
@@ -123,33 +175,54 @@ FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes)
 
 
 def newmark(beta: float, gamma: float) -> tuple[float, ...]:
-    """Newmark (1959)."""
+    """Return the coefficients of Newmark's method (1959) for its parameters beta and gamma."""
     return (1.0, 0.5, beta, gamma, 1.0, beta, gamma)
 
 
 def generalized_alpha(
     alpha_m: float, alpha_f: float, beta: float, gamma: float
 ) -> tuple[float, ...]:
-    """Chung and Hulbert (1993): equilibrium between the ends of the step, alpha_m and alpha_f from
-    its end."""
+    """Return the coefficients of the generalized-alpha method (Chung and Hulbert 1993).
+
+    Parameters
+    ----------
+    alpha_m, alpha_f : float
+        Fractions of the step, counted from its end, at which the inertial force (alpha_m) and the
+        other forces (alpha_f) are evaluated.
+    beta, gamma : float
+        Parameters of Newmark's formulas for displacement and velocity.
+    """
     w1 = 1.0 - alpha_f
     return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
 
 
 def dissipative(alpha_m: float, alpha_f: float) -> tuple[float, ...]:
-    """`generalized_alpha` with the gamma of order 2 and the beta of most dissipation at high
-    frequency."""
+    """Return the coefficients of a generalized-alpha method of order 2 with maximum dissipation.
+
+    gamma = 1/2 - alpha_m + alpha_f gives order 2. beta = (1 - alpha_m + alpha_f)^2 / 4 maximizes
+    the dissipation at high frequencies.
+    """
     excess = alpha_f - alpha_m
     return generalized_alpha(alpha_m, alpha_f, 0.25 * (1.0 + excess) ** 2, 0.5 + excess)
 
 
 def collocation(beta: float, theta: float) -> tuple[float, ...]:
-    """Hilber and Hughes (1978), gamma = 1/2; beta = 1/6 is Wilson's method."""
+    """Return the coefficients of the collocation method (Hilber and Hughes 1978), gamma = 1/2.
+
+    Equilibrium is satisfied at theta h, beyond the end of the step. With beta = 1/6 this is
+    Wilson's theta method.
+    """
     return (theta, 0.5 * theta**2, beta * theta**3, 0.5 * theta**2, theta, beta, 0.5)
 
 
 def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
-    """The U0 members of Zhou and Tamma (2004) from the three roots at infinity."""
+    """Return the coefficients of the U0 methods of Zhou and Tamma (2004).
+
+    Parameters
+    ----------
+    r1, r2, r3 : float
+        Absolute values of the three eigenvalues of the amplification matrix at infinite frequency.
+    """
     d = (1.0 + r1) * (1.0 + r2)
     e = d * (1.0 + r3)
     n = 3.0 + r1 + r2 - r1 * r2
@@ -159,47 +232,58 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
 
 
 def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
-    """Amplification matrix of (u, h v, h^2 a) for omega h to infinity: there da annuls the weighted
-    displacement."""
+    """Return the amplification matrix of (u, h v, h^2 a) for omega h to infinity.
+
+    The restoring force dominates at infinite frequency, so that da follows from a weighted
+    displacement of zero: u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da = 0. `row` contains the
+    coefficients of the method.
+    """
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
     free = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     return np.asarray(free + np.outer([row[L3], row[L5], 1.0], da))
 
 
 def _rho_inf(row: tuple[float, ...]) -> float:
-    roots = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
-    # Rounding parts two roots that meet by up to 1e-8, along the real axis or off it; their mean is
-    # right to rounding.
-    for first, other in ((0, 1), (0, 2), (1, 2)):
-        if abs(roots[first] - roots[other]) < 1e-7:
-            roots[[first, other]] = 0.5 * (roots[first] + roots[other])
-    return float(np.max(np.abs(roots)))
+    """Return the spectral radius at infinite frequency of a method with the coefficients `row`."""
+    eigenvalues = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
+    # Rounding errors separate a double eigenvalue into two that differ by up to 1e-8. Their mean
+    # is exact up to rounding.
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        if abs(eigenvalues[first] - eigenvalues[second]) < 1e-7:
+            eigenvalues[[first, second]] = 0.5 * (eigenvalues[first] + eigenvalues[second])
+    return float(np.max(np.abs(eigenvalues)))
 
 
 def _newmark_limit(beta: float, gamma: float) -> float:
-    """Critical omega h without damping (Hughes 1987, sect. 9.1)."""
+    """Return the largest stable omega h of Newmark's method without damping.
+
+    See Hughes (1987), section 9.1. The result is inf for unconditional stability and 0 for
+    gamma < 1/2, for which the method is unstable at every step.
+    """
     if gamma < 0.5:
         return 0.0
     return math.inf if 2.0 * beta >= gamma else 1.0 / math.sqrt(gamma / 2.0 - beta)
 
 
 def collocation_theta(beta: float) -> float:
-    """The theta of optimal collocation: where the two principal roots at infinity meet and become
-    complex.
+    """Return the parameter theta of optimal collocation for a given beta.
 
-    Below it, down to the limit of unconditional stability, one of them runs to -1 within a few
-    percent of theta (Hilber and Hughes 1978 tabulate it: 1.021712 for beta 0.24, 1.159772 for
-    0.20). Bisected, ending above, in fractions: their sign is exact, so no rounding and no library
-    decides on which side the roots meet.
+    At this theta the two principal eigenvalues at infinite frequency coincide and become complex.
+    If theta is smaller, one of them approaches -1 within a few percent of theta, at the limit of
+    unconditional stability. Hilber and Hughes (1978) tabulate theta: 1.021712 for beta = 0.24,
+    1.159772 for beta = 0.20.
+
+    The value is found by bisection, and the upper end of the last interval is returned. Exact
+    fractions are used so that rounding errors cannot change the sign of the discriminant.
     """
-    from fractions import Fraction  # for this alone
+    from fractions import Fraction  # imported here because no other function needs it
 
     low, high = Fraction(1), Fraction(2)
     for _ in range(60):
         theta = (low + high) / 2
-        # At infinity u = 1 / (z - 1) solves u^3 + (1 + theta) u^2 + (beta + theta / 2 + theta^2 /
-        # 2) u + beta theta^3 =
-        # 0. Two of its roots are complex where the discriminant is negative.
+        # For an eigenvalue z at infinite frequency, x = 1 / (z - 1) is a root of the cubic
+        #     x^3 + (1 + theta) x^2 + (beta + theta / 2 + theta^2 / 2) x + beta theta^3 = 0
+        # Two of its roots are complex if the discriminant is negative.
         a, b, c = 1 + theta, Fraction(beta) + (theta + theta**2) / 2, Fraction(beta) * theta**3
         if a**2 * b**2 - 4 * b**3 - 4 * a**3 * c - 27 * c**2 + 18 * a * b * c < 0:
             high = theta
@@ -209,20 +293,39 @@ def collocation_theta(beta: float) -> float:
 
 
 def _collocation_limit(beta: float, theta: float) -> float:
+    """Return inf if the collocation method is unconditionally stable, otherwise nan (unknown).
+
+    The condition of Hilber and Hughes (1978) for theta >= 1 is
+    (2 theta^2 - 1) / (4 (2 theta^3 - 1)) <= beta <= theta / (2 (theta + 1)).
+    """
     low = (2.0 * theta**2 - 1.0) / (4.0 * (2.0 * theta**3 - 1.0))
     high = theta / (2.0 * (theta + 1.0))
     return math.inf if low <= beta * (1.0 + 1e-14) and beta <= high * (1.0 + 1e-14) else math.nan
 
 
-def _member(
+def _family_member(
     name: str,
     row: Callable[..., tuple[float, ...]],
     source: str,
     *parameters: Parameter,
     **declared: Any,
 ) -> Method:
-    """A method of the family: what follows from its row unless it is `declared`, by the fields of
-    `Method`."""
+    """Return a method of the family.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    row : callable
+        Parameter values -> coefficients of the method.
+    source : str
+        Publication.
+    *parameters : Parameter
+        Parameters of the method.
+    **declared
+        Further fields of `Method`. By default, the spectral radius at infinite frequency is
+        computed from the coefficients, and the method is implicit unless L3W3 is 0.
+    """
 
     def rho_inf(*values: float) -> float:
         return _rho_inf(row(*values)) if method.stability_limit(*values) == math.inf else math.nan
@@ -239,13 +342,14 @@ def _member(
 
 
 def _newmark(name: str, beta: float, source: str) -> Method:
-    return _member(
+    """Return Newmark's method with a fixed beta and gamma = 1/2."""
+    return _family_member(
         name, lambda: newmark(beta, 0.5), source, stability_limit=lambda: _newmark_limit(beta, 0.5)
     )
 
 
 METHODS = (
-    _member(
+    _family_member(
         "newmark",
         newmark,
         "Newmark (1959)",
@@ -266,21 +370,21 @@ METHODS = (
         0.0,
         "central difference with implicit damping: Newmark (1959), beta 0, gamma 1/2",
     ),
-    _member(
+    _family_member(
         "hht",
         lambda alpha: dissipative(0.0, -alpha),
         "Hilber, Hughes and Taylor (1977)",
         Parameter("alpha", -0.05, -1.0 / 3.0, 0.0),
         rho_inf=lambda alpha: (1.0 + alpha) / (1.0 - alpha),
     ),
-    _member(
+    _family_member(
         "wbz",
         lambda rho_inf: dissipative((rho_inf - 1.0) / (rho_inf + 1.0), 0.0),
         "Wood, Bossak and Zienkiewicz (1980)",
         Parameter("rho_inf", 0.8, 0.0, 1.0),
         rho_inf=lambda rho_inf: rho_inf,
     ),
-    _member(
+    _family_member(
         "generalized-alpha",
         lambda rho_inf: dissipative(
             (2.0 * rho_inf - 1.0) / (1.0 + rho_inf), rho_inf / (1.0 + rho_inf)
@@ -289,7 +393,7 @@ METHODS = (
         Parameter("rho_inf", 0.8, 0.0, 1.0),
         rho_inf=lambda rho_inf: rho_inf,
     ),
-    _member(
+    _family_member(
         "collocation",
         collocation,
         "Hilber and Hughes (1978), gamma 1/2",
@@ -297,14 +401,14 @@ METHODS = (
         Parameter("theta", collocation_theta, 1.0, 10.0),
         stability_limit=_collocation_limit,
     ),
-    _member(
+    _family_member(
         "wilson",
         lambda theta: collocation(1.0 / 6.0, theta),
         "Wilson (1968), theta method; Bathe and Wilson (1973)",
         Parameter("theta", 1.4, 1.0, 10.0),
         stability_limit=lambda theta: _collocation_limit(1.0 / 6.0, theta),
     ),
-    _member(
+    _family_member(
         "u0v0",
         lambda r: u0(1.0, r, r),
         "Zhou and Tamma (2004), U0-V0 optimal: no overshoot, rho_inf 1 for every r",

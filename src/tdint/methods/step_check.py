@@ -1,5 +1,8 @@
-"""Check of the step of a method in plain Python, with checks of array bounds: two stories that
-yield, whose motion, energies and repeated steps are compared with those of `impulse4`."""
+"""Check of the compiled step of a method, executed in plain Python with checks of array bounds.
+
+A building with two yielding stories is integrated. Its displacements are compared with those of
+`impulse4`, its energies must be balanced, and repeated and halved steps must not change the result.
+"""
 
 from __future__ import annotations
 
@@ -48,8 +51,10 @@ class _Beyond(IndexError):
 
 
 class GuardedArray(np.ndarray):
-    """Array that reports its name if an index is out of bounds; compiled code would write beyond
-    its end."""
+    """Array that raises an error with its name if an index is out of bounds.
+
+    Compiled code does not check indices and would write beyond the end of the array.
+    """
 
     name = ""
 
@@ -69,29 +74,35 @@ class GuardedArray(np.ndarray):
         super().__setitem__(key, value)
 
     def _check(self, key: Any) -> None:
-        for axis, place in enumerate(key if isinstance(key, tuple) else (key,)):
+        """Raise `_Beyond` if an integer index is outside the array."""
+        for axis, index in enumerate(key if isinstance(key, tuple) else (key,)):
             if (
-                isinstance(place, int | np.integer)
-                and not -self.shape[axis] <= place < self.shape[axis]
+                isinstance(index, int | np.integer)
+                and not -self.shape[axis] <= index < self.shape[axis]
             ):
-                kind = "row" if axis == 0 else "column"
+                axis_name = "row" if axis == 0 else "column"
                 raise _Beyond(
-                    f"{kind} {place} of {self.name} is used, {self.shape[axis]} are declared"
+                    f"{axis_name} {index} of {self.name} is used, {self.shape[axis]} are declared"
                 )
 
 
 _YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
 """Parameters of three hysteresis models: piecewise linear, curved, and deteriorating."""
 
-_H, _SECONDS = 0.01, 1.2  # s; the building has periods of 0.35 and 0.13 s, and yields from 0.1 s on
-_KINK_ORDER = 2  # order of every method that does not locate the kinks within its time steps
-# Tolerance of an order observed over one or two halvings: the positions of the kinks within the
-# time steps change the errors by half.
-_ROOM = 0.6
-_NOTHING = 1e-6  # relative to the largest displacement; comparable to the error of the reference
-_BALANCE = (
-    1e-2  # of the largest input energy at the finest step, where methods of order 2 are within 1e-3
-)
+# Largest time step and duration of the check, s. The building has periods of 0.35 and 0.13 s and
+# yields from 0.1 s on.
+_H, _SECONDS = 0.01, 1.2
+# Order of convergence of methods that do not locate the kinks of the forces within their steps
+_KINK_ORDER = 2
+# Tolerance of the observed order of convergence. The positions of the kinks within the time steps
+# change the errors by up to one half.
+_ORDER_TOLERANCE = 0.6
+# Fraction of the maximum displacement. Smaller errors are accepted, because they are comparable to
+# the error of the reference.
+_NEGLIGIBLE = 1e-6
+# Maximum imbalance of the energies at the smallest time step, as a fraction of the maximum input
+# energy. Methods of order 2 are within 1e-3.
+_ENERGY_TOLERANCE = 1e-2
 
 
 def integrate_in_python(
@@ -125,18 +136,18 @@ def integrate_in_python(
     building = assemble(simple_model(law, [story, story]))
     forces = np.zeros((0, rows.FORCE_COLUMNS))
     h, count = _H / parts, round(_SECONDS / _H) * parts
-    space = workspace(building, integrator, count + 1)
-    space.state[rows.VELOCITY, :-1] = 0.2, 0.3
+    arrays = workspace(building, integrator, count + 1)
+    arrays.state[rows.VELOCITY, :-1] = 0.2, 0.3
     ground = 9.0 * np.sin(14.0 * np.arange(round(_SECONDS / _H) + 1) * _H)
     guarded = {
-        name: GuardedArray.of(getattr(space, name), name)
+        name: GuardedArray.of(getattr(arrays, name), name)
         for name in ("state", "law_state", "scratch", "step_status")
     }
     scene = Scene(
-        building.linear_terms, building.modal, building.law_parameters, forces, space.flags
+        building.linear_terms, building.modal, building.law_parameters, forces, arrays.flags
     )
     scene = Scene(*(GuardedArray.of(array, name) for name, array in scene._asdict().items()))
-    home = sys.modules.get(integrator.family.step.function.__module__)
+    plugin_module = sys.modules.get(integrator.family.step.function.__module__)
     calls = 0
 
     def step(*arguments: Any) -> int:
@@ -148,13 +159,13 @@ def integrate_in_python(
 
     # A continued integration keeps the state and, of the step status, only the number of steps
     # done and the ground state.
-    pieces = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
-    for first, last in pieces:
+    parts_of_run = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
+    for first, last in parts_of_run:
         if first:
-            done = space.step_status[rows.STEPS_DONE], space.step_status[rows.STATE_GROUND]
-            space.step_status[:], space.scratch[:] = 0.0, 0.0
-            space.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = done
-        with np.errstate(all="ignore"), faults_in(home, integrator.label):
+            kept_status = arrays.step_status[rows.STEPS_DONE], arrays.step_status[rows.STATE_GROUND]
+            arrays.step_status[:], arrays.scratch[:] = 0.0, 0.0
+            arrays.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = kept_status
+        with np.errstate(all="ignore"), faults_in(plugin_module, integrator.label):
             code = integrate.function(
                 *(
                     step,
@@ -180,14 +191,18 @@ def integrate_in_python(
                     *scene,
                     *guarded.values(),
                 ),
-                *(np.zeros(rows.LOAD_SIZE), *space.seen),
+                *(np.zeros(rows.LOAD_SIZE), *arrays.seen),
             )
         if code < 0:
-            words = "does not converge" if code == rows.NOT_CONVERGED else "gives no finite numbers"
-            raise AnalysisError(
-                f"{integrator.label}: {words} with dt {h:.4g} s, stories of law {law}"
+            failure = (
+                "a step does not converge"
+                if code == rows.NOT_CONVERGED
+                else "the response is not finite"
             )
-    return space
+            raise AnalysisError(
+                f"{integrator.label}: {failure} with dt {h:.4g} s, stories of law {law}"
+            )
+    return arrays
 
 
 @contextmanager
@@ -205,64 +220,86 @@ def faults_in(module: Any, name: str) -> Iterator[None]:
             for frame in traceback.extract_tb(error.__traceback__)
             if frame.filename == file
         ]
-        place = f"{file}:{lines[-1]}" if lines else name
-        kind = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
-        raise AnalysisError(f"{place}: {kind}{error}") from None
+        location = f"{file}:{lines[-1]}" if lines else name
+        error_type = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
+        raise AnalysisError(f"{location}: {error_type}{error}") from None
 
 
 @cache
-def _true_motion(law: str) -> Array:
-    """Return the displacements computed by `impulse4` with the time step `_H` / 16; their error is
-    below 1e-7 of the maximum."""
+def _reference_displacements(law: str) -> Array:
+    """Return the reference displacements: `impulse4` with the time step `_H` / 16.
+
+    Their error is below 1e-7 of the maximum displacement.
+    """
     return _displacements(integrate_in_python(law, parse("impulse4"), 16), 16)
 
 
 def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
-    """Return the faults of a method for yielding stories: one message per type of fault, for the
-    first hysteresis model that shows it."""
+    """Return the faults of a method for stories that yield.
+
+    The displacements must converge to those of `impulse4`, the energies must be balanced, and
+    clearing the scratch arrays or halving a step must not change the result.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        The method.
+    laws : iterable of str
+        Names of the hysteresis models.
+
+    Returns
+    -------
+    dict of str to str
+        Type of fault -> message for the first hysteresis model with this fault.
+    """
     label, faults = integrator.label, dict[str, str]()
     for law in laws:
-        true = _true_motion(law)
-        size = float(np.max(np.abs(true)))
+        reference = _reference_displacements(law)
+        maximum = float(np.max(np.abs(reference)))
         try:
-            spaces = {parts: integrate_in_python(law, integrator, parts) for parts in (1, 2, 4)}
+            integrations = {
+                parts: integrate_in_python(law, integrator, parts) for parts in (1, 2, 4)
+            }
         except AnalysisError as error:
             faults["failed"] = str(error)
             continue
         errors = {
-            parts: _distance(_displacements(space, parts), true) / size
-            for parts, space in spaces.items()
+            parts: _distance(_displacements(arrays, parts), reference) / maximum
+            for parts, arrays in integrations.items()
         }
         # The results must converge to the motion of impulse4 with the order of the method, or with
         # the order that the kinks permit.
-        due = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-        rates = (
+        expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
+        observed_orders = (
             (0.5 * math.log2(errors[1] / errors[4]), math.log2(errors[2] / errors[4]))
             if errors[4]
             else (math.inf,)
         )
-        if not (max(rates) >= due - _ROOM or errors[4] <= _NOTHING):
-            measured = [f"{error:.2g} off at dt {_H / n:g} s" for n, error in errors.items()]
+        if not (
+            max(observed_orders) >= expected_order - _ORDER_TOLERANCE or errors[4] <= _NEGLIGIBLE
+        ):
+            measured = [f"{error:.2g} at dt {_H / n:g} s" for n, error in errors.items()]
             faults.setdefault(
                 "order",
-                f"{label}: with stories of law {law} displacements are {', '.join(measured)}, "
-                f"of order {max(rates):.1f} where {due:.2g} is due: is each story's state "
-                "committed once a step, with the drift at its end?",
+                f"{label}: with stories of law {law} the relative errors of the displacements are "
+                f"{', '.join(measured)}: order {max(observed_orders):.1f}, the expected order is "
+                f"{expected_order:.2g}; the state of each story must be committed once per step, "
+                "with the drift at its end",
             )
         # The input energy must equal the sum of the stored, damped and dissipated energy.
-        balance = abs(_imbalance(spaces[4].totals))
-        if not balance <= _BALANCE:
+        balance = abs(_imbalance(integrations[4].totals))
+        if not balance <= _ENERGY_TOLERANCE:
             faults.setdefault(
                 "energy",
-                f"{label}: with stories of law {law} the energies are {100.0 * balance:.2g} % of "
-                f"the largest input out of balance at dt {_H / 4:g} s: is dissipation added up "
-                "(`commit`, or `accumulate_dissipation` before "
-                "`commit_without_dissipation`)?",
+                f"{label}: with stories of law {law} the energies are not balanced: the imbalance "
+                f"is {100.0 * balance:.2g} % of the largest input energy at dt {_H / 4:g} s; the "
+                "dissipated energy must be accumulated (`commit`, or `accumulate_dissipation` "
+                "before `commit_without_dissipation`)",
             )
         # A method must keep all its memory in the state. Cleared scratch arrays must not change the
         # result beyond rounding, and a halved step must not increase the error.
-        fresh = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
-        if not _distance(fresh, _displacements(spaces[1], 1)) <= _NOTHING * size:
+        continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
+        if not _distance(continued, _displacements(integrations[1], 1)) <= _NEGLIGIBLE * maximum:
             faults.setdefault(
                 "scratch",
                 f"{label}: the result changes if the scratch rows are cleared between steps: "
@@ -271,16 +308,18 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
         if integrator.family.halvable:
             halved = (
                 _distance(
-                    _displacements(integrate_in_python(law, integrator, 1, halve_at=60), 1), true
+                    _displacements(integrate_in_python(law, integrator, 1, halve_at=60), 1),
+                    reference,
                 )
-                / size
+                / maximum
             )
-            if not halved <= 2.0 * errors[1] + _NOTHING:
+            if not halved <= 2.0 * errors[1] + _NEGLIGIBLE:
                 faults.setdefault(
                     "halved",
-                    f"{label}: with a halved step displacements are {halved:.2g} off, "
-                    f"{errors[1]:.2g} without: its coefficients do not hold for any step "
-                    "(`Family.halvable`), or the state is not left right",
+                    f"{label}: the relative error of the displacements is {halved:.2g} with a "
+                    f"halved step, and {errors[1]:.2g} without; the coefficients must be valid for "
+                    "any step (otherwise set `Family.halvable` to False), and a step that does not "
+                    "converge must not change the state",
                 )
     return faults
 
@@ -292,11 +331,15 @@ def _imbalance(totals: Array) -> float:
     return (received - spent) / float(totals[rows.ENERGY_REFERENCE])
 
 
-def _displacements(space: Workspace, parts: int) -> Array:
-    """Return the displacements of all floors at the ends of the steps `_H`."""
-    floors = space.state.shape[1] - 1
-    return np.asarray(space.history[::parts, 1 : 1 + floors])
+def _displacements(arrays: Workspace, parts: int) -> Array:
+    """Return the displacements of all floors at the times of the largest step `_H`, one row each.
+
+    `parts` is the number of time steps of the history in `_H`.
+    """
+    floors = arrays.state.shape[1] - 1
+    return np.asarray(arrays.history[::parts, 1 : 1 + floors])
 
 
 def _distance(array: Array, other: Array) -> float:
+    """Return the maximum absolute difference of two arrays."""
     return float(np.max(np.abs(np.asarray(array) - other)))

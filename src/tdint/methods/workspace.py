@@ -30,8 +30,16 @@ memory of its rows.
 class Workspace:
     """Arrays that a time integration reads and writes.
 
-    Each table has one column per story and an additional column of zeros. The history contains
-    every `every`-th step; `before` is the number of rows before its first row.
+    Each table has one column per story and an additional column of zeros. Their rows are listed in
+    `tdint.kernels.layout`.
+
+    Attributes
+    ----------
+    every : int
+        Step interval of the rows of the history: 1 to store every step.
+    before : int
+        Number of rows of the complete history that precede the first row of `history`, if the
+        history is written to a file in chunks.
     """
 
     state: Array

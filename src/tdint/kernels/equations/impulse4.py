@@ -51,7 +51,7 @@ from tdint.kernels.stepping import Factors
 from tdint.kernels.stories.branches import find_sign_change
 from tdint.kernels.stories.law_state import restoring_force_outlined
 
-# Coefficients
+# Indices of the coefficients (`tdint.methods.impulse4.coefficients`)
 THETA = 0
 ALPHA = 1
 BETA = 2
@@ -69,71 +69,76 @@ ROOT_IM = 13
 
 
 class _Rows(NamedTuple):
-    """Scratch rows in addition to those of the momentum equations."""
+    """Number of scratch rows of each quantity, in addition to those of the momentum equations."""
 
+    # tangent stiffnesses of the laws at the inner point and at the end of the step, N/m
     TANGENT_C: int = 1
     TANGENT_1: int = 1
     # derivatives of the power-law dashpots at the inner point and at the end, N s/m
     SLOPE_C: int = 1
     SLOPE_1: int = 1
-    LAST_CORRECTION: int = 2  # last corrections of DU and DV
-    KINK: int = (
-        # relative change of the force by the kink at a reversal of the story within the step; 0
-        # otherwise
-        1
-    )
-    BEFORE: int = 1  # block of the law state from which the state at the end is reached
-    MISSED: int = (
-        # difference between the average of the dashpot forces at both endpoints and the mean
-        # dashpot force, N
-        1
-    )
-    PAIR: int = 2  # r1 + l r2, then w: real and imaginary part
-    SAVED: int = (
-        3 + rows.LAW_STATE_ROWS
-    )  # state and law states at the start of a step that is divided into substeps
-    PIECE: int = 3  # response at the start of a substep
-    WORST: int = 1  # maxima over the run of `missed` and `norm` in `join`: columns 0 and 1
-    TURNS: int = 1  # drifts at the reversals of the stories
+    LAST_CORRECTION: int = 2  # last corrections of DU (m) and DV (m/s)
+    # Change of the force due to the kink at a reversal of a curved law within the step, relative to
+    # the force at the reversal; 0 if there is no reversal, or if it must be located
+    KINK: int = 1
+    # First row of the trial state that precedes the state at the end of the step: the inner point
+    # or the reversal, whichever is later. Used if KINK is not 0
+    PREVIOUS_BLOCK: int = 1
+    # average of the dashpot forces at both endpoints minus their mean over the step, N
+    DASHPOT_MISMATCH: int = 1
+    # real and imaginary part of the right side r1 + l r2, then of the solution w (`solve_linear`)
+    COMPLEX: int = 2
+    # state and law states at the start of a step that is divided into substeps
+    SAVED: int = 3 + rows.LAW_STATE_ROWS
+    SUBSTEP_START: int = 3  # displacement, velocity and acceleration at the start of a substep
+    # maxima over the run in `keep_negligible_kinks`: mismatch (column 0) and norm of the
+    # accelerations (column 1)
+    RUN_MAXIMA: int = 1
+    REVERSAL_DRIFTS: int = 1  # drift at the reversal of each story within the substep, m
     PEAKS: int = 2 * rows.PEAK_ROWS  # peaks within the substeps
-    REMAINING: int = 2  # DU and DV from the start of the substep to the end of the step, as solved
+    # DU and DV from the start of the substep to the end of the step: the solution before the
+    # substep was shortened
+    REMAINING: int = 2
 
 
 class _Block(NamedTuple):
     """Rows of a factorization: of the complex matrix for linear branches, and of the matrix of
     Newton's method."""
 
-    # slopes of the complex matrix; the last column contains the length of the step
-    STRAIGHT: int = 1
+    # stiffnesses for which the complex matrix was factorized, N/m; the last column contains the
+    # length of the step, s
+    LINEAR_SLOPES: int = 1
+    # pivots and multipliers of the complex factorization: real and imaginary part
     PIVOT: int = 2
     MULTIPLIER: int = 2
-    FACTORED_C: int = (
-        # tangents of the matrix of Newton's method; the last column of the next row contains the
-        # length of the step
-        1
-    )
+    # tangents at the inner point and at the end for which the matrix of Newton's method was
+    # factorized, N/m; the last column of FACTORED_1 contains the length of the step, s
+    FACTORED_C: int = 1
     FACTORED_1: int = 1
-    FACTORED_SLOPE: int = 1  # derivative of the dashpot force at the end
-    BLOCKS: int = 4
-    COUPLING: int = COUPLING_ROWS
+    FACTORED_SLOPE: int = 1  # its derivative of the dashpot force at the end, N s/m
+    BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization
+    COUPLING: int = COUPLING_ROWS  # blocks between adjacent floors
 
 
-# Reversals that are not located. The values were determined with the problems with Bouc-Wen stories
-# and power-law dashpots of `tdint chart`.
+# The following three values decide which reversals are not located (`keep_negligible_kinks`). They
+# were determined with the problems with Bouc-Wen stories and power-law dashpots of `tdint chart`.
+
+# Dimensionless. A reversal is not located if row KINK is at most this value times the relative
+# mismatch of the mean acceleration.
 _MAX_KINK = 15.0
-# Fraction of the dashpot force that is regarded as a kink. Without it, the errors of small steps
-# are ten times as large.
+# Dimensionless. Fraction of the dashpot force that is added to the kink of the law. Without it, the
+# errors of small steps are ten times as large.
 _DASHPOT_KINK = 0.003
-# Relative to the current peak drift. If the dashpot force is discontinuous near the peak drift, the
-# steps estimate the peak less reliably.
+# Fraction of the current peak drift. In a story with a power-law dashpot, a reversal beyond this
+# drift is always located, because an inaccurate reversal would falsify the peak drift.
 _NEAR_PEAK = 0.8
 
-# Dimensionless. Tolerance of the residuals over the squared relative amount by which the steps of
-# the run miss the mean acceleration (`join`), a quantity of order 4 in the time step. With 0.01 the
-# errors of peak drifts change by less than 2 % in buildings with Bouc-Wen, tanh and stiffening
-# stories and with power-law dashpots.
-_TOLERANCE_PER_MISS = 1e-2
-# Dimensionless. Upper limit of that tolerance. As a fixed tolerance it would limit the accuracy of
+# Dimensionless. Tolerance of the residuals in Newton's method, divided by the relative mismatch of
+# the mean acceleration in the run (`keep_negligible_kinks`), which is of order 4 in the time step.
+# With 0.01, the errors of peak drifts change by less than 2 % in buildings with Bouc-Wen, tanh and
+# stiffening stories and with power-law dashpots.
+_TOLERANCE_PER_MISMATCH = 1e-2
+# Dimensionless. Upper limit of this tolerance. As a fixed tolerance, it would limit the accuracy of
 # peak drifts to about 5e-5.
 _MAX_TOLERANCE = 1e-4
 
@@ -152,7 +157,7 @@ def factor_rows(modes):
 
 
 @inline
-def loads(linear_terms, forces, t, h, ground_0, ground_1, scratch):
+def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
     """Store the load at the end of the step and the exact impulse over [t, t + h].
 
     Parameters
@@ -174,7 +179,8 @@ def loads(linear_terms, forces, t, h, ground_0, ground_1, scratch):
 def solve_linear(coefficients, scene, h, memory, factors):
     """Compute the response over a step in which no story leaves its branch, by one linear solution.
 
-    The first guess has zero increments. Kinematics (times M) and momentum are then
+    The unknowns are the increments du = u1 - u0 and dv = v1 - v0. Kinematics (times M) and
+    momentum, with the residuals r1 and r2 for zero increments, are
 
         (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
 
@@ -183,7 +189,8 @@ def solve_linear(coefficients, scene, h, memory, factors):
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
-    with a symmetric tridiagonal matrix.
+    with a symmetric tridiagonal matrix. The rows DU, DV, U1, V1 and A1 of the scratch array are
+    set.
 
     Parameters
     ----------
@@ -201,28 +208,31 @@ def solve_linear(coefficients, scene, h, memory, factors):
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    re = coefficients[ROOT_RE] * h
-    im = coefficients[ROOT_IM] * h
+    root_re = coefficients[ROOT_RE] * h
+    root_im = coefficients[ROOT_IM] * h
     factorization = Factors(
         scratch,
         factors + _BLOCK.PIVOT,
         factors + _BLOCK.MULTIPLIER,
         factors + _STORE + 6 * modal.shape[0] + 1,
     )
-    damping = ModalBlocks(modal, re, -im, im, re)
-    straight = factors + _BLOCK.STRAIGHT
-    if _right_side(coefficients, scene, h, memory, straight):
+    damping = ModalBlocks(modal, root_re, -root_im, root_im, root_re)
+    slopes_row = factors + _BLOCK.LINEAR_SLOPES
+    if _right_side(coefficients, scene, h, memory, slopes_row):
         for i in range(n):
-            scratch[straight, i] = law_state[rows.SLOPE, i]
-        scratch[straight, n] = h
-        factor_pairs(linear_terms, law_state, (re, im), factorization, damping, n)
-    solve_pairs_damped(factorization, damping, ROW.PAIR, ROW.PAIR + 1, n)
-    _store_response(linear_terms, modal, (re, im), state, law_state, scratch)
+            scratch[slopes_row, i] = law_state[rows.SLOPE, i]
+        scratch[slopes_row, n] = h
+        factor_pairs(linear_terms, law_state, (root_re, root_im), factorization, damping, n)
+    solve_pairs_damped(factorization, damping, ROW.COMPLEX, ROW.COMPLEX + 1, n)
+    _store_response(linear_terms, modal, (root_re, root_im), state, law_state, scratch)
 
 
 @inline
-def _right_side(coefficients, scene, h, memory, straight):
-    """Store the residual for zero increments, r1 + l r2, in the rows PAIR.
+def _right_side(coefficients, scene, h, memory, slopes_row):
+    """Compute the right side r1 + l r2 of the complex equation of `solve_linear`.
+
+    r1 is the residual of kinematics (times M) and r2 the residual of momentum for zero increments,
+    u1 = u0 and v1 = v0. The result is stored in the scratch rows COMPLEX (real and imaginary part).
 
     Parameters
     ----------
@@ -234,29 +244,30 @@ def _right_side(coefficients, scene, h, memory, straight):
         Length of the step, s.
     memory : Memory
         State, law states and scratch array.
-    straight : int
-        Scratch row with the slopes of the existing factorization.
+    slopes_row : int
+        Scratch row with the stiffnesses of the existing factorization; its last column contains the
+        length of the step.
 
     Returns
     -------
     bool
-        True if the factorization is not valid for the current slopes and the length of the step.
+        True if the existing factorization is for other stiffnesses or another length of the step.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    re = coefficients[ROOT_RE] * h
-    im = coefficients[ROOT_IM] * h
+    root_re = coefficients[ROOT_RE] * h
+    root_im = coefficients[ROOT_IM] * h
     by_rate = (
         coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
     )
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
-    is_stale = scratch[straight, n] != h
+    is_stale = scratch[slopes_row, n] != h
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
-        is_stale |= law_state[rows.SLOPE, i] != scratch[straight, i]
+        is_stale |= law_state[rows.SLOPE, i] != scratch[slopes_row, i]
         link = linear_terms[rows.LINK, i]
         mass = linear_terms[rows.MASS, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
@@ -271,20 +282,27 @@ def _right_side(coefficients, scene, h, memory, straight):
             - (force - force_above)
         )
         imbalance = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
-        scratch[ROW.PAIR, i] = (
-            mass * (h * v + by_a0 * state[rows.ACCELERATION, i]) - by_a1 * inertia + re * imbalance
+        scratch[ROW.COMPLEX, i] = (
+            mass * (h * v + by_a0 * state[rows.ACCELERATION, i])
+            - by_a1 * inertia
+            + root_re * imbalance
         )
-        scratch[ROW.PAIR + 1, i] = im * imbalance
+        scratch[ROW.COMPLEX + 1, i] = root_im * imbalance
         force_above = link * force
         impulse_above = link * impulse
-    add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.PAIR, n)
+    add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.COMPLEX, n)
     return is_stale
 
 
 @inline
 def _store_response(linear_terms, modal, root, state, law_state, scratch):
-    """Compute the response at the end of the step from w: dv = im(w) / im(l), du = re(w) + re(l)
-    dv.
+    """Compute the response at the end of the step from the solution w of `solve_linear`.
+
+    The increments follow from w = du - conj(l) dv:
+
+        dv = im(w) / im(l),   du = re(w) + re(l) dv
+
+    The accelerations follow from equilibrium. The rows DU, DV, U1, V1 and A1 are set.
 
     Parameters
     ----------
@@ -295,21 +313,21 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     state, law_state : ndarray
         State and law states at the start of the step.
     scratch : ndarray
-        Scratch rows; PAIR contains w.
+        Scratch array; rows COMPLEX contain w.
     """
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
     force_above = 0.0
-    dv_below = scratch[ROW.PAIR + 1, n - 1] * by_im
-    du_below = scratch[ROW.PAIR, n - 1] + re * dv_below
+    dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
+    du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
     for i in range(n - 1, -1, -1):
         link = linear_terms[rows.LINK, i]
         below = max(i - 1, 0)
         du = du_below
         dv = dv_below
-        dv_below = scratch[ROW.PAIR + 1, below] * by_im
-        du_below = scratch[ROW.PAIR, below] + re * dv_below
+        dv_below = scratch[ROW.COMPLEX + 1, below] * by_im
+        du_below = scratch[ROW.COMPLEX, below] + re * dv_below
         v = state[rows.VELOCITY, i] + dv
         scratch[momentum.DU, i] = du
         scratch[momentum.DV, i] = dv
@@ -351,7 +369,7 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
 
 
 @outlined
-def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
+def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     """Compute the response over a step by Newton's method for all stories together.
 
     The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by equilibrium. If the
@@ -363,7 +381,7 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
 
     Parameters
     ----------
-    frozen : bool
+    keep_branches : bool
         True if stories with a linear branch remain on this branch.
     has_guess : bool
         True if the rows DU and DV contain the first estimate; otherwise it is the motion with
@@ -390,15 +408,15 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
     tolerance = RESIDUAL_TOLERANCE
-    if scratch[ROW.WORST, 1] > 0.0:
-        missed = scratch[ROW.WORST, 0] / scratch[ROW.WORST, 1]
-        tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISS * missed))
+    if scratch[ROW.RUN_MAXIMA, 1] > 0.0:
+        mismatch = scratch[ROW.RUN_MAXIMA, 0] / scratch[ROW.RUN_MAXIMA, 1]
+        tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISMATCH * mismatch))
     iterations = 0
     fraction = 1.0
-    before = math.inf
-    last = False
+    previous_norm = math.inf
+    is_rounding = False
     while True:
-        is_stale = _evaluate_laws(frozen, coefficients, scene, h, memory, factors)
+        is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
             coefficients[ALPHA],
@@ -420,24 +438,26 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
                 scratch,
                 step_status,
             )
-            or last
+            or is_rounding
         ):
             break
         if iterations >= UNDAMPED_ITERATIONS:
             norm = squared_norm(linear_terms, scratch, momentum.R1, n) / (h * h) + squared_norm(
                 linear_terms, scratch, momentum.R2, n
             )
-            if must_halve(norm, before, fraction):
+            if must_halve(norm, previous_norm, fraction):
                 fraction *= 0.5
                 add_rows(-fraction, scratch, ROW.LAST_CORRECTION, momentum.DU, 2, n)
                 continue
-            before = norm
+            previous_norm = norm
             fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
-        last = correct(coefficients[BETA], modal, h, _newton_factorization(scratch, factors), n)
+        is_rounding = correct(
+            coefficients[BETA], modal, h, _newton_factorization(scratch, factors), n
+        )
         iterations += 1
         if iterations > UNDAMPED_ITERATIONS:
             copy_rows(scratch, momentum.R1, ROW.LAST_CORRECTION, 2, n)
@@ -445,14 +465,20 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
 
 
 @inline
-def _evaluate_laws(frozen, coefficients, scene, h, memory, factors):
-    """Evaluate the laws at the inner point and at the end of the step.
+def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
+    """Compute the story forces and their impulses for the current estimate of the increments.
 
-    The story forces at the end and the story impulses are stored.
+    The laws are evaluated at the inner point (suffix `_c`) and at the end of the step. The force of
+    a story at the end includes P-delta and dampers; its impulse is
+
+        h (w0 f0 + wc fc + w1 f1) + c (change of drift)
+
+    with the damping coefficient c. The rows U1, V1, FORCE_1, FORCE_S, TANGENT_C and TANGENT_1 are
+    set.
 
     Parameters
     ----------
-    frozen : bool
+    keep_branches : bool
         True if stories with a linear branch remain on it.
     coefficients : ndarray
         Coefficients of the method.
@@ -498,14 +524,14 @@ def _evaluate_laws(frozen, coefficients, scene, h, memory, factors):
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
-        if frozen and law_state[rows.SLOPE, i] < math.inf:
+        if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             tangent_c = tangent = law_state[rows.SLOPE, i]
             scratch[ROW.KINK, i] = 0.0
             force_c = law_state[rows.FORCE, i] + tangent * (drift_c - law_state[rows.DRIFT, i])
             force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
         else:
             is_reversed = False
-            if HAS_CURVED_LAW and frozen:
+            if HAS_CURVED_LAW and keep_branches:
                 tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                     coefficients, scene, h, i, (drift_c, drift), memory
                 )
@@ -555,9 +581,11 @@ def _evaluate_laws(frozen, coefficients, scene, h, memory, factors):
 
 @outlined
 def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
-    """Evaluate a curved law of story `i` over a reversal within the step.
+    """Evaluate a curved law of story `i` if the story reverses within the step.
 
-    The drift within the step is a cubic.
+    The drift within the step is the cubic Hermite interpolant. The law is evaluated at the reversal
+    as well as at the inner point and at the end, in the order in which they occur. The effect of
+    the kink of the force on the step is estimated and stored in row KINK.
 
     Parameters
     ----------
@@ -587,21 +615,30 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     drift_c, drift = drifts
     link = linear_terms[rows.LINK, i]
     below = max(i - 1, 0)
-    turn = law_state[rows.RATE_SIGN, i]
-    before = turn * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
-    after = turn * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
+    sign = law_state[rows.RATE_SIGN, i]
+    # Changes of the drift over the step at the rates of both endpoints, positive in the direction
+    # of loading. The story reverses if the first is positive and the second negative.
+    scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
+    scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
     scratch[ROW.KINK, i] = 0.0
-    if not (before > 0.0 and after < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
+    if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
     start = law_state[rows.DRIFT, i]
-    change = turn * (drift - start)
-    s = min(find_sign_change(before, 3.0 * change - before - after, after), 1.0)
+    change = sign * (drift - start)
+    # The reversal is at the fraction s of the step. `excursion` is the change of the drift until
+    # then.
+    s = min(
+        find_sign_change(
+            scaled_rate_0, 3.0 * change - scaled_rate_0 - scaled_rate_1, scaled_rate_1
+        ),
+        1.0,
+    )
     r = 1.0 - s
-    peak = s * s * (3.0 - 2.0 * s) * change + s * r * (r * before - s * after)
-    reversal_drift = start + turn * peak
-    c = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
-    if s < c:
-        loading = restoring_force_outlined(
+    excursion = s * s * (3.0 - 2.0 * s) * change + s * r * (r * scaled_rate_0 - s * scaled_rate_1)
+    reversal_drift = start + sign * excursion
+    inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
+    if s < inner_fraction:
+        loading_tangent = restoring_force_outlined(
             law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift
         )
         tangent_c = restoring_force_outlined(
@@ -610,40 +647,44 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         tangent = restoring_force_outlined(
             law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
         )
-        scratch[ROW.BEFORE, i] = rows.FIRST_TRIAL
+        scratch[ROW.PREVIOUS_BLOCK, i] = rows.FIRST_TRIAL
     else:
         tangent_c = restoring_force_outlined(
             law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
         )
-        loading = restoring_force_outlined(
+        loading_tangent = restoring_force_outlined(
             law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, reversal_drift
         )
         tangent = restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
-        scratch[ROW.BEFORE, i] = rows.THIRD_TRIAL
-    kink = abs(tangent - loading) * min(peak, peak - change)
+        scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL
+    kink = abs(tangent - loading_tangent) * min(excursion, excursion - change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
-        force_0, _ = power_damper(linear_terms, i, before / h)
-        force_1, _ = power_damper(linear_terms, i, after / h)
+        force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
+        force_1, _ = power_damper(linear_terms, i, scaled_rate_1 / h)
         kink += _DASHPOT_KINK * min(abs(force_0), abs(force_1))
     scratch[ROW.KINK, i] = kink / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
     # A change of the drift at the end changes the drift at the reversal by this fraction, and
     # therefore its force.
     fraction = s * s * (3.0 - 2.0 * s)
-    return tangent_c, tangent + fraction * (loading - tangent), True
+    return tangent_c, tangent + fraction * (loading_tangent - tangent), True
 
 
 @outlined
-def join(scene, h, memory):
-    """Determine the stories with a reversal that does not have to be located; row KINK of the other
-    stories is set to 0.
+def keep_negligible_kinks(scene, h, memory):
+    """Set row KINK to 0 for stories whose reversal must be located.
 
-    A kink must not exceed the error of the worst step of the run until now. With one frequency
-    omega, the accelerations at the endpoints of a step differ from the mean by (omega h)^2 / 12 of
-    their value, and the error of the mean force is about the square of this value, which is of
-    order 4. The effect of a kink is of order 2, so that for small steps all reversals are located.
-    The dashpots are not included because their forces are discontinuous at a reversal.
+    A curved law has a kink of the force at a reversal. The reversal does not have to be located if
+    the kink is small compared with the largest error of a step in the run. This error is estimated
+    by the mismatch between the average of the accelerations at both endpoints and the mean
+    acceleration over the step, squared, weighted with the masses and summed over the floors. For a
+    response with the frequency omega, the relative mismatch is (omega h)^2 / 12 and its square is
+    of order 4 in the time step h. The effect of a kink is of order 2. Therefore, all reversals are
+    located if the steps are small. The forces of power-law dashpots are removed from the
+    accelerations because they are discontinuous at a reversal.
+
+    The maxima of the mismatch and of the norm of the accelerations are updated in row RUN_MAXIMA.
 
     Parameters
     ----------
@@ -657,29 +698,30 @@ def join(scene, h, memory):
     linear_terms = scene.linear_terms
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    missed = norm = 0.0
+    mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
-        dashpots = (
-            scratch[ROW.MISSED, i] - linear_terms[rows.LINK, i + 1] * scratch[ROW.MISSED, i + 1]
+        dashpot_force = (
+            scratch[ROW.DASHPOT_MISMATCH, i]
+            - linear_terms[rows.LINK, i + 1] * scratch[ROW.DASHPOT_MISMATCH, i + 1]
         )
-        miss = (
+        difference = (
             0.5 * (a0 + a1)
             - scratch[momentum.DV, i] / h
-            + linear_terms[rows.INVERSE_MASS, i] * dashpots
+            + linear_terms[rows.INVERSE_MASS, i] * dashpot_force
         )
-        missed += linear_terms[rows.MASS, i] * miss * miss
-        norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
-    missed = max(missed, scratch[ROW.WORST, 0])
-    scratch[ROW.WORST, 0] = missed
-    scratch[ROW.WORST, 1] = max(norm, scratch[ROW.WORST, 1])
+        mismatch += linear_terms[rows.MASS, i] * difference * difference
+        acceleration_norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
+    mismatch = max(mismatch, scratch[ROW.RUN_MAXIMA, 0])
+    scratch[ROW.RUN_MAXIMA, 0] = mismatch
+    scratch[ROW.RUN_MAXIMA, 1] = max(acceleration_norm, scratch[ROW.RUN_MAXIMA, 1])
     for i in range(n):
         is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
             >= _NEAR_PEAK * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
         )
         is_reliable = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
-        if not (is_reliable and scratch[ROW.KINK, i] * norm <= _MAX_KINK * missed):
+        if not (is_reliable and scratch[ROW.KINK, i] * acceleration_norm <= _MAX_KINK * mismatch):
             scratch[ROW.KINK, i] = 0.0
 
 
@@ -719,33 +761,38 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
         + coefficients[RATE_BY_VELOCITY_1] * rate_1
     )
     force_0, _ = power_damper(linear_terms, i, rate_0)
-    force_c, slope_c = power_damper(linear_terms, i, rate_c)
-    force_1, slope_1 = power_damper(linear_terms, i, rate_1)
+    force_c, derivative_c = power_damper(linear_terms, i, rate_c)
+    force_1, derivative_1 = power_damper(linear_terms, i, rate_1)
     scratch[momentum.FORCE_1, i] += force_1
-    mean = (
+    mean_force = (
         coefficients[WEIGHT_0] * force_0
         + coefficients[WEIGHT_C] * force_c
         + coefficients[WEIGHT_1] * force_1
     )
-    scratch[momentum.FORCE_S, i] += h * mean
-    scratch[ROW.MISSED, i] = 0.5 * (force_0 + force_1) - mean
-    scratch[ROW.SLOPE_C, i] = slope_c
-    scratch[ROW.SLOPE_1, i] = slope_1
+    scratch[momentum.FORCE_S, i] += h * mean_force
+    scratch[ROW.DASHPOT_MISMATCH, i] = 0.5 * (force_0 + force_1) - mean_force
+    scratch[ROW.SLOPE_C, i] = derivative_c
+    scratch[ROW.SLOPE_1, i] = derivative_1
     return (
-        h * abs(slope_1 - scratch[factors + _BLOCK.FACTORED_SLOPE, i])
+        h * abs(derivative_1 - scratch[factors + _BLOCK.FACTORED_SLOPE, i])
         > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]
     )
 
 
 @inline
 def _newton_factorization(scratch, factors):
-    """Return the rows of the factorization of Newton's method."""
+    """Return the location of the factorization of Newton's method in the scratch array."""
     return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
 
 @outlined
 def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     """Assemble and factorize the matrix of Newton's method for the current tangents.
+
+    The matrix consists of 2 x 2 blocks for the unknowns (u1 - u0, v1 - v0) of each floor. It is
+    block tridiagonal because a story couples adjacent floors only. Rows `coupling` and
+    `coupling + 1` contain the derivatives of the kinematic equation of the story with respect to
+    its drift and its drift rate; the next two rows, those of the momentum equation.
 
     Parameters
     ----------
