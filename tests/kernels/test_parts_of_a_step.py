@@ -61,9 +61,9 @@ def test_a_floor_moves_between_corners_as_its_accelerations_and_the_step_say():
     way = rate.integ()
     missed, missed_rate = 0.013, -0.021
     scratch = np.zeros((STORE, 2))
-    scratch[ROW.FORCES : ROW.FORCES + 5, 1] = times
+    scratch[ROW.NODE_FORCE : ROW.NODE_FORCE + 5, 1] = times
     absolute = relative(times) / h**2 + ground[0] + times * (ground[1] - ground[0])
-    scratch[ROW.MOTION : ROW.MOTION + 5, 0] = absolute
+    scratch[ROW.NODE_ACCELERATION : ROW.NODE_ACCELERATION + 5, 0] = absolute
     scratch[ROW.A0, 0] = rate(1.0) - rate(0.0) + missed_rate
     scratch[ROW.RISE, 0] = way(1.0) + missed
     state = np.zeros((3, 2))
@@ -76,7 +76,9 @@ def test_a_floor_moves_between_corners_as_its_accelerations_and_the_step_say():
     cubic = np.polynomial.Polynomial(
         [0.0, 0.0, 3.0 * missed - missed_rate, missed_rate - 2.0 * missed]
     )
-    moved, rates = (scratch[row + 1 : row + 5, 0] for row in (ROW.WAYS, ROW.RATES))
+    moved, rates = (
+        scratch[row + 1 : row + 5, 0] for row in (ROW.NODE_DISPLACEMENT, ROW.NODE_VELOCITY)
+    )
     assert moved == pytest.approx((way + cubic)(times[1:]), rel=1e-12)
     assert rates == pytest.approx((rate + cubic.deriv())(times[1:]), rel=1e-12)
 

@@ -8,7 +8,7 @@ from step_checks import refined
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import ROW
-from tdint.methods.impulse4 import _shorten
+from tdint.methods.impulse4 import _shorten_increments
 
 
 @pytest.mark.parametrize("fraction", [0.01, 0.3, 0.5, 0.97, 1.0])
@@ -21,7 +21,7 @@ def test_the_first_estimate_of_a_shortened_step_is_the_cubic_of_the_longer_one(f
         v = u.deriv()
         state[rows.DISPLACEMENT, i], state[rows.VELOCITY, i] = u(0.0), v(0.0)
         scratch[momentum.DU, i], scratch[momentum.DV, i] = u(h) - u(0.0), v(h) - v(0.0)
-    _shorten(fraction, h, state, scratch, n)
+    _shorten_increments(fraction, h, state, scratch, n)
     s = fraction * h
     for i, u in enumerate(cubics):
         assert scratch[momentum.DU, i] == pytest.approx(u(s) - u(0.0), rel=1e-9, abs=1e-15)

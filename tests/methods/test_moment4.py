@@ -388,7 +388,7 @@ def test_from_rest_under_a_ramp_no_story_turns(monkeypatch, damping):
     """All drifts grow, those of upper stories with higher powers of time: their parabolas start
     backwards. They would turn if only the parabola were asked."""
     assert turns_from_rest(monkeypatch, damping) == []
-    monkeypatch.setattr(equations, "_steady", lambda *_: False)
+    monkeypatch.setattr(equations, "_has_no_reversal", lambda *_: False)
     assert turns_from_rest(monkeypatch, damping)
 
 

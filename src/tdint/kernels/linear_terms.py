@@ -68,8 +68,12 @@ def force_impulse(forces, j, t, h):
     h : float
         Time step, s.
     """
-    half = 0.5 * forces[j, rows.OMEGA] * h
-    sinc = math.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0
+    half_angle = 0.5 * forces[j, rows.OMEGA] * h
+    sinc = (
+        math.sin(half_angle) / half_angle
+        if half_angle > 1e-4
+        else 1.0 - half_angle * half_angle / 6.0
+    )
     return h * sinc * force_value(forces, j, t + 0.5 * h)
 
 
@@ -92,12 +96,16 @@ def force_moment(forces, j, t, h):
     h : float
         Time step, s.
     """
-    x = 0.5 * forces[j, rows.OMEGA] * h
-    if abs(x) > 0.1:
-        share = (math.sin(x) - x * math.cos(x)) / (x * x * x)
+    half_angle = 0.5 * forces[j, rows.OMEGA] * h
+    if abs(half_angle) > 0.1:
+        integral = (math.sin(half_angle) - half_angle * math.cos(half_angle)) / (
+            half_angle * half_angle * half_angle
+        )
     else:
-        share = 1.0 / 3.0 - x * x / 30.0 * (1.0 - x * x / 28.0 * (1.0 - x * x / 54.0))
-    return 3.0 * h * share * force_rate(forces, j, t + 0.5 * h)
+        integral = 1.0 / 3.0 - half_angle * half_angle / 30.0 * (
+            1.0 - half_angle * half_angle / 28.0 * (1.0 - half_angle * half_angle / 54.0)
+        )
+    return 3.0 * h * integral * force_rate(forces, j, t + 0.5 * h)
 
 
 @inline
@@ -259,9 +267,11 @@ def _add_means(forces, t, h, r, scratch, row):
         mean = force_impulse(forces, j, t, h) / h
         scratch[row, floor] += mean
         if r > 0.0:
-            before = force_value(forces, j, t)
-            after = force_value(forces, j, t + h)
-            scratch[row + 1, floor] += after - before + 12.0 * r * (0.5 * (before + after) - mean)
+            force_0 = force_value(forces, j, t)
+            force_1 = force_value(forces, j, t + h)
+            scratch[row + 1, floor] += (
+                force_1 - force_0 + 12.0 * r * (0.5 * (force_0 + force_1) - mean)
+            )
         else:
             scratch[row + 1, floor] += force_moment(forces, j, t, h)
 
@@ -331,13 +341,15 @@ def power_damper(linear_terms, i, rate):
 @outlined
 def _power_damper(linear_terms, i, rate):
     """Return the force c v (v^2 + v0^2)^e of a power-law dashpot, N, and its derivative, N s/m."""
-    size = rate * rate + linear_terms[rows.THRESHOLD, i]
-    if size == 0.0:  # zero rate and no threshold, which requires an exponent of at least 1
+    squared_rate = rate * rate + linear_terms[rows.THRESHOLD, i]
+    if squared_rate == 0.0:  # zero rate and no threshold, which requires an exponent of at least 1
         return 0.0, linear_terms[rows.POWER_DAMPER, i] if linear_terms[
             rows.POWER, i
         ] == 0.0 else 0.0
-    secant = linear_terms[rows.POWER_DAMPER, i] * size ** linear_terms[rows.POWER, i]
-    return secant * rate, secant * (1.0 + 2.0 * linear_terms[rows.POWER, i] * rate * rate / size)
+    secant = linear_terms[rows.POWER_DAMPER, i] * squared_rate ** linear_terms[rows.POWER, i]
+    return secant * rate, secant * (
+        1.0 + 2.0 * linear_terms[rows.POWER, i] * rate * rate / squared_rate
+    )
 
 
 @inline

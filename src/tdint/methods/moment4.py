@@ -47,7 +47,7 @@ from __future__ import annotations
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.corners import update_peaks_at_corners
-from tdint.kernels.equations.moment4 import ROW, R, finish, move, scratch_rows
+from tdint.kernels.equations.moment4 import ROW, R, scratch_rows, solve_step, update_state
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP, Memory, Scene
@@ -105,12 +105,12 @@ def step(
     mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
-    code = move(coefficients, scene, h, memory)
+    code = solve_step(coefficients, scene, h, memory)
     if code < 0:
         return code
     if HAS_NONLINEAR_FORCE:
         update_peaks_at_corners(scene, h, load, memory)
-    finish(coefficients, scene, h, memory)
+    update_state(coefficients, scene, h, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else rows.NOT_FINITE
 
 

@@ -310,9 +310,8 @@ def implicit_step(
 
     Newton's method solves the equations of all floors and both stages together. The factorization
     is reused while the time step is the same and no tangent changes by more than
-    TANGENT_TOLERANCE. From correction number
-    UNDAMPED_ITERATIONS + 1 on, a line search halves corrections that do not reduce the residual
-    (`tdint.kernels.equations.iteration`).
+    TANGENT_TOLERANCE. After UNDAMPED_ITERATIONS corrections, a line search halves corrections that
+    do not reduce the residual (`tdint.kernels.equations.iteration`).
 
     Parameters
     ----------
@@ -433,9 +432,8 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     h : float
         Time step, s.
     memory : Memory
-        State, law states, scratch array and report. Rows STAGE_U, STAGE_V, STORY_FORCE,
-        FORCE_SCALE,
-        TANGENT and DAMPER_TANGENT of the scratch array are set.
+        State, law states, scratch array and step status. Rows STAGE_U, STAGE_V, STORY_FORCE,
+        FORCE_SCALE, TANGENT and DAMPER_TANGENT of the scratch array are set.
 
     Returns
     -------
@@ -504,7 +502,7 @@ def _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
     ----------
     is_last : bool
         True if no further iteration is allowed: the largest relative residual and its floor are
-        then stored in `report`.
+        then stored in `step_status`.
     linear_terms, modal : ndarray
         Linear terms and modal damping of the building.
     scratch : ndarray

@@ -1,9 +1,11 @@
 """Peaks within a step of `moment4` in which stories change their branches or reverse.
 
-At these points the derivatives of the forces are discontinuous (corners), and so are those of the
-accelerations. A quintic through the endpoints of the step does not represent them. The paths of the
-stories (`tdint.kernels.stories.path`) determine the times of the corners and the forces, and
-equilibrium determines the accelerations.
+A branch change or a reversal is a corner: the rate of the story force is discontinuous, and so is
+the rate of the accelerations. The quintic interpolant between the endpoints of the step
+(`tdint.kernels.peaks_between_steps`) does not represent corners. Here the times of the corners and
+the story forces follow from the paths of the stories (`tdint.kernels.stories.path`), and the
+accelerations follow from equilibrium at nodes: the endpoints of the step, the corners, and the
+midpoints between them. Times t are fractions of the step, from 0 to 1.
 """
 
 from __future__ import annotations
@@ -19,20 +21,23 @@ from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
 from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories import path
 
-# Relative to the stiffness of a story times its change of drift: maximum difference between its
-# force and the linear least-squares fit in the step (the acceleration is A0 + A1 s), for a force
-# that loses all stiffness at the middle of the step.
-_CORNER = 0.125
-_PASSES = 2  # number of passes; after the second pass the error is below the error of the step
-# fraction of the step; corners with a smaller distance from each other or from an endpoint are
-# regarded as one corner
+# Bound of the deviation of a story force from its linear least-squares fit over the step, divided
+# by stiffness times change of drift. It is reached if the story loses all stiffness at the middle
+# of the step. The accelerations A0 + A1 s of the step correspond to the linear fit.
+_FORCE_DEVIATION = 0.125
+# Number of passes of the fixed-point iteration for the accelerations at the nodes. After the second
+# pass, the error is below the error of the step.
+_PASSES = 2
+# Fraction of the step. Corners with a smaller distance from each other or from an endpoint are
+# regarded as one corner.
 _MIN_DISTANCE = 1e-6
 
 
 @inline
 def _story_value(linear_terms, scratch, row, i):
-    """Return the value of story `i` from a row with values of floors: the value of its floor minus
-    the value of the floor below.
+    """Return the difference between floor `i` and the floor below for a row of floor values.
+
+    For displacements, it is the drift of story `i`.
 
     Parameters
     ----------
@@ -50,7 +55,7 @@ def _story_value(linear_terms, scratch, row, i):
 
 @inline
 def _story_path(linear_terms, law_state, scratch, i):
-    """Return the parabola of drift of story `i`.
+    """Return the parabola of drift of story `i` over the complete step.
 
     Parameters
     ----------
@@ -75,7 +80,7 @@ def _story_path(linear_terms, law_state, scratch, i):
 
 @inline
 def _skip_branch(law_state, i, block, segment, results):
-    """Do nothing on a branch.
+    """Do nothing along a branch; `path.along_branches` calls this function for each branch.
 
     Parameters
     ----------
@@ -94,8 +99,8 @@ def _skip_branch(law_state, i, block, segment, results):
 
 
 @inline
-def _ignore(results, i, t, force):
-    """Ignore the end of a branch.
+def _ignore_branch_end(results, i, t, force):
+    """Do nothing at the end of a branch; `path.along_branches` calls this function there.
 
     Parameters
     ----------
@@ -113,8 +118,10 @@ def _ignore(results, i, t, force):
 
 @inline
 def _store_corner(results, i, t, force):
-    """Store the time of a corner in column 0 of the rows CORNERS, in increasing order, and update
-    the peak shear.
+    """Insert the time of a corner into the sorted list of corners, and update the peak shear.
+
+    The list is in column 0 of the rows CORNERS. A corner at an endpoint of the step and a corner
+    beyond MAX_CORNERS are not inserted.
 
     Parameters
     ----------
@@ -139,33 +146,36 @@ def _store_corner(results, i, t, force):
         scratch[first, 0] = count + 1.0
 
 
-_go_storing_corners = path.along_branches(_skip_branch, _store_corner)
-_go = path.along_branches(_skip_branch, _ignore)
+_follow_path_storing_corners = path.along_branches(_skip_branch, _store_corner)
+_follow_path = path.along_branches(_skip_branch, _ignore_branch_end)
 
 
 @inline
-def _direction(segment, steady):
+def _direction(segment, no_reversal):
     """Return the direction in which a story moves along a part of its path: 1, -1 or 0.
 
     Parameters
     ----------
     segment : PathSegment
         Part of the path.
-    steady : bool
+    no_reversal : bool
         True if the story has no reversal in the step; the direction is then that of its complete
         path.
     """
     drift_change = (
         segment.rise
-        if steady
+        if no_reversal
         else path.drift_at(segment, segment.end) - path.drift_at(segment, segment.begin)
     )
     return math.copysign(1.0, drift_change) if drift_change != 0.0 else 0.0
 
 
 @outlined
-def _find_corners(law_parameters, law_state, i, complete, steady, corners):
-    """Store the corners on the path of story `i`, including its reversal.
+def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
+    """Find the corners of story `i` in the step: its branch changes and its reversal.
+
+    The law follows the parabola of drift in the trial state SECOND_TRIAL. The committed state is
+    not changed.
 
     Parameters
     ----------
@@ -175,28 +185,34 @@ def _find_corners(law_parameters, law_state, i, complete, steady, corners):
         Index of the story.
     complete : PathSegment
         Complete path.
-    steady : bool
+    no_reversal : bool
         True if the story has no reversal in the step.
     corners : Integrals
         Rows of the corners.
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)
-    turn = 1.0 if steady else path.time_of_extremum(complete)
-    path_forth, drift = path.path_segment(complete, 0.0, turn), path.drift_at(complete, turn)
-    _go_storing_corners(
+    reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
+    path_forth, drift = (
+        path.path_segment(complete, 0.0, reversal_time),
+        path.drift_at(complete, reversal_time),
+    )
+    _follow_path_storing_corners(
         law_parameters,
         law_state,
         i,
         rows.SECOND_TRIAL,
         path_forth,
-        _direction(path_forth, steady),
+        _direction(path_forth, no_reversal),
         drift,
         corners,
     )
-    if turn < 1.0:
-        _store_corner(corners, i, turn, law_state[rows.SECOND_TRIAL + rows.FORCE, i])
-        path_back, drift = path.path_segment(complete, turn, 1.0), path.drift_at(complete, 1.0)
-        _go_storing_corners(
+    if reversal_time < 1.0:
+        _store_corner(corners, i, reversal_time, law_state[rows.SECOND_TRIAL + rows.FORCE, i])
+        path_back, drift = (
+            path.path_segment(complete, reversal_time, 1.0),
+            path.drift_at(complete, 1.0),
+        )
+        _follow_path_storing_corners(
             law_parameters,
             law_state,
             i,
@@ -210,26 +226,30 @@ def _find_corners(law_parameters, law_state, i, complete, steady, corners):
 
 @outlined
 def _store_nodes(scratch, n):
-    """Store the times of the nodes in column n of the rows FORCES and return their number.
+    """Compute the times of the nodes and return their number.
 
-    The nodes are the endpoints of the step, the corners, and the midpoints between them.
+    The nodes are the endpoints of the step, the corners, and the midpoints between them. Their
+    times, as fractions of the step, are stored in the last column (n) of the rows NODE_FORCE.
     """
-    scratch[ROW.FORCES, n] = 0.0
+    scratch[ROW.NODE_FORCE, n] = 0.0
     count = 1
     corners = int(scratch[ROW.CORNERS, 0])
     for k in range(corners + 1):
-        previous = scratch[ROW.FORCES + count - 1, n]
+        previous = scratch[ROW.NODE_FORCE + count - 1, n]
         t = scratch[ROW.CORNERS + 1 + k, 0] if k < corners else 1.0
         if t - previous > _MIN_DISTANCE:
-            scratch[ROW.FORCES + count, n] = 0.5 * (previous + t)
-            scratch[ROW.FORCES + count + 1, n] = t
+            scratch[ROW.NODE_FORCE + count, n] = 0.5 * (previous + t)
+            scratch[ROW.NODE_FORCE + count + 1, n] = t
             count += 2
     return count
 
 
 @outlined
 def _store_forces(scene, h, memory, i, count):
-    """Compute the force of story `i` at the nodes, including P-delta and without dampers, N.
+    """Compute the force of story `i` at all nodes, including P-delta and without dampers, N.
+
+    The rows NODE_FORCE receive the forces. A story on a linear branch has the force of this branch;
+    a story that changes its branch follows its path; the force of a curved law is approximated.
 
     Parameters
     ----------
@@ -247,48 +267,48 @@ def _store_forces(scene, h, memory, i, count):
     _, law_state, scratch, _ = memory
     linear_terms = scene.linear_terms
     n = linear_terms.shape[1] - 1
-    complete = _story_path(linear_terms, law_state, scratch, i)
+    story_path = _story_path(linear_terms, law_state, scratch, i)
     geometric = linear_terms[rows.GEOMETRIC, i]
-    has_left = scratch[ROW.LEFT, i] != 0.0
-    curved = HAS_CURVED_LAW and not law_state[rows.SLOPE, i] < math.inf
+    leaves_branch = scratch[ROW.LEAVES_BRANCH, i] != 0.0
+    is_curved = HAS_CURVED_LAW and not law_state[rows.SLOPE, i] < math.inf
     mean = moment = 0.0
-    if curved:
+    if is_curved:
         # The force is approximated by a parabola with its mean, its moment and its value at the
         # start.
         mean = scratch[ROW.PATH + path.MEAN, i] - geometric * (
-            complete.start + 0.5 * complete.rise - complete.bend / 12.0
+            story_path.start + 0.5 * story_path.rise - story_path.bend / 12.0
         )
-        mean -= linear_terms[rows.STORY_DAMPER, i] / h * complete.rise + scratch[ROW.DASHPOT, i]
-        moment = scratch[ROW.PATH + path.MOMENT, i] - geometric * complete.rise
+        mean -= linear_terms[rows.STORY_DAMPER, i] / h * story_path.rise + scratch[ROW.DASHPOT, i]
+        moment = scratch[ROW.PATH + path.MOMENT, i] - geometric * story_path.rise
         moment -= (
-            linear_terms[rows.STORY_DAMPER, i] / h * complete.bend + scratch[ROW.DASHPOT + 1, i]
+            linear_terms[rows.STORY_DAMPER, i] / h * story_path.bend + scratch[ROW.DASHPOT + 1, i]
         )
-    elif has_left:
+    elif leaves_branch:
         path.copy(law_state, i, 0, rows.SECOND_TRIAL)
     previous = 0.0
     for k in range(count):
-        t = scratch[ROW.FORCES + k, n]
+        t = scratch[ROW.NODE_FORCE + k, n]
         s = t - 0.5
-        drift = complete.start + _story_value(linear_terms, scratch, ROW.WAYS + k, i)
+        drift = story_path.start + _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
         force = law_state[rows.FORCE, i]
-        if curved:
+        if is_curved:
             force = mean + s * moment + (6.0 * s * s - 0.5) * (force - mean + 0.5 * moment)
-        elif not has_left:
-            force += law_state[rows.SLOPE, i] * (drift - complete.start)
+        elif not leaves_branch:
+            force += law_state[rows.SLOPE, i] * (drift - story_path.start)
         elif t > 0.0:
-            part = path.path_segment(complete, previous, t)
-            side, reached = (
-                _direction(part, scratch[ROW.STEADY, i] != 0.0),
-                path.drift_at(complete, t),
+            segment = path.path_segment(story_path, previous, t)
+            direction, end_drift = (
+                _direction(segment, scratch[ROW.NO_REVERSAL, i] != 0.0),
+                path.drift_at(story_path, t),
             )
-            _go(
+            _follow_path(
                 scene.law_parameters,
                 law_state,
                 i,
                 rows.SECOND_TRIAL,
-                part,
-                side,
-                reached,
+                segment,
+                direction,
+                end_drift,
                 Integrals(scratch, ROW.CORNERS),
             )
             distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, i]
@@ -297,13 +317,15 @@ def _store_forces(scene, h, memory, i, count):
                 + law_state[rows.SECOND_TRIAL + rows.SLOPE, i] * distance
             )
             previous = t
-        scratch[ROW.FORCES + k, i] = force + geometric * drift
+        scratch[ROW.NODE_FORCE + k, i] = force + geometric * drift
 
 
 @outlined
 def _store_accelerations(scene, h, load, scratch, k):
-    """Compute the absolute accelerations of the floors at node `k` from equilibrium, and replace
-    the story forces by total shears.
+    """Compute the absolute accelerations of all floors at node `k` from equilibrium.
+
+    Row NODE_ACCELERATION + k receives the accelerations, m/s^2. In row NODE_FORCE + k, the story
+    forces are replaced by total shears, which include all viscous forces, N.
 
     Parameters
     ----------
@@ -320,40 +342,43 @@ def _store_accelerations(scene, h, load, scratch, k):
     """
     linear_terms, modal, _, forces, _ = scene
     n = linear_terms.shape[1] - 1
-    t = scratch[ROW.FORCES + k, n]
-    by_h = 1.0 / h
+    t = scratch[ROW.NODE_FORCE + k, n]
+    inverse_h = 1.0 / h
     for i in range(n):
-        scratch[ROW.OTHER, i] = 0.0
-    add_modal_force(modal, scratch, ROW.RATES + k, -by_h, scratch, ROW.OTHER, n)
-    damped = above = 0.0
+        scratch[ROW.MODAL_FORCE, i] = 0.0
+    add_modal_force(modal, scratch, ROW.NODE_VELOCITY + k, -inverse_h, scratch, ROW.MODAL_FORCE, n)
+    floor_forces = story_force_above = 0.0
     for i in range(n - 1, -1, -1):
         link = linear_terms[rows.LINK, i]
-        rate = by_h * _story_value(linear_terms, scratch, ROW.RATES + k, i)
-        story = scratch[ROW.FORCES + k, i] + linear_terms[rows.STORY_DAMPER, i] * rate
-        story += power_damper(linear_terms, i, rate)[0]
-        outer = (
-            scratch[ROW.OTHER, i]
-            - by_h * linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.RATES + k, i]
+        rate = inverse_h * _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i)
+        story_force = scratch[ROW.NODE_FORCE + k, i] + linear_terms[rows.STORY_DAMPER, i] * rate
+        story_force += power_damper(linear_terms, i, rate)[0]
+        floor_force = (
+            scratch[ROW.MODAL_FORCE, i]
+            - inverse_h * linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.NODE_VELOCITY + k, i]
         )
-        damped -= outer
-        scratch[ROW.FORCES + k, i] = story + damped
-        scratch[ROW.MOTION + k, i] = linear_terms[rows.INVERSE_MASS, i] * (above - story + outer)
-        above = link * story
-        damped *= link
+        floor_forces -= floor_force
+        scratch[ROW.NODE_FORCE + k, i] = story_force + floor_forces
+        scratch[ROW.NODE_ACCELERATION + k, i] = linear_terms[rows.INVERSE_MASS, i] * (
+            story_force_above - story_force + floor_force
+        )
+        story_force_above = link * story_force
+        floor_forces *= link
     if FORCES:
         for j in range(forces.shape[0]):
             i = int(forces[j, rows.FLOOR])
-            scratch[ROW.MOTION + k, i] += linear_terms[rows.INVERSE_MASS, i] * force_value(
-                forces, j, load[rows.TIME] + t * h
-            )
+            scratch[ROW.NODE_ACCELERATION + k, i] += linear_terms[
+                rows.INVERSE_MASS, i
+            ] * force_value(forces, j, load[rows.TIME] + t * h)
 
 
 @outlined
 def _integrate_accelerations(h, load, memory, i, count):
-    """Integrate the accelerations of floor `i` at the nodes to displacements and rates.
+    """Integrate the accelerations of floor `i` at the nodes to displacements and velocities.
 
-    The acceleration is a parabola over each pair of intervals. A linear term is added so that the
-    floor has the response of the step at its end.
+    Between two corners the acceleration is the parabola through three nodes. A linear function of
+    time is added to the acceleration so that displacement and velocity at the end of the step are
+    those of the step.
 
     Parameters
     ----------
@@ -370,32 +395,41 @@ def _integrate_accelerations(h, load, memory, i, count):
     """
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
-    v = h * state[rows.VELOCITY, i]
-    drift_change, rate, a2 = 0.0, v, _relative(h, load, scratch, 0, i, n)
+    scaled_v0 = h * state[rows.VELOCITY, i]
+    displacement, rate, a2 = 0.0, scaled_v0, _relative_acceleration(h, load, scratch, 0, i, n)
     for k in range(0, count - 2, 2):
-        d = scratch[ROW.FORCES + k + 1, n] - scratch[ROW.FORCES + k, n]
+        interval = scratch[ROW.NODE_FORCE + k + 1, n] - scratch[ROW.NODE_FORCE + k, n]
         a0, a1, a2 = (
             a2,
-            _relative(h, load, scratch, k + 1, i, n),
-            _relative(h, load, scratch, k + 2, i, n),
+            _relative_acceleration(h, load, scratch, k + 1, i, n),
+            _relative_acceleration(h, load, scratch, k + 2, i, n),
         )
-        scratch[ROW.WAYS + k + 1, i] = (
-            drift_change + d * rate + d * d * (3.5 * a0 + 3.0 * a1 - 0.5 * a2) / 12.0
+        scratch[ROW.NODE_DISPLACEMENT + k + 1, i] = (
+            displacement
+            + interval * rate
+            + interval * interval * (3.5 * a0 + 3.0 * a1 - 0.5 * a2) / 12.0
         )
-        scratch[ROW.RATES + k + 1, i] = rate + d * (5.0 * a0 + 8.0 * a1 - a2) / 12.0
-        drift_change += 2.0 * d * rate + d * d * (2.0 * a0 + 4.0 * a1) / 3.0
-        rate += d * (a0 + 4.0 * a1 + a2) / 3.0
-        scratch[ROW.WAYS + k + 2, i], scratch[ROW.RATES + k + 2, i] = drift_change, rate
-    level = v + scratch[ROW.A0, i] - rate
-    tilt = 12.0 * (0.5 * level - (scratch[ROW.RISE, i] - drift_change))
+        scratch[ROW.NODE_VELOCITY + k + 1, i] = rate + interval * (5.0 * a0 + 8.0 * a1 - a2) / 12.0
+        displacement += 2.0 * interval * rate + interval * interval * (2.0 * a0 + 4.0 * a1) / 3.0
+        rate += interval * (a0 + 4.0 * a1 + a2) / 3.0
+        scratch[ROW.NODE_DISPLACEMENT + k + 2, i], scratch[ROW.NODE_VELOCITY + k + 2, i] = (
+            displacement,
+            rate,
+        )
+    velocity_misfit = scaled_v0 + scratch[ROW.A0, i] - rate
+    displacement_misfit = 12.0 * (0.5 * velocity_misfit - (scratch[ROW.RISE, i] - displacement))
     for k in range(1, count):
-        t = scratch[ROW.FORCES + k, n]
-        scratch[ROW.WAYS + k, i] += t * t * (0.5 * level + tilt * (t / 6.0 - 0.25))
-        scratch[ROW.RATES + k, i] += t * (level + 0.5 * tilt * (t - 1.0))
+        t = scratch[ROW.NODE_FORCE + k, n]
+        scratch[ROW.NODE_DISPLACEMENT + k, i] += (
+            t * t * (0.5 * velocity_misfit + displacement_misfit * (t / 6.0 - 0.25))
+        )
+        scratch[ROW.NODE_VELOCITY + k, i] += t * (
+            velocity_misfit + 0.5 * displacement_misfit * (t - 1.0)
+        )
 
 
 @inline
-def _relative(h, load, scratch, k, i, n):
+def _relative_acceleration(h, load, scratch, k, i, n):
     """Return h^2 times the acceleration of floor `i` at node `k`, relative to the ground, m.
 
     Parameters
@@ -409,12 +443,12 @@ def _relative(h, load, scratch, k, i, n):
     k, i, n : int
         Node, floor and number of floors.
     """
-    t = scratch[ROW.FORCES + k, n]
+    t = scratch[ROW.NODE_FORCE + k, n]
     return (
         h
         * h
         * (
-            scratch[ROW.MOTION + k, i]
+            scratch[ROW.NODE_ACCELERATION + k, i]
             - load[rows.GROUND_0]
             - t * (load[rows.GROUND_1] - load[rows.GROUND_0])
         )
@@ -423,8 +457,9 @@ def _relative(h, load, scratch, k, i, n):
 
 @inline
 def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
-    """Return True if the force of a story can exceed its peak at a reversal or at the end of its
-    linear branch.
+    """Return True if the force of a story may exceed its peak within the step.
+
+    The maximum can occur at a reversal or at the end of the current linear branch.
 
     Parameters
     ----------
@@ -442,19 +477,21 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
     may_exceed = (2.0 * abs(rise) < abs(bend)) & (max_force > peak)
     for row in (rows.UPPER, rows.LOWER):
-        ahead = law_state[row, i] - law_state[rows.DRIFT, i]
-        may_exceed |= (abs(ahead) <= drift_change) & (
-            abs(law_state[rows.FORCE, i] + law_state[rows.SLOPE, i] * ahead) > peak
+        distance = law_state[row, i] - law_state[rows.DRIFT, i]
+        may_exceed |= (abs(distance) <= drift_change) & (
+            abs(law_state[rows.FORCE, i] + law_state[rows.SLOPE, i] * distance) > peak
         )
     return may_exceed
 
 
 @inline
 def _may_exceed_peaks(scene, h, load, memory):
-    """Return True if the force of a story that has left a linear branch, an acceleration or a total
-    shear can exceed its peak.
+    """Return True if a force, an acceleration or a total shear may exceed its peak within the step.
 
-    With forces on floors the result is True for each step in which a story leaves a linear branch.
+    The result is False if no story leaves a linear branch. The accelerations and shears at the
+    endpoints of the step are compared with the peaks, after a bound of the deviation due to corners
+    (_FORCE_DEVIATION) is added. With forces on floors, the result is True for each step in which a
+    story leaves a linear branch.
 
     Parameters
     ----------
@@ -470,42 +507,45 @@ def _may_exceed_peaks(scene, h, load, memory):
     linear_terms, _, law_parameters, forces, _ = scene
     _, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    by_h = 1.0 / (h * h)
+    inverse_h_squared = 1.0 / (h * h)
     any_leaves = False
     may_exceed = FORCES and forces.shape[0] > 0
-    corner_above = moved_0 = moved_1 = 0.0
+    deviation_above = shear_0 = shear_1 = 0.0
     for i in range(n - 1, -1, -1):
-        corner = 0.0
-        if scratch[ROW.LEFT, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
+        deviation = 0.0
+        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
             any_leaves = True
             rise, bend = (
                 _story_value(linear_terms, scratch, ROW.RISE, i),
                 _story_value(linear_terms, scratch, ROW.BEND, i),
             )
             may_exceed |= _may_exceed_shear_peak(law_state, scratch, i, rise, bend)
-            corner = _CORNER * law_parameters[rows.STIFFNESS, i] * (abs(rise) + 0.5 * abs(bend))
-        half = 0.5 * by_h * scratch[ROW.A1, i]
-        a_0 = by_h * scratch[ROW.A0, i] - half + load[rows.GROUND_0]
-        a_1 = by_h * scratch[ROW.A0, i] + half + load[rows.GROUND_1]
-        more = linear_terms[rows.INVERSE_MASS, i] * (corner + corner_above)
+            deviation = (
+                _FORCE_DEVIATION * law_parameters[rows.STIFFNESS, i] * (abs(rise) + 0.5 * abs(bend))
+            )
+        half_change = 0.5 * inverse_h_squared * scratch[ROW.A1, i]
+        a_0 = inverse_h_squared * scratch[ROW.A0, i] - half_change + load[rows.GROUND_0]
+        a_1 = inverse_h_squared * scratch[ROW.A0, i] + half_change + load[rows.GROUND_1]
+        acceleration_deviation = linear_terms[rows.INVERSE_MASS, i] * (deviation + deviation_above)
         may_exceed |= (
-            max(abs(a_0), abs(a_1)) + more > scratch[ROW.PEAKS + rows.PEAK_ACCELERATION, i]
+            max(abs(a_0), abs(a_1)) + acceleration_deviation
+            > scratch[ROW.PEAKS + rows.PEAK_ACCELERATION, i]
         )
-        moved_0 = linear_terms[rows.LINK, i + 1] * moved_0 + linear_terms[rows.MASS, i] * a_0
-        moved_1 = linear_terms[rows.LINK, i + 1] * moved_1 + linear_terms[rows.MASS, i] * a_1
+        shear_0 = linear_terms[rows.LINK, i + 1] * shear_0 + linear_terms[rows.MASS, i] * a_0
+        shear_1 = linear_terms[rows.LINK, i + 1] * shear_1 + linear_terms[rows.MASS, i] * a_1
         may_exceed |= (
-            max(abs(moved_0), abs(moved_1)) + corner > scratch[ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i]
+            max(abs(shear_0), abs(shear_1)) + deviation
+            > scratch[ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i]
         )
-        corner_above = linear_terms[rows.LINK, i] * corner
+        deviation_above = linear_terms[rows.LINK, i] * deviation
     return may_exceed & any_leaves
 
 
 @inline
 def update_peaks_at_corners(scene, h, load, memory):
-    """Update the peaks of the step at corners and between them, before the end of the step is
-    committed.
+    """Update the peaks within a step, before its end is committed.
 
-    In most steps no story leaves its branch.
+    The inlined test is sufficient for most steps, in which no story leaves its branch.
 
     Parameters
     ----------
@@ -518,17 +558,17 @@ def update_peaks_at_corners(scene, h, load, memory):
     memory : Memory
         State, law states, scratch array and status of the step.
     """
-    if memory.scratch[ROW.LEFT, scene.linear_terms.shape[1] - 1] != 0.0:
+    if memory.scratch[ROW.LEAVES_BRANCH, scene.linear_terms.shape[1] - 1] != 0.0:
         _update_peaks_at_corners(scene, h, load, memory)
 
 
 @outlined
 def _update_peaks_at_corners(scene, h, load, memory):
-    """Update the peaks of story forces at the corners, and of accelerations and total shears at and
-    between the corners.
+    """Find the corners of all stories, and update the peaks at and between the corners.
 
-    The observer (`tdint.kernels.time_loop.observer`) then computes no other peaks of these
-    quantities within the step.
+    The peaks of story forces, accelerations and total shears are updated. The observer
+    (`tdint.kernels.time_loop.observer`) then computes no other peaks of these quantities within the
+    step.
 
     Parameters
     ----------
@@ -547,15 +587,15 @@ def _update_peaks_at_corners(scene, h, load, memory):
         return
     scratch[ROW.CORNERS, 0] = 0.0
     for i in range(n):
-        if scratch[ROW.LEFT, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
+        if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
             complete = _story_path(scene.linear_terms, law_state, scratch, i)
-            steady = scratch[ROW.STEADY, i] != 0.0
+            no_reversal = scratch[ROW.NO_REVERSAL, i] != 0.0
             _find_corners(
                 scene.law_parameters,
                 law_state,
                 i,
                 complete,
-                steady,
+                no_reversal,
                 Integrals(scratch, ROW.CORNERS),
             )
     if scratch[ROW.CORNERS, 0] == 0.0:
@@ -567,6 +607,9 @@ def _update_peaks_at_corners(scene, h, load, memory):
 @outlined
 def _update_peaks_between_corners(scene, h, load, memory):
     """Update the peaks of accelerations and total shears at the corners and between them.
+
+    The displacements at the nodes determine the story forces, these the accelerations, and these
+    the displacements. The fixed-point iteration starts from cubics and has _PASSES passes.
 
     Parameters
     ----------
@@ -582,24 +625,29 @@ def _update_peaks_between_corners(scene, h, load, memory):
     state, _, scratch, _ = memory
     n = scene.linear_terms.shape[1] - 1
     count = _store_nodes(scratch, n)
-    # The first pass uses cubics, the second pass the integrated accelerations.
+    # Displacements and velocities of the first pass: the cubic with the displacements and
+    # velocities of the step at both endpoints
     for i in range(n):
-        rise, change = scratch[ROW.RISE, i], scratch[ROW.A0, i]
-        cubic = 0.2 * (rise - h * state[rows.VELOCITY, i]) - 0.1 * change
+        rise, velocity_change = scratch[ROW.RISE, i], scratch[ROW.A0, i]
+        cubic = 0.2 * (rise - h * state[rows.VELOCITY, i]) - 0.1 * velocity_change
         for k in range(count):
-            s = scratch[ROW.FORCES + k, n] - 0.5
+            s = scratch[ROW.NODE_FORCE + k, n] - 0.5
             t = s + 0.5
-            scratch[ROW.WAYS + k, i] = (
-                t * (rise + 0.5 * change * (t - 1.0)) - 10.0 * s * (s * s - 0.25) * cubic
+            scratch[ROW.NODE_DISPLACEMENT + k, i] = (
+                t * (rise + 0.5 * velocity_change * (t - 1.0)) - 10.0 * s * (s * s - 0.25) * cubic
             )
-            scratch[ROW.RATES + k, i] = rise + s * change + (2.5 - 30.0 * s * s) * cubic
-    for passed in range(_PASSES):
-        for i in range(n if passed > 0 else 0):
+            scratch[ROW.NODE_VELOCITY + k, i] = (
+                rise + s * velocity_change + (2.5 - 30.0 * s * s) * cubic
+            )
+    for pass_index in range(_PASSES):
+        for i in range(n if pass_index > 0 else 0):
             _integrate_accelerations(h, load, memory, i, count)
         for i in range(n):
             _store_forces(scene, h, memory, i, count)
         for k in range(count):
             _store_accelerations(scene, h, load, scratch, k)
     for i in range(n):
-        raise_peak_at_nodes(scratch, ROW.MOTION, i, count, ROW.PEAKS + rows.PEAK_ACCELERATION, i)
-        raise_peak_at_nodes(scratch, ROW.FORCES, i, count, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i)
+        raise_peak_at_nodes(
+            scratch, ROW.NODE_ACCELERATION, i, count, ROW.PEAKS + rows.PEAK_ACCELERATION, i
+        )
+        raise_peak_at_nodes(scratch, ROW.NODE_FORCE, i, count, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i)

@@ -36,11 +36,11 @@ MOMENTUM_ROWS = 12
 
 @inline
 def store_first_guess(factor, h, state, scratch, n):
-    """Store the first guess of the increments: constant acceleration for `factor` 1, zero for
-    `factor` 0.
+    """Store the first guess of the increments of displacement and velocity over the step.
 
-    In a linear building any guess is sufficient, and zero increments have the smallest rounding
-    errors if omega h is large.
+    The guess is the motion with constant acceleration if `factor` is 1, and zero if `factor` is 0.
+    In a linear building, one solution is exact for any guess, and zero leads to the smallest
+    rounding errors if omega h is large.
 
     Parameters
     ----------
@@ -63,8 +63,14 @@ def store_first_guess(factor, h, state, scratch, n):
 
 @inline
 def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
-    """Store minus the residuals of kinematics (times M) and momentum, and the acceleration at the
-    end of the step.
+    """Compute the negative residuals of an impulse-momentum step, and the acceleration at its end.
+
+    Row A1 receives the acceleration a1 from equilibrium. Rows R1 and R2 receive
+
+        R1 = M (h ((1 - theta) v0 + theta v1) + h^2 (alpha a0 - beta a1) - (u1 - u0))
+        R2 = I - M (v1 - v0) - C (u1 - u0) - S
+
+    with the impulse I of the load and the impulse S of the restoring forces.
 
     Parameters
     ----------
@@ -77,7 +83,8 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     state : ndarray
         State at the start of the step.
     scratch : ndarray
-        Rows R1, R2 and A1 are set.
+        Rows LOAD, IMPULSE, DU, DV, V1, FORCE_1 and FORCE_S are used; rows R1 (kg m), R2 (N s) and
+        A1 (m/s^2) are set.
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
@@ -103,13 +110,14 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
 
 
 @inline
-def has_converged(last, tolerance, beta, linear_terms, h, state, scratch, step_status):
-    """Return True if the residuals of all floors are within `tolerance` times the sum of their
-    absolute terms.
+def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, step_status):
+    """Return True if the residuals of kinematics and momentum of all floors are small enough.
+
+    A residual may be `tolerance` times the sum of the absolute values of the terms of its equation.
 
     Parameters
     ----------
-    last : bool
+    is_last : bool
         True if no further iteration is allowed. The largest relative residual is then stored in
         `step_status`.
     tolerance : float
@@ -138,17 +146,17 @@ def has_converged(last, tolerance, beta, linear_terms, h, state, scratch, step_s
         scale = abs(scratch[DU, i]) + h * (abs(state[rows.VELOCITY, i]) + abs(scratch[V1, i]))
         scale += h * h * abs(state[rows.ACCELERATION, i]) + by_a * abs(scratch[A1, i])
         is_small &= is_balanced(
-            last, tolerance, step_status, i, scratch[R1, i], mass * scale + by_a * rounding
+            is_last, tolerance, step_status, i, scratch[R1, i], mass * scale + by_a * rounding
         )
         scale = abs(scratch[IMPULSE, i]) + abs(mass * scratch[DV, i]) + h * rounding
         scale += abs(scratch[FORCE_S, i]) + link * abs(scratch[FORCE_S, i + 1])
-        is_small &= is_balanced(last, tolerance, step_status, i, scratch[R2, i], scale)
+        is_small &= is_balanced(is_last, tolerance, step_status, i, scratch[R2, i], scale)
     return is_small
 
 
 @inline
 def correct(beta, modal, h, factors, n):
-    """Solve for the corrections and add them to the increments.
+    """Solve for the corrections of Newton's method and add them to the increments u1 - u0, v1 - v0.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     ----------
     is_last : bool
         True if no further iteration is allowed. The largest relative residual and its floor are
-        then stored in `report` for the error message.
+        then stored in `step_status` for the error message.
     tolerance : float
         Maximum residual relative to `scale`, usually RESIDUAL_TOLERANCE.
     step_status : ndarray
@@ -149,7 +149,7 @@ def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     i : int
         Floor of the equation.
     residual : float
-        Sum of the terms of the equation.
+        Residual of the equation, the sum of its terms with their signs.
     scale : float
         Sum of the absolute values of the terms, in the unit of `residual`.
     """

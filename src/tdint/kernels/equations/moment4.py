@@ -1,14 +1,16 @@
-"""Response of all floors over a step of `moment4`: impulse and first moment of the equation of
-motion.
+"""Solution of the equations of a step of `moment4` for all floors.
 
-The unknowns are the rise D0 = h U0 = u1 - u0 and the bend D1 = h U1 of the parabolas of the floors.
-`tdint.methods.moment4` contains the equations. Multiplied by h^2 they are
+The displacement of each floor within the step is the parabola u0 + D0 t + D1 (t^2 - t) / 2 of the
+time t, which increases from 0 to 1. The unknowns are its rise D0 = h U0 = u1 - u0 and its bend
+D1 = h U1. The equations are the impulse and the first moment of the equation of motion
+(`tdint.methods.moment4`). Multiplied by h^2, they are
 
     M a0 + h C D0 + h^2 (F0 - P0) = 0                          impulse
     M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
     a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-with the means F0 and moments F1 of `tdint.kernels.stories.path` and the initial stiffness K.
+with the means F0 and moments F1 of the story forces (`tdint.kernels.stories.path`), those of the
+loads, P0 and P1, and the initial stiffness K.
 """
 
 from __future__ import annotations
@@ -48,61 +50,63 @@ from tdint.kernels.stories.path import (
     remains_on_branch,
 )
 
-# Coefficients
+# Indices of the coefficients
 R = 0  # r, coefficient of numerical dissipation
 BY_RISE = 1  # 12 / (1 + 6 r)
 
 
-# maximum number of discontinuities within a step for which accelerations are computed
+# Maximum number of discontinuities of the story forces within a step that are considered for peaks
 MAX_CORNERS = 6
-_NODES = 2 * MAX_CORNERS + 3
+# Maximum number of nodes: the endpoints, the discontinuities, and the midpoints between them
+_MAX_NODES = 2 * MAX_CORNERS + 3
 
 
 class _Rows(NamedTuple):
-    """Scratch rows."""
+    """Number of scratch rows for each quantity; the columns are floors or stories."""
 
-    LOAD: int = 2  # P0, then P1
-    RISE: int = 1
-    BEND: int = 1
-    A0: int = 1  # a0 and a1 of the equations above, m
-    A1: int = 1
+    LOAD: int = 2  # mean P0 and first moment P1 of the load, N
+    RISE: int = 1  # D0, m
+    BEND: int = 1  # D1, m
+    A0: int = 1  # h^2 times the mean acceleration, m
+    A1: int = 1  # h^2 times the change of the acceleration over the step, m
     X: int = 2  # residuals, then corrections, of the rises and of the bends
     CORRECTION: int = 2  # last corrections
-    SIZE: int = 1  # rounding errors of the displacements, as a force, N
-    LEFT: int = 1  # 1 if the story leaves its branch; the last column is 1 if any story does
-    STEADY: int = 1  # 1 if the story has no reversal in the step, even if its parabola has one
-    PATH: int = path.PATH_ROWS
+    ROUNDING_FORCE: int = 1  # rounding errors of the displacements, as a force, N
+    LEAVES_BRANCH: int = (
+        1  # 1 if the story leaves its branch; the last column is 1 if any story does
+    )
+    NO_REVERSAL: int = 1  # 1 if the story has no reversal in the step, even if its parabola has one
+    PATH: int = path.PATH_ROWS  # means and moments of the story forces, and their derivatives
     DASHPOT: int = 2  # mean and first moment of the force of the power-law dashpot, N
-    # tangents of the factorization; the last column contains the length of the step
+    # derivatives of means and moments in the factorization, N/m; the last column contains the
+    # length of the step, s
     FACTORED: int = 4
-    BLOCKS: int = 4
-    COUPLING: int = COUPLING_ROWS
+    BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization
+    COUPLING: int = COUPLING_ROWS  # blocks between adjacent floors
     # number of discontinuities of the story forces in the step, and their times
     CORNERS: int = 1 + MAX_CORNERS
     # Forces of the stories at the nodes of `corners`, then total shears, N; column n contains the
     # times of the nodes.
-    FORCES: int = _NODES
-    MOTION: int = _NODES  # absolute accelerations of the floors at the nodes, m/s^2
-    WAYS: int = _NODES  # displacements of the floors relative to the start of the step, m
-    RATES: int = _NODES  # h times the velocities of the floors, m
-    OTHER: int = 1  # modal damping forces, N
+    NODE_FORCE: int = _MAX_NODES
+    NODE_ACCELERATION: int = _MAX_NODES  # absolute accelerations of the floors at the nodes, m/s^2
+    # displacements of the floors at the nodes, relative to the start of the step, m
+    NODE_DISPLACEMENT: int = _MAX_NODES
+    NODE_VELOCITY: int = _MAX_NODES  # h times the velocities of the floors, m
+    MODAL_FORCE: int = 1  # modal damping forces, N
     PEAKS: int = 2 * rows.PEAK_ROWS  # peaks of the run and of the step
 
 
 ROW, STORE = rows.chained(_Rows)
 
-_BY_SLOPE = (
-    0.5,
-    -1.0 / 12.0,
-    1.0,
-    0.0,
-)  # derivatives of mean and moment on a linear branch, divided by its slope
+# Derivatives on a linear branch, divided by its stiffness: of the mean force with respect to rise
+# and bend, then of the first moment with respect to rise and bend
+_TANGENTS_PER_SLOPE = (0.5, -1.0 / 12.0, 1.0, 0.0)
 
 # Number of solutions after which the decision about a reversal is kept. A story that changes its
 # decision in each iteration would prevent convergence.
 _DECIDING_ITERATIONS = 4
 
-CLOSE = 1e-13
+MAX_RESIDUAL = 1e-13
 """Maximum residual relative to the sum of the absolute values of its terms. It is small because the
 energy balance of the method must be closed."""
 
@@ -114,12 +118,13 @@ def scratch_rows(modes: int) -> int:
 
 
 @inline
-def move(coefficients, scene, h, memory):
-    """Compute the response over the step.
+def solve_step(coefficients, scene, h, memory):
+    """Solve the equations of a step for the rises and bends of all floors.
 
     If all laws are piecewise linear, the first solution assumes that all stories remain on their
-    branches. For a linear building it is the only solution. Otherwise Newton's method with the
-    complete tangents is used. A correction that does not reduce the residual is halved.
+    branches. In a linear building it is exact. Otherwise Newton's method follows, with the
+    derivatives of the means and moments along the current paths. A correction that does not reduce
+    the residual is halved. The state is not changed.
 
     Parameters
     ----------
@@ -145,21 +150,23 @@ def move(coefficients, scene, h, memory):
     previous_norm = math.inf
     is_last = False
     if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
-        previous_norm = _keep_to_branches(coefficients, scene, h, memory)
+        previous_norm = _solve_on_branches(coefficients, scene, h, memory)
         iterations = 1
         if not HAS_NONLINEAR_FORCE or flags[rows.LINEAR] != 0.0:
             return iterations
     else:
-        _guess(h, state, scratch, n)
+        _store_first_guess(h, state, scratch, n)
     while HAS_NONLINEAR_FORCE:
-        is_stale = _stories(coefficients, scene, h, memory, iterations <= _DECIDING_ITERATIONS)
-        size = _residuals(coefficients, linear_terms, modal, h, state, scratch)
-        failing = iterations == MAX_ITERATIONS or not size < math.inf
-        if is_last or _in_balance(
+        is_stale = _evaluate_stories(
+            coefficients, scene, h, memory, iterations <= _DECIDING_ITERATIONS
+        )
+        norm = _residuals(coefficients, linear_terms, modal, h, state, scratch)
+        failing = iterations == MAX_ITERATIONS or not norm < math.inf
+        if is_last or _is_converged(
             failing, coefficients, linear_terms, h, state, scratch, step_status
         ):
             break
-        if must_halve(size, previous_norm, fraction):
+        if must_halve(norm, previous_norm, fraction):
             fraction *= 0.5
             add_rows(-fraction, scratch, ROW.CORRECTION, ROW.RISE, 2, n)
             continue
@@ -170,15 +177,17 @@ def move(coefficients, scene, h, memory):
         solve(modal, h, scratch, ROW.X, n)
         is_last = _correct(state, scratch, n)
         iterations += 1
-        previous_norm = size
+        previous_norm = norm
         fraction = 1.0
     return iterations
 
 
 @inline
-def _keep_to_branches(coefficients, scene, h, memory):
-    """Compute the response with all stories on their current linear branches, by one solution from
-    zero increments.
+def _solve_on_branches(coefficients, scene, h, memory):
+    """Solve the equations under the assumption that all stories remain on their linear branches.
+
+    The equations are then linear, and one solution from zero rises and bends is exact. Rows RISE
+    and BEND receive the solution.
 
     Parameters
     ----------
@@ -205,13 +214,14 @@ def _keep_to_branches(coefficients, scene, h, memory):
         tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         for row in range(4):
             is_stale |= (
-                abs(scratch[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > tangent_tolerance
+                abs(scratch[ROW.FACTORED + row, i] - _TANGENTS_PER_SLOPE[row] * slope)
+                > tangent_tolerance
             )
         scratch[ROW.PATH + path.MEAN, i] = (
             law_state[rows.FORCE, i] + linear_terms[rows.GEOMETRIC, i] * law_state[rows.DRIFT, i]
         )
-        scratch[ROW.LEFT, i] = 0.0
-    size = 0.0
+        scratch[ROW.LEAVES_BRANCH, i] = 0.0
+    norm = 0.0
     for i in range(n):
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
@@ -219,19 +229,19 @@ def _keep_to_branches(coefficients, scene, h, memory):
             - scratch[ROW.LOAD, i]
         )
         inertia = linear_terms[rows.MASS, i] * coefficients[BY_RISE] * h * state[rows.VELOCITY, i]
-        by_rise = coefficients[R] * inertia - h * h * mean
-        by_bend = h * h * scratch[ROW.LOAD + 1, i] - inertia
-        scratch[ROW.X, i] = by_rise
-        scratch[ROW.X + 1, i] = by_bend
+        impulse_residual = coefficients[R] * inertia - h * h * mean
+        moment_residual = h * h * scratch[ROW.LOAD + 1, i] - inertia
+        scratch[ROW.X, i] = impulse_residual
+        scratch[ROW.X + 1, i] = moment_residual
         if HAS_NONLINEAR_FORCE:
-            size += linear_terms[rows.INVERSE_MASS, i] * (
-                by_rise * by_rise + by_bend * by_bend / 12.0
+            norm += linear_terms[rows.INVERSE_MASS, i] * (
+                impulse_residual * impulse_residual + moment_residual * moment_residual / 12.0
             )
     if is_stale:
         for i in range(n):
             for row in range(4):
                 scratch[ROW.PATH + path.MEAN_BY_RISE + row, i] = (
-                    _BY_SLOPE[row] * law_state[rows.SLOPE, i]
+                    _TANGENTS_PER_SLOPE[row] * law_state[rows.SLOPE, i]
                 )
         _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
     solve(modal, h, scratch, ROW.X, n)
@@ -239,11 +249,11 @@ def _keep_to_branches(coefficients, scene, h, memory):
         for i in range(n):
             scratch[ROW.CORRECTION + row, i] = scratch[ROW.X + row, i]
             scratch[ROW.RISE + row, i] = scratch[ROW.X + row, i]
-    return size
+    return norm
 
 
 @inline
-def _guess(h, state, scratch, n):
+def _store_first_guess(h, state, scratch, n):
     """Store the first guess of the response: constant acceleration, equal to the acceleration at
     the end of the previous step.
 
@@ -264,9 +274,11 @@ def _guess(h, state, scratch, n):
 
 
 @inline
-def _stories(coefficients, scene, h, memory, is_deciding):
-    """Compute means, moments and tangents of the stories for the current response, including
-    dampers.
+def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
+    """Compute mean and first moment of the force of each story along its current parabola of drift.
+
+    Their derivatives with respect to rise and bend are computed as well. P-delta, dampers and the
+    numerical dissipation r K D1 are included in mean and moment.
 
     Parameters
     ----------
@@ -293,7 +305,7 @@ def _stories(coefficients, scene, h, memory, is_deciding):
     rise_below = 0.0
     bend_below = 0.0
     size_below = 0.0
-    scratch[ROW.LEFT, n] = 0.0
+    scratch[ROW.LEAVES_BRANCH, n] = 0.0
     for i in range(n):
         link = linear_terms[rows.LINK, i]
         rise = scratch[ROW.RISE, i] - link * rise_below
@@ -301,16 +313,18 @@ def _stories(coefficients, scene, h, memory, is_deciding):
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
         if remains_on_branch(law_state, i, rise, bend):
-            scratch[ROW.LEFT, i] = 0.0
-            scratch[ROW.STEADY, i] = 0.0
+            scratch[ROW.LEAVES_BRANCH, i] = 0.0
+            scratch[ROW.NO_REVERSAL, i] = 0.0
             integrate_on_branch(law_state, i, rise, bend, scratch, ROW.PATH)
         else:
-            scratch[ROW.LEFT, i] = 1.0
-            scratch[ROW.LEFT, n] = 1.0
+            scratch[ROW.LEAVES_BRANCH, i] = 1.0
+            scratch[ROW.LEAVES_BRANCH, n] = 1.0
             if is_deciding:
                 may_be_steady = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
-                scratch[ROW.STEADY, i] = (
-                    1.0 if may_be_steady and _steady(coefficients, scene, h, memory, i) else 0.0
+                scratch[ROW.NO_REVERSAL, i] = (
+                    1.0
+                    if may_be_steady and _has_no_reversal(coefficients, scene, h, memory, i)
+                    else 0.0
                 )
             follow(
                 law_parameters,
@@ -318,7 +332,7 @@ def _stories(coefficients, scene, h, memory, is_deciding):
                 i,
                 rise,
                 bend,
-                scratch[ROW.STEADY, i] != 0.0,
+                scratch[ROW.NO_REVERSAL, i] != 0.0,
                 scratch,
                 ROW.PATH,
             )
@@ -341,21 +355,22 @@ def _stories(coefficients, scene, h, memory, is_deciding):
         # A drift is a difference of displacements. The rounding errors of the displacements are not
         # part of the residual.
         size = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
-        scratch[ROW.SIZE, i] = (
-            ROUNDING / CLOSE * law_parameters[rows.STIFFNESS, i] * (size + link * size_below)
+        scratch[ROW.ROUNDING_FORCE, i] = (
+            ROUNDING / MAX_RESIDUAL * law_parameters[rows.STIFFNESS, i] * (size + link * size_below)
         )
         size_below = size
     return is_stale
 
 
 @outlined
-def _steady(coefficients, scene, h, memory, i):
-    """Return True if story `i`, with a parabola that has an extremum, has no reversal according to
-    its drift rate.
+def _has_no_reversal(coefficients, scene, h, memory, i):
+    """Return True if story `i` has no reversal in the step although its parabola of drift has one.
 
-    The rate is that of the state at both endpoints; its slope at the start follows from the
-    equation of motion. Without this slope the upper stories of a building at rest, with rates that
-    increase with the third power of time, would seem to start backwards.
+    A parabola can have an extremum because it only approximates the drift. A more accurate drift
+    rate is the cubic that has the rates of the state at both endpoints, the change of drift of the
+    step, and the slope at the start from the equation of motion. Without this slope, upper stories
+    of a building at rest, where rates increase with the third power of time, would seem to move
+    backwards at first.
 
     Parameters
     ----------
@@ -384,7 +399,7 @@ def _steady(coefficients, scene, h, memory, i):
         last_rate += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
     if has_certain_reversal(rise, first_rate, last_rate):
         return False
-    start = (
+    initial_change = (
         h
         * h
         * (
@@ -392,8 +407,10 @@ def _steady(coefficients, scene, h, memory, i):
             - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0)
         )
     )
-    side, turn, _, _, _ = locate_reversals(rise, first_rate, last_rate, start)
-    return turn == 1.0 and rise * side > 0.0
+    direction, reversal_time, _, _, _ = locate_reversals(
+        rise, first_rate, last_rate, initial_change
+    )
+    return reversal_time == 1.0 and rise * direction > 0.0
 
 
 @inline
@@ -428,7 +445,10 @@ def _acceleration(scene, memory, i):
 
 @inline
 def _residuals(coefficients, linear_terms, modal, h, state, scratch):
-    """Store minus the residuals of both equations and return their squared norm.
+    """Compute the negative residuals of impulse and first moment, and return their squared norm.
+
+    The norm is the sum over all floors of (X_0^2 + X_1^2 / 12) / mass, with the rows X_0 and X_1 of
+    the residuals.
 
     Parameters
     ----------
@@ -451,7 +471,7 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
         scratch[ROW.X + 1, i] = 0.0
     add_modal_force(modal, scratch, ROW.RISE, -h, scratch, ROW.X, n)
     add_modal_force(modal, scratch, ROW.BEND, -h, scratch, ROW.X + 1, n)
-    total = 0.0
+    norm = 0.0
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]
         rise = scratch[ROW.RISE, i]
@@ -460,7 +480,7 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
         a0 = bend - coefficients[R] * a1
         scratch[ROW.A0, i] = a0
         scratch[ROW.A1, i] = a1
-        floor = h * linear_terms[rows.FLOOR_DAMPER, i]
+        floor_damping = h * linear_terms[rows.FLOOR_DAMPER, i]
         mean = (
             scratch[ROW.PATH + path.MEAN, i]
             - link * scratch[ROW.PATH + path.MEAN, i + 1]
@@ -471,19 +491,21 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
             - link * scratch[ROW.PATH + path.MOMENT, i + 1]
             - scratch[ROW.LOAD + 1, i]
         )
-        scratch[ROW.X, i] -= linear_terms[rows.MASS, i] * a0 + floor * rise + h * h * mean
-        scratch[ROW.X + 1, i] -= linear_terms[rows.MASS, i] * a1 + floor * bend + h * h * moment
+        scratch[ROW.X, i] -= linear_terms[rows.MASS, i] * a0 + floor_damping * rise + h * h * mean
+        scratch[ROW.X + 1, i] -= (
+            linear_terms[rows.MASS, i] * a1 + floor_damping * bend + h * h * moment
+        )
         squares = (
             scratch[ROW.X, i] * scratch[ROW.X, i]
             + scratch[ROW.X + 1, i] * scratch[ROW.X + 1, i] / 12.0
         )
-        total += linear_terms[rows.INVERSE_MASS, i] * squares
-    return total
+        norm += linear_terms[rows.INVERSE_MASS, i] * squares
+    return norm
 
 
 @inline
-def _in_balance(is_last, coefficients, linear_terms, h, state, scratch, step_status):
-    """Return True if all residuals are within the tolerance CLOSE.
+def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_status):
+    """Return True if all residuals are within the relative tolerance MAX_RESIDUAL.
 
     Parameters
     ----------
@@ -508,45 +530,59 @@ def _in_balance(is_last, coefficients, linear_terms, h, state, scratch, step_sta
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i + 1]
         mass = linear_terms[rows.MASS, i]
-        rounding = scratch[ROW.SIZE, i] + link * scratch[ROW.SIZE, i + 1]
-        forces = (
+        rounding = scratch[ROW.ROUNDING_FORCE, i] + link * scratch[ROW.ROUNDING_FORCE, i + 1]
+        force_scale = (
             abs(scratch[ROW.PATH + path.MEAN, i])
             + link * abs(scratch[ROW.PATH + path.MEAN, i + 1])
             + abs(scratch[ROW.LOAD, i])
         )
-        inner = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
+        inertia_scale = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
         is_small &= is_balanced(
             is_last,
-            CLOSE,
+            MAX_RESIDUAL,
             step_status,
             i,
             scratch[ROW.X, i],
-            mass * inner + h * h * (forces + rounding),
+            mass * inertia_scale + h * h * (force_scale + rounding),
         )
-        forces = (
+        force_scale = (
             abs(scratch[ROW.PATH + path.MOMENT, i])
             + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
             + abs(scratch[ROW.LOAD + 1, i])
         )
-        inner = (
+        inertia_scale = (
             abs(scratch[ROW.BEND, i]) + abs(scratch[ROW.RISE, i]) + h * abs(state[rows.VELOCITY, i])
         )
-        inner *= coefficients[BY_RISE]
+        inertia_scale *= coefficients[BY_RISE]
         is_small &= is_balanced(
             is_last,
-            CLOSE,
+            MAX_RESIDUAL,
             step_status,
             i,
             scratch[ROW.X + 1, i],
-            mass * inner + h * h * (forces + rounding),
+            mass * inertia_scale + h * h * (force_scale + rounding),
         )
     return is_small
 
 
 @inline
 def _correct(state, scratch, n):
-    """Add the corrections to rises and bends, and return True if they are of the order of rounding
-    errors."""
+    """Add the corrections of Newton's method to rises and bends.
+
+    Parameters
+    ----------
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Rows X contain the corrections, m. Rows RISE, BEND and CORRECTION are updated.
+    n : int
+        Number of floors.
+
+    Returns
+    -------
+    bool
+        True if all corrections are of the order of rounding errors.
+    """
     is_small = True
     for i in range(n):
         for row in range(2):
@@ -563,7 +599,9 @@ def _correct(state, scratch, n):
 
 @outlined
 def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
-    """Assemble and factorize the matrix of Newton's method for the current tangents.
+    """Assemble and factorize the matrix of Newton's method for the current paths of the stories.
+
+    The derivatives of the means and moments of the story forces are in the rows PATH.
 
     Parameters
     ----------
@@ -581,34 +619,36 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
         Scratch array.
     """
     n = linear_terms.shape[1] - 1
-    square = h * h
+    h_squared = h * h
     for i in range(n):
         mass = linear_terms[rows.MASS, i]
-        floor = h * linear_terms[rows.FLOOR_DAMPER, i]
+        floor_damping = h * linear_terms[rows.FLOOR_DAMPER, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
         damper = h * linear_terms[rows.STORY_DAMPER, i]
         numerical = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
         for row in range(4):
             scratch[ROW.FACTORED + row, i] = scratch[ROW.PATH + path.MEAN_BY_RISE + row, i]
         scratch[ROW.COUPLING, i] = (
-            square * (scratch[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
+            h_squared * (scratch[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
         )
-        scratch[ROW.COUPLING + 1, i] = square * (
+        scratch[ROW.COUPLING + 1, i] = h_squared * (
             scratch[ROW.PATH + path.MEAN_BY_BEND, i] - geometric / 12.0
         )
-        scratch[ROW.COUPLING + 2, i] = square * (
+        scratch[ROW.COUPLING + 2, i] = h_squared * (
             scratch[ROW.PATH + path.MOMENT_BY_RISE, i] + geometric
         )
         scratch[ROW.COUPLING + 3, i] = (
-            square * (scratch[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
+            h_squared * (scratch[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
         )
         by_rise = mass * coefficients[BY_RISE]
-        scratch[ROW.BLOCKS, i] = coefficients[R] * by_rise + floor + scratch[ROW.COUPLING, i]
+        scratch[ROW.BLOCKS, i] = (
+            coefficients[R] * by_rise + floor_damping + scratch[ROW.COUPLING, i]
+        )
         scratch[ROW.BLOCKS + 1, i] = (
             mass - 0.5 * coefficients[R] * by_rise + scratch[ROW.COUPLING + 1, i]
         )
         scratch[ROW.BLOCKS + 2, i] = scratch[ROW.COUPLING + 2, i] - by_rise
-        scratch[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor + scratch[ROW.COUPLING + 3, i]
+        scratch[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor_damping + scratch[ROW.COUPLING + 3, i]
     scratch[ROW.FACTORED, n] = h
     factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
     link_blocks(linear_terms, factors, n)
@@ -617,8 +657,7 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
 
 @inline
 def solve(modal, h, scratch, x, n):
-    """Solve the linear system with the right side in the rows `x` and `x` + 1, which receive the
-    solution.
+    """Solve the linear system of Newton's method for two unknowns per floor, rise and bend.
 
     Parameters
     ----------
@@ -629,7 +668,7 @@ def solve(modal, h, scratch, x, n):
     scratch : ndarray
         Scratch array with the factorization.
     x : int
-        First row of the right side.
+        First of two rows with the right side, which receive the solution.
     n : int
         Number of floors.
     """
@@ -638,9 +677,11 @@ def solve(modal, h, scratch, x, n):
 
 
 @inline
-def finish(coefficients, scene, h, memory):
-    """Update the state and the law states, and store the work of the load and of the dampers along
-    the paths.
+def update_state(coefficients, scene, h, memory):
+    """Move state and law states to the end of the step, and compute the work within the step.
+
+    The work of the load and the work of the dampers along the parabolas of the floors are stored in
+    the rows WORK_INPUT and WORK_VISCOUS of the status, J.
 
     Parameters
     ----------
@@ -656,9 +697,9 @@ def finish(coefficients, scene, h, memory):
     linear_terms, modal, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    by_h = 1.0 / h
-    by_rise = 0.0
-    by_bend = 0.0
+    inverse_h = 1.0 / h
+    work_of_mean = 0.0
+    work_of_moment = 0.0
     damped_rise = 0.0
     damped_bend = 0.0
     rise_below = 0.0
@@ -668,35 +709,35 @@ def finish(coefficients, scene, h, memory):
         bend = scratch[ROW.BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
-        by_rise += rise * scratch[ROW.LOAD, i]
-        by_bend += bend * scratch[ROW.LOAD + 1, i]
+        work_of_mean += rise * scratch[ROW.LOAD, i]
+        work_of_moment += bend * scratch[ROW.LOAD + 1, i]
         damped_rise += linear_terms[rows.FLOOR_DAMPER, i] * rise * rise
         damped_bend += linear_terms[rows.FLOOR_DAMPER, i] * bend * bend
         state[rows.DISPLACEMENT, i] += rise
-        state[rows.VELOCITY, i] += by_h * a0
-        state[rows.ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
+        state[rows.VELOCITY, i] += inverse_h * a0
+        state[rows.ACCELERATION, i] = inverse_h * inverse_h * (a0 + 0.5 * a1)
         rise -= linear_terms[rows.LINK, i] * rise_below
         bend -= linear_terms[rows.LINK, i] * bend_below
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
         damped_rise += linear_terms[rows.STORY_DAMPER, i] * rise * rise
         damped_bend += linear_terms[rows.STORY_DAMPER, i] * bend * bend
-        if not HAS_NONLINEAR_FORCE or scratch[ROW.LEFT, i] == 0.0:
+        if not HAS_NONLINEAR_FORCE or scratch[ROW.LEAVES_BRANCH, i] == 0.0:
             advance(law_parameters, law_state, i, 0, law_state[rows.DRIFT, i] + rise)
         else:
             commit_path_end(law_parameters, law_state, i, rise)
-    damped = by_h * (damped_rise + damped_bend / 12.0)
+    viscous_work = inverse_h * (damped_rise + damped_bend / 12.0)
     if MODAL and modal.shape[0] > 0:
-        damped += _modal_work(modal, h, scratch, n)
+        viscous_work += _modal_work(modal, h, scratch, n)
     if DASHPOTS and flags[rows.POWER_DAMPERS] != 0.0:
-        damped += _dashpot_work(linear_terms, scratch, n)
-    step_status[rows.WORK_INPUT] = by_rise + by_bend / 12.0
-    step_status[rows.WORK_VISCOUS] = damped
+        viscous_work += _dashpot_work(linear_terms, scratch, n)
+    step_status[rows.WORK_INPUT] = work_of_mean + work_of_moment / 12.0
+    step_status[rows.WORK_VISCOUS] = viscous_work
 
 
 @outlined
 def _modal_work(modal, h, scratch, n):
-    """Return the work of modal damping along the paths, J.
+    """Return the work of modal damping in the step, along the parabolas of the floors, J.
 
     Parameters
     ----------
@@ -722,7 +763,17 @@ def _modal_work(modal, h, scratch, n):
 
 @outlined
 def _dashpot_work(linear_terms, scratch, n):
-    """Return the work of the power-law dashpots along the paths, J."""
+    """Return the work of the power-law dashpots in the step, along the parabolas of drift, J.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building.
+    scratch : ndarray
+        Rows RISE, BEND (m) and DASHPOT (N) are used.
+    n : int
+        Number of floors.
+    """
     total = 0.0
     rise_below = 0.0
     bend_below = 0.0

@@ -36,27 +36,29 @@ from tdint.kernels.stories.law_state import restoring_force
 
 
 class _Rows(NamedTuple):
-    """Scratch rows. The caller stores the load and the first guess; the rows of the response then
-    contain the solution."""
+    """Number of scratch rows for each quantity; the columns are floors or stories.
 
-    LOAD: int = 1
-    U: int = 1
-    V: int = 1
-    A: int = 1
-    X: int = 1
+    The caller stores LOAD and the first guess in U, V and A; these rows then receive the solution.
+    """
+
+    LOAD: int = 1  # N
+    U: int = 1  # displacement, m
+    V: int = 1  # velocity, m/s
+    A: int = 1  # acceleration, m/s^2
+    X: int = 1  # unknown x, an acceleration, m/s^2
     SUM: int = 1  # story forces, N
     RESIDUAL: int = 1  # residual, N, then the correction of x
-    TANGENT: int = 1
+    TANGENT: int = 1  # tangent stiffness including that of a power-law dashpot, N/m
     SIZE: int = 1  # absolute story forces including the rounding errors of the displacements, N
     CORRECTION: int = 1  # last correction of x
 
 
 class _Factors(NamedTuple):
-    """Rows of a factorization."""
+    """Number of scratch rows for each part of a factorization."""
 
     FACTORED: int = 1  # tangents of the factorization, N/m
-    PIVOT: int = 1
-    COUPLING: int = 1
+    PIVOT: int = 1  # inverse pivots
+    COUPLING: int = 1  # multipliers
 
 
 ROW, EQUILIBRIUM_ROWS = rows.chained(_Rows)
@@ -95,7 +97,10 @@ def invalidate(scratch, factors, n):
 
 @inline
 def solve_equilibrium(effective, factors, previous, trial, scene, memory):
-    """Compute the response of all floors in equilibrium.
+    """Solve M a + C v + f(u) = p for the unknown x of each floor by Newton's method.
+
+    Displacement, velocity and acceleration are linear functions of x: u = U + by_u x,
+    v = V + by_v x, a = A + by_a x.
 
     Parameters
     ----------
@@ -107,7 +112,7 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     previous : int
         Block of the law states at the start of the path.
     trial : int
-        Block of the law states that receives the states in equilibrium.
+        Block of the law states that receives the states at the solution.
     scene : Scene
         Building and forces on floors.
     memory : Memory
@@ -167,10 +172,12 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
 
 @inline
 def _story_forces(effective, factors, previous, trial, scene, memory):
-    """Compute the story forces of the current response.
+    """Compute story forces and tangents for the current displacements and velocities.
 
-    The tangent of a power-law dashpot acts as a stiffness multiplied by by_v / by_u. If by_u is 0,
-    the stiffness does not contribute, and the factorization uses 1 instead of by_u.
+    A power-law dashpot with the derivative s of its force contributes by_v / by_u times s to the
+    tangent stiffness, because velocity and displacement depend on the same unknown x. If by_u is 0,
+    the displacements are known and stiffnesses do not contribute. The row TANGENT then contains
+    by_v s only, and the factorization uses 1 instead of by_u.
 
     Parameters
     ----------
@@ -202,29 +209,30 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
         u_below = scratch[ROW.U, i]
         v_below = scratch[ROW.V, i]
         tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
-        dashpot_force, slope = power_damper(linear_terms, i, rate)
-        scale = law_parameters[rows.STIFFNESS, i]
+        dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
+        tangent_scale = law_parameters[rows.STIFFNESS, i]
         if by_u == 0.0:
-            tangent = by_v * slope - linear_terms[rows.GEOMETRIC, i]
-            scale = linear_terms[rows.MASS, i]
-        elif slope != 0.0:
-            tangent += by_v / by_u * slope
+            tangent = by_v * dashpot_tangent - linear_terms[rows.GEOMETRIC, i]
+            tangent_scale = linear_terms[rows.MASS, i]
+        elif dashpot_tangent != 0.0:
+            tangent += by_v / by_u * dashpot_tangent
         scratch[ROW.TANGENT, i] = tangent
         is_stale = (
             is_stale
-            or abs(tangent - scratch[factors + _FACTOR.FACTORED, i]) > TANGENT_TOLERANCE * scale
+            or abs(tangent - scratch[factors + _FACTOR.FACTORED, i])
+            > TANGENT_TOLERANCE * tangent_scale
         )
-        total = (
+        story_force = (
             law_state[trial + rows.FORCE, i]
             + linear_terms[rows.GEOMETRIC, i] * drift
             + linear_terms[rows.STORY_DAMPER, i] * rate
             + dashpot_force
         )
-        scratch[ROW.SUM, i] = total
+        scratch[ROW.SUM, i] = story_force
         # A drift is a difference of displacements. The rounding errors of the displacements are not
         # part of the residual.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
-        scratch[ROW.SIZE, i] = abs(total) + rounding * (
+        scratch[ROW.SIZE, i] = abs(story_force) + rounding * (
             abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift)
         )
     return is_stale
@@ -232,7 +240,7 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
 
 @inline
 def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
-    """Store the residuals p - M a - C v - f(u), N, and return True if all are within the tolerance.
+    """Compute the residuals p - M a - C v - f(u), N, and return True if all are small enough.
 
     Parameters
     ----------

@@ -1,10 +1,18 @@
-"""Direct solution of linear systems with the matrices of a chain: tridiagonal, real or complex, and
-block tridiagonal with 2 x 2 blocks.
+"""Direct solution of the linear systems of a step: tridiagonal or block tridiagonal matrices.
 
-Modal damping adds the matrix W^T W, with one row of W for each damped mode. The
+A story couples only adjacent floors. The matrices are therefore tridiagonal (real or complex, one
+unknown per floor) or block tridiagonal with 2 x 2 blocks (two unknowns per floor).
+
+Modal damping adds a multiple s of the matrix W^T W, with one row of W for each damped mode. The
 Sherman-Morrison-Woodbury formula accounts for this part, so that no dense matrix with the size of
-the building is needed. Pivoting is not necessary: each leading block is the matrix of the building
-below a story, for which the same step is solvable.
+the building is needed:
+
+    (T + s W^T W)^-1 = T^-1 - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W T^-1
+
+Here T is the matrix without modal damping. The matrix in brackets has one row for each mode.
+
+Pivoting is not necessary: each leading block is the matrix of the part of the building below a
+story, for which the same step has a unique solution.
 """
 
 from __future__ import annotations
@@ -18,8 +26,8 @@ from tdint.kernels.stepping import Array
 _MODAL = VARIANT.modal
 
 COUPLING_ROWS = 8
-"""Number of rows of the couplings in the factorization of `factor_blocks`. The caller stores the
-couplings in the first half of these rows."""
+"""Number of scratch rows for the couplings between adjacent floors in `factor_blocks`: four entries
+of each 2 x 2 block, which the caller stores, and four entries of each product A_i B_(i+1)."""
 
 
 class Combination(NamedTuple):
@@ -37,8 +45,10 @@ class Combination(NamedTuple):
 
 
 class ModalBlocks(NamedTuple):
-    """Modal damping for pairs of unknowns (x, y) per floor: the Kronecker product of [[xx, xy],
-    [yx, yy]] and W^T W.
+    """Modal damping in a matrix with two unknowns (x, y) per floor.
+
+    The equations of x contain the terms W^T W (xx x + xy y), those of y the terms
+    W^T W (yx x + yy y).
 
     Attributes
     ----------
@@ -62,8 +72,8 @@ def factor(factors, n):
     Parameters
     ----------
     factors : Factors
-        Row `pivot` contains the diagonal and receives the inverse pivots. Row `coupling` contains
-        in column i the coupling of i with i - 1 and receives the multipliers.
+        Row `pivot` contains the diagonal of the matrix and receives the inverses of D. Row
+        `coupling` contains in column i the matrix entry (i, i - 1) and receives the entry of L.
     n : int
         Number of floors.
     """
@@ -93,6 +103,7 @@ def solve(factors, x, n):
     for i in range(1, n):
         partial = scratch[x, i] - scratch[coupling, i] * partial
         scratch[x, i] = partial
+    # Forward substitution is complete; backward substitution follows.
     partial = scratch[x, n - 1] * scratch[diagonal, n - 1]
     scratch[x, n - 1] = partial
     for i in range(n - 2, -1, -1):
@@ -102,10 +113,10 @@ def solve(factors, x, n):
 
 @outlined
 def invert(scratch, first, size):
-    """Invert a dense matrix in place by Gauss-Jordan elimination without pivoting.
+    """Invert a small dense matrix in place by Gauss-Jordan elimination without pivoting.
 
-    The matrices are those of the Woodbury formula, the identity matrix plus a damping matrix, and
-    therefore well conditioned.
+    The function is used for the matrix of the Woodbury formula. It is the identity matrix plus a
+    damping matrix and therefore well conditioned.
 
     Parameters
     ----------
@@ -116,31 +127,28 @@ def invert(scratch, first, size):
     size : int
         Order of the matrix.
     """
-    for p in range(size):
-        inverse = 1.0 / scratch[first + p, p]
-        scratch[first + p, p] = 1.0
+    for pivot in range(size):
+        inverse = 1.0 / scratch[first + pivot, pivot]
+        scratch[first + pivot, pivot] = 1.0
         for j in range(size):
-            scratch[first + p, j] *= inverse
+            scratch[first + pivot, j] *= inverse
         for i in range(size):
-            if i != p:
-                multiplier = scratch[first + i, p]
-                scratch[first + i, p] = 0.0
+            if i != pivot:
+                multiplier = scratch[first + i, pivot]
+                scratch[first + i, pivot] = 0.0
                 for j in range(size):
-                    scratch[first + i, j] -= multiplier * scratch[first + p, j]
+                    scratch[first + i, j] -= multiplier * scratch[first + pivot, j]
 
 
 @outlined
 def factor_damped(factors, modal, scale, n):
-    """Factorize T + scale * W^T W for `solve_damped`, with the tridiagonal matrix T as for
-    `factor`.
-
-    The rows from `factors.store` on receive T^-1 W^T (one row per mode), then scale * (I + scale W
-    T^-1 W^T)^-1 (one row per mode). One row of scratch follows.
+    """Factorize T + scale * W^T W for `solve_damped`, with a symmetric tridiagonal matrix T.
 
     Parameters
     ----------
     factors : Factors
-        Rows of T, which receive the factorization.
+        Rows `pivot` and `coupling` contain T as for `factor` and receive its factorization. The
+        rows from `store` on receive the terms of the Woodbury formula (`_store_woodbury`).
     modal : ndarray
         W, one row for each damped mode.
     scale : float
@@ -150,17 +158,24 @@ def factor_damped(factors, modal, scale, n):
     """
     factor(factors, n)
     if _MODAL:
-        _store_damped(factors, modal, scale, n)
+        _store_woodbury(factors, modal, scale, n)
 
 
 @outlined
-def _store_damped(factors, modal, scale, n):
-    """Store the solutions for the mode vectors and the inverse of the small (Woodbury) matrix.
+def _store_woodbury(factors, modal, scale, n):
+    """Compute and store the terms of the Woodbury formula for modal damping.
+
+    The inverse of T + s W^T W, with the factorized tridiagonal matrix T and s = `scale`, is
+
+        T^-1 - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W T^-1
+
+    For m damped modes, scratch rows `store` to `store + m - 1` receive T^-1 W^T, one row per mode.
+    The next m rows receive the matrix in brackets.
 
     Parameters
     ----------
     factors : Factors
-        Factorization of the tridiagonal matrix.
+        Scratch array, factorization of T, and row number `store`.
     modal : ndarray
         W, one row for each damped mode.
     scale : float
@@ -171,6 +186,7 @@ def _store_damped(factors, modal, scale, n):
     scratch, _, _, store = factors
     modes = modal.shape[0]
     inverse_row = store + modes
+    # Solve T x = w for each mode.
     for j in range(modes):
         for i in range(n):
             scratch[store + j, i] = modal[j, i]
@@ -204,23 +220,27 @@ def solve_damped(factors, modal, x, n):
     """
     solve(factors, x, n)
     if _MODAL and modal.shape[0] > 0:
-        _correct_damped(factors.table, modal, factors.store, x, n)
+        _apply_woodbury(factors.table, modal, factors.store, x, n)
 
 
 @outlined
-def _correct_damped(scratch, modal, store, x, n):
-    """Add the Woodbury correction for the modes to the solution of the tridiagonal system.
+def _apply_woodbury(scratch, modal, store, x, n):
+    """Correct the solution of the tridiagonal system for modal damping by the Woodbury formula.
+
+    With x = T^-1 b, the solution of (T + s W^T W) y = b is
+
+        y = x - T^-1 W^T [s (I + s W T^-1 W^T)^-1] W x
 
     Parameters
     ----------
     scratch : ndarray
-        Table with the factorization.
+        Scratch array with T^-1 W^T and the matrix in brackets (`_store_woodbury`).
     modal : ndarray
         W, one row for each damped mode.
     store : int
-        First row of the stored solutions.
+        First row of T^-1 W^T; the matrix in brackets and one temporary row follow.
     x : int
-        Row of the solution.
+        Row that contains x and receives y.
     n : int
         Number of floors.
     """
@@ -242,7 +262,9 @@ def _correct_damped(scratch, modal, store, x, n):
 
 @inline
 def assemble_combination(linear_terms, law_state, row, combination, factors, n):
-    """Assemble by_m M + by_c C + by_k K for `factor`, without the modal part of C.
+    """Assemble the tridiagonal matrix by_m M + by_c C + by_k K for `factor`.
+
+    Modal damping is not included in C.
 
     Parameters
     ----------
@@ -276,7 +298,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
 
 @outlined
 def factor_combination(linear_terms, modal, law_state, row, combination, factors, n):
-    """Assemble and factorize by_m M + by_c C + by_k K for `solve_damped`.
+    """Assemble and factorize by_m M + by_c C + by_k K, including modal damping, for `solve_damped`.
 
     Parameters
     ----------
@@ -303,16 +325,18 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
 def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     """Assemble the Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) of each floor.
 
-    The accelerations a1 are eliminated by equilibrium. The couplings are set to zero where a story
-    is on the ground.
+    The equations are kinematics (multiplied by the mass) and momentum of each floor. The
+    accelerations a1 are eliminated by equilibrium. The contributions of the masses and of the floor
+    dampers are added to those of the stories. Couplings of stories on the ground are set to zero.
 
     Parameters
     ----------
     linear_terms : ndarray
         Linear terms of the building.
     factors : Factors
-        The first four rows of the couplings contain the four entries of each story (restoring
-        forces and dampers). The four rows of the diagonal blocks are set.
+        The first four rows from `coupling` on contain the 2 x 2 block of each story (restoring
+        force and dampers), entry by entry. The four rows from `pivot` on receive the diagonal
+        blocks.
     by_v, by_a : float
         Coefficients of v1 and -a1 in the kinematic equation u1 - u0 = ...
     n : int
@@ -331,8 +355,10 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
 
 @outlined
 def link_blocks(linear_terms, factors, n):
-    """Add the entries of each story to the block of the floor below and remove the coupling of
-    stories on the ground.
+    """Add the block of each story to the diagonal block of the floor below.
+
+    The coupling block of a story on the ground is set to zero before, because it has no floor
+    below.
 
     Parameters
     ----------
@@ -354,10 +380,11 @@ def link_blocks(linear_terms, factors, n):
 
 @outlined
 def factor_blocks(factors, damping, n):
-    """Factorize a block tridiagonal matrix with 2 x 2 blocks plus a `ModalBlocks` matrix.
+    """Factorize a block tridiagonal matrix with 2 x 2 blocks plus modal damping.
 
-    The unknowns are pairs (x, y) per floor. The products A_i B_(i+1) are stored in addition, so
-    that the solution depends on only one product per floor.
+    The unknowns are pairs (x, y) per floor. The products A_i B_(i+1), with the inverse block pivot
+    A and the coupling block B, are stored as well. In the backward substitution only one
+    multiplication per floor then depends on the result of the floor above.
 
     Parameters
     ----------
@@ -413,12 +440,14 @@ def factor_blocks(factors, damping, n):
     for entry in range(4):
         scratch[upper + entry, n - 1] = 0.0
     if _MODAL:
-        _store_blocks_damped(factors, damping, n)
+        _store_blocks_woodbury(factors, damping, n)
 
 
 @inline
 def solve_blocks(factors, x, y, n):
-    """Solve a linear system with the blocks of `factor_blocks`, without the modal part.
+    """Solve a block tridiagonal system with the factorization of `factor_blocks`.
+
+    Modal damping is not included.
 
     Parameters
     ----------
@@ -463,13 +492,14 @@ def solve_blocks(factors, x, y, n):
 
 @outlined
 def factor_pairs(linear_terms, law_state, root, factors, damping, n):
-    """Factorize M + l C + l^2 K with a complex number l, with the tangent stiffnesses of the
-    current branches.
+    """Factorize the tridiagonal matrix M + l C + l^2 K with a complex number l.
 
-    No pivot is zero if 1 / l has a positive real part and is not real, for any signs of the slopes.
-    If a leading block were singular, x* times block times x = 0 would make 1 / l a root s of m s^2
-    + c s + k with real k, m > 0 and c >= 0. Such a root has a positive real part only if it is
-    real.
+    K contains the stiffnesses of the current branches of all stories.
+
+    No pivot is zero if 1 / l has a positive real part and is not real, even if stiffnesses are
+    negative. Proof: if a leading block were singular, x* block x = 0 for a vector x would make
+    s = 1 / l a root of m s^2 + c s + k with real k, m > 0 and c >= 0. Such a root has a positive
+    real part only if it is real.
 
     Parameters
     ----------
@@ -484,7 +514,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         `coupling` on the multipliers of the elimination from the ground upwards. The rows from
         `store` on are those of `factor_blocks`.
     damping : ModalBlocks
-        l C of the modes.
+        Modal part of l C, as products of real and imaginary parts.
     n : int
         Number of floors.
     """
@@ -528,12 +558,14 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     scratch[coupling, n] = 0.0
     scratch[coupling + 1, n] = 0.0
     if _MODAL:
-        _store_pairs_damped(factors, damping, n)
+        _store_pairs_woodbury(factors, damping, n)
 
 
 @inline
 def solve_pairs(factors, x, y, n):
-    """Solve a linear system with the factorization of `factor_pairs`, without the modal part.
+    """Solve a complex tridiagonal system with the factorization of `factor_pairs`.
+
+    Modal damping is not included.
 
     Parameters
     ----------
@@ -571,8 +603,8 @@ def solve_pairs(factors, x, y, n):
         scratch[y, i] = q
 
 
-def _store_function(solve_undamped):
-    """Return a function that stores the terms of the Woodbury formula.
+def _woodbury_storing_function(solve_undamped):
+    """Return a compiled function that stores the terms of the Woodbury formula for two unknowns.
 
     Parameters
     ----------
@@ -586,9 +618,23 @@ def _store_function(solve_undamped):
     """
 
     @outlined
-    def store_damped(factors, damping, n):
-        """Store the solutions for the mode vectors and the inverse of the small (Woodbury)
-        matrix."""
+    def store_woodbury(factors, damping, n):
+        """Compute and store the terms of the Woodbury formula for pairs of unknowns (x, y).
+
+        With m damped modes, the 4 m rows from `factors.store` on receive the solutions of the
+        system without modal damping for 2 m right sides: each mode in x, then each mode in y (rows
+        x and y of each solution). The next 2 m rows receive the inverse of the small matrix
+        I + D W T^-1 W^T, where D are the coefficients xx, xy, yx, yy of `damping`.
+
+        Parameters
+        ----------
+        factors : Factors
+            Factorization without modal damping, and row number `store`.
+        damping : ModalBlocks
+            Modal damping.
+        n : int
+            Number of floors.
+        """
         scratch, _, _, store = factors
         modal, xx, xy, yx, yy = damping
         modes = modal.shape[0]
@@ -614,16 +660,16 @@ def _store_function(solve_undamped):
                 )
         invert(scratch, inverse_row, 2 * modes)
 
-    return store_damped
+    return store_woodbury
 
 
-_store_blocks_damped = _store_function(solve_blocks)
-_store_pairs_damped = _store_function(solve_pairs)
+_store_blocks_woodbury = _woodbury_storing_function(solve_blocks)
+_store_pairs_woodbury = _woodbury_storing_function(solve_pairs)
 
 
 @outlined
-def _correct_pairs(factors, damping, x, y, n):
-    """Add the Woodbury correction for the modes to a solution without the modal part.
+def _apply_pairs_woodbury(factors, damping, x, y, n):
+    """Correct a solution for modal damping by the Woodbury formula, for pairs of unknowns.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
-"""Drift laws (hysteresis models), one file for each law.
+"""Hysteresis models of stories (drift laws), one file for each law.
 
-The index of a law in `LAWS` is its number in the compiled tables. The compiled selection of a law
-uses the last law for any other number. Laws of plug-ins are appended
+The number of a law is its index in the list `LAWS`. Row CODE of the table `law_parameters` contains
+the number of the law of each story, by which compiled code selects the law
+(`tdint.kernels.laws.selection`). The laws of plug-ins are appended to the list
 (`tdint.model.definition.register_law`).
 """
 
@@ -20,6 +21,7 @@ from tdint.kernels.laws import (
     trilinear_pinching,
 )
 
+# The order must not change, because the numbers of the laws depend on it.
 LAWS = [
     linear.LAW,
     bilinear.LAW,
@@ -34,6 +36,6 @@ LAWS = [
 ]
 
 OURS = len(LAWS)
-"""Number of laws that are part of tdint."""
+"""Number of built-in laws. Laws with this number or a larger one belong to plug-ins."""
 LINEAR = LAWS.index(linear.LAW)
-"""Number of the linear law."""
+"""Number of the linear law in row CODE of `law_parameters`."""

@@ -2,8 +2,10 @@
 
     f = a k d + z,   dz = (1 - a) k dd,   |z| <= (1 - a) Fy
 
-An elastic spring with the stiffness a k is parallel to an elastic-perfectly plastic spring with the
-force z (row INTERNAL).
+with the force f, the drift d, the initial stiffness k, the yield force Fy and the hardening ratio
+a. The law is the sum of two parallel springs: an elastic spring with the stiffness a k, and an
+elastic-perfectly plastic spring with the force z, which row INTERNAL of the law state contains. The
+second spring yields at the drift Fy / k, as the story does.
 """
 
 from __future__ import annotations
@@ -24,19 +26,22 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness, N/m (k, or a k while the story yields), and write FORCE and
-        INTERNAL to block `trial`.
+        """Compute the force f = a k d + z at the drift d; return the tangent stiffness, N/m.
+
+        The force z of the plastic spring (row INTERNAL) changes by (1 - a) k times the change of
+        drift and is limited to (1 - a) Fy. FORCE and INTERNAL are written to block `trial`. The
+        tangent is k, or a k if the story yields.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -59,7 +64,11 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the energy of both springs, a k d^2 / 2 + z^2 / (2 (1 - a) k), J."""
+        """Return the elastic energy of both springs, J.
+
+        It is a k d^2 / 2 + z^2 / (2 (1 - a) k), with the drift d, the force z of the plastic spring
+        and the hardening ratio a.
+        """
         d = law_state[rows.DRIFT, i]
         z = law_state[rows.INTERNAL, i]
         k = law_parameters[rows.STIFFNESS, i]
@@ -68,25 +77,28 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        """Add |z| times the plastic drift of the path to row DISSIPATED of block `trial`, J.
+        """Compute the energy dissipated until the state in block `trial`, J.
+
+        A path that ends at the strength (1 - a) Fy of the plastic spring dissipates its force |z|
+        times the plastic part of the change of drift. The sum is stored in row DISSIPATED.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         """
         law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
         z = law_state[trial + rows.INTERNAL, i]
         plastic_share = 1.0 - law_parameters[_HARDENING, i]
-        if (
-            abs(z) == plastic_share * law_parameters[_YIELD_FORCE, i]
-        ):  # otherwise the path was elastic
+        # The path was elastic unless z is exactly equal to the strength, to which `force` limits
+        # it.
+        if abs(z) == plastic_share * law_parameters[_YIELD_FORCE, i]:
             drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
             slip = drift_change - (z - law_state[previous + rows.INTERNAL, i]) / (
                 plastic_share * law_parameters[rows.STIFFNESS, i]
@@ -95,7 +107,11 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the yield drifts of the current elastic branch, UPPER and LOWER."""
+        """Set the limits of the elastic branch of the committed state: its two yield drifts.
+
+        The plastic spring with the force z reaches its strength +-(1 - a) Fy at the drift
+        d + (+-(1 - a) Fy - z) / ((1 - a) k).
+        """
         plastic_share = 1.0 - law_parameters[_HARDENING, i]
         strength = plastic_share * law_parameters[_YIELD_FORCE, i]
         k = law_parameters[rows.STIFFNESS, i]
@@ -108,44 +124,50 @@ def _functions() -> LawFunctions:
 
     @inline
     def advance(law_parameters, law_state, i, block, step, mean_force):
-        """Update z on an elastic branch or the dissipated energy on a yielding branch (RATE_SIGN
-        not 0).
+        """Update the law state in `block` after a change of drift along one branch.
+
+        On an elastic branch (RATE_SIGN 0), the force z of the plastic spring, row INTERNAL, follows
+        from the force of the story. On a yielding branch, z is constant and the dissipated energy
+        increases by |z| times the change of drift.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         step : float
             Change of drift, m.
         mean_force : float
             Mean force on the path, N.
         """
         if law_state[block + rows.RATE_SIGN, i] == 0.0:
-            elastic = (
+            elastic_force = (
                 law_parameters[_HARDENING, i]
                 * law_parameters[rows.STIFFNESS, i]
                 * law_state[block + rows.DRIFT, i]
             )
-            law_state[block + rows.INTERNAL, i] = law_state[block + rows.FORCE, i] - elastic
+            law_state[block + rows.INTERNAL, i] = law_state[block + rows.FORCE, i] - elastic_force
         else:
             law_state[block + rows.DISSIPATED, i] += abs(law_state[block + rows.INTERNAL, i] * step)
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """Set the elastic branch after a reversal, or the yielding branch after a limit.
+        """Set the branch that follows: elastic after a reversal, yielding after a yield drift.
+
+        After a reversal, the story is elastic until it yields on the other side, at a drift that
+        differs by 2 Fy / k. A yielding branch has the stiffness a k and ends at a reversal.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """

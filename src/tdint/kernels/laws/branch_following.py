@@ -1,7 +1,8 @@
-"""Monotonic paths over the branches of a piecewise-linear drift law.
+"""Force functions of piecewise-linear drift laws, which follow the linear branches of the law.
 
-`follow_branches` builds the functions of such a law from its `switch`, its strain energy and its
-`enter`. `branch_first` accelerates them for a path that remains on one branch.
+A law with linear branches only defines how branches follow each other (`switch`), its first branch
+(`enter`) and its strain energy. `follow_branches` builds the other functions from these.
+`branch_first` accelerates the functions for paths that remain on one branch.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ reversals."""
 
 @inline
 def no_operation(law_parameters, law_state, i, block, step, mean_force):
-    """Update no row (an `advance` for a law with a state that consists of drift and force).
+    """Do nothing: function `advance` of a law whose state consists of drift and force only.
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Tables of law parameters and law states, one column per story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the law state.
     step : float
         Change of drift, m.
     mean_force : float
@@ -39,7 +40,7 @@ def no_operation(law_parameters, law_state, i, block, step, mean_force):
 
 
 def add_work(law_parameters, law_state, i, block, step, mean_force):
-    """Add the work of a path to row WORK of a block (the default `advance`).
+    """Add the work of a path to row WORK of a law state: default function `advance` of a law.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ def add_work(law_parameters, law_state, i, block, step, mean_force):
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the law state.
     step : float
         Change of drift, m.
     mean_force : float
@@ -87,9 +88,9 @@ def copy_extra_rows(law_state, i, previous, trial):
     i : int
         Index of the story.
     previous : int
-        First row of the state at the start of the path.
+        First row of the law state at the start of the path.
     trial : int
-        First row of the state at the end of the path.
+        First row of the law state at the end of the path.
     """
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
@@ -99,9 +100,10 @@ def copy_extra_rows(law_state, i, previous, trial):
 
 @inline
 def set_branch(law_state, i, block, slope, lower, upper, turn):
-    """Set the branch of the state in a block.
+    """Set the current branch of a law state: stiffness, limits and direction.
 
-    A `switch` calls this function. It additionally sets FORCE and INTERNAL if their values change.
+    The function `switch` of a law calls this function. It must also set FORCE and INTERNAL if their
+    values change.
 
     Parameters
     ----------
@@ -110,7 +112,7 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the law state.
     slope : float
         Tangent stiffness of the branch, N/m; infinite for a curved branch.
     lower, upper : float
@@ -138,7 +140,7 @@ def fail(law_state, i, block, failed):
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the law state.
     failed : float
         Value of INTERNAL after the failure.
     """
@@ -149,9 +151,10 @@ def fail(law_state, i, block, failed):
 
 @inline
 def branch_owner(law_state, i, block):
-    """Return the block that contains the branch of the state in `block`.
+    """Return the first row of the law state that contains the branch of the state in `block`.
 
-    The result is `block` or the block to which row BRANCH_OFFSET of `block` refers.
+    A trial state that is on the branch of another state does not contain a copy of the branch. Its
+    row BRANCH_OFFSET contains the offset to that state, otherwise 0.
     """
     return (
         block if block == rows.COMMITTED else block + int(law_state[block + rows.BRANCH_OFFSET, i])
@@ -160,10 +163,10 @@ def branch_owner(law_state, i, block):
 
 @outlined
 def copy_branch(law_state, i, block):
-    """Copy the branch to which a state refers into the block of the state.
+    """Replace the reference of a law state to the branch of another state by a copy of the branch.
 
-    The copied rows are INTERNAL, the rows from COMMON_ROWS to WORK (excluded) and the extra rows.
-    Afterwards the state in `block` can change its branch.
+    The state must contain its branch before it can change the branch. The copied rows are INTERNAL,
+    the rows from COMMON_ROWS to WORK (excluded) and the extra rows.
     """
     if law_state[block + rows.BRANCH_OFFSET, i] != 0.0:
         branch_block = branch_owner(law_state, i, block)
@@ -202,21 +205,22 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness, N/m, without leaving the branch if possible.
+        """Compute the force at a drift; return the tangent stiffness, N/m.
 
-        The path remains on the branch if `drift` is within the limits, the direction is that of
-        RATE_SIGN, and the branch is linear.
+        If the path remains on its linear branch, force and work follow from the stiffness of the
+        branch. This is the case if `drift` is within the limits of the branch and the direction of
+        the path is that of RATE_SIGN. Otherwise the original force function of the law is called.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -246,18 +250,21 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
     @inline
     def commit_changed_rows(law_parameters, law_state, i, previous, trial):
-        """Commit the rows other than the common rows, depending on the reference in block `trial`.
+        """Commit the rows of a trial state that `commit` does not copy.
+
+        If the trial state is still on the committed branch, only its work has to be copied.
+        Otherwise all rows are copied.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         """
         if law_state[trial + rows.BRANCH_OFFSET, i] == float(rows.COMMITTED - trial):
             # The complete path is on the committed branch, so only WORK has to be committed.
@@ -272,12 +279,12 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
 
 def advancing(move: Any) -> Any:
-    """Return a function that moves a state to a drift on its current linear branch.
+    """Return a compiled function that moves a law state to a drift on its current linear branch.
 
     Parameters
     ----------
     move : function
-        Update of the other rows, see `LawFunctions.advance`.
+        Function that updates the rows other than DRIFT and FORCE, see `LawFunctions.advance`.
 
     Returns
     -------
@@ -288,16 +295,18 @@ def advancing(move: Any) -> Any:
 
     @inline
     def advance(law_parameters, law_state, i, block, drift):
-        """Move the state to a drift on its current linear branch.
+        """Move a law state to a drift on its current linear branch.
+
+        The force changes by the stiffness of the branch times the change of drift.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         drift : float
             Drift, m.
         """
@@ -312,7 +321,7 @@ def advancing(move: Any) -> Any:
 
 
 def branch_follower(switch: Any, move: Any = None) -> Any:
-    """Return a force function that follows the branches of a piecewise-linear law.
+    """Return the force function of a piecewise-linear law, which follows the branches of the law.
 
     Parameters
     ----------
@@ -332,18 +341,22 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
 
     @specialized
     def follow(law_parameters, law_state, i, previous, trial, drift):
-        """Follow the branches to a drift and return the slope of the last branch, N/m.
+        """Compute the force at a drift along the branches of the law; return the tangent, N/m.
+
+        The state in block `previous` is copied to block `trial`. If the path starts with a
+        reversal, the branch changes at once. At each limit of a branch on the path, the state is
+        moved to the limit and the branch changes. The result is the stiffness of the last branch.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -384,23 +397,25 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
 
     @inline
     def hysteretic_energy(law_parameters, law_state, i):
-        """Return the work done minus the strain energy, J."""
+        """Return the dissipated energy, J: the work done on the story minus the strain energy."""
         return law_state[rows.WORK, i] - strain_energy(law_parameters, law_state, i)
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
-        """Commit all rows except the common rows.
+        """Copy the branch and the other law-specific rows of a trial state to the committed state.
+
+        `commit` copies the common rows (drift, force, internal variable, dissipated energy).
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         """
         for row in range(rows.COMMON_ROWS, rows.LAW_STATE_ROWS):
             law_state[row, i] = law_state[trial + row, i]

@@ -20,16 +20,15 @@ from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.branch_following import branch_first
 from tdint.kernels.laws.law import LawFunctions
 
+# Signature of the kernel of a law, see `_all_hooks`
 _SIGNATURE = F8(
-    I8,
-    TABLE,
-    TABLE,
-    I8,
-    I8,
-    I8,
-    F8,
-    # function number, law_parameters, law_state, i, previous (or block), trial, drift (or event) ->
-    # result of the function
+    I8,  # number of the function
+    TABLE,  # law_parameters
+    TABLE,  # law_state
+    I8,  # i, index of the story
+    I8,  # previous, or block
+    I8,  # trial
+    F8,  # drift, or event
 )
 
 # Numbers of the functions of a law, in the order of `_HOOKS`.
@@ -46,9 +45,11 @@ if COMPILES:
 
     @inline
     def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
-        """Call the kernel at `address`, see `_all_hooks`.
+        """Call the compiled kernel of a law at its address.
 
-        A float64 represents the address exactly, because addresses have at most 48 bits.
+        The kernel executes the function with the number `hook` of the law (`_all_hooks`). The
+        address is stored as a float64 in the table of law states. This is exact because addresses
+        have at most 48 bits.
 
         Parameters
         ----------
@@ -57,13 +58,13 @@ if COMPILES:
         hook : int
             Number of the function, see `_all_hooks`.
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         x : float
             Drift for `force`, m; event for `switch`.
         """
@@ -72,7 +73,9 @@ if COMPILES:
 else:
 
     def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
-        """Call the Python function of the law; an address is not required without compilation.
+        """Execute a function of a law in plain Python, if kernels are not compiled.
+
+        The law is identified by its number in `law_parameters`. The address is not used.
 
         Parameters
         ----------
@@ -81,13 +84,13 @@ else:
         hook : int
             Number of the function, see `_all_hooks`.
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         x : float
             Drift for `force`, m; event for `switch`.
         """
@@ -98,18 +101,20 @@ else:
 
 @inline
 def _force(law_parameters, law_state, i, previous, trial, drift):
-    """Call the force function of the law.
+    """Call the function `force` of the separately compiled law of story `i`.
+
+    It computes the force at a drift and returns the tangent stiffness, N/m.
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Tables of law parameters and law states, one column per story.
     i : int
         Index of the story.
     previous : int
-        First row of the state at the start of the path.
+        First row of the law state at the start of the path.
     trial : int
-        First row of the state at the end of the path.
+        First row of the law state at the end of the path.
     drift : float
         Drift, m.
     """
@@ -120,7 +125,7 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
 
 @inline
 def _strain_energy(law_parameters, law_state, i):
-    """Call the strain energy of the law."""
+    """Return the strain energy of the separately compiled law of story `i`, J."""
     return _call(
         law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -128,7 +133,7 @@ def _strain_energy(law_parameters, law_state, i):
 
 @inline
 def _hysteretic_energy(law_parameters, law_state, i):
-    """Call the hysteretic energy of the law."""
+    """Return the dissipated energy of the separately compiled law of story `i`, J."""
     return _call(
         law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -136,40 +141,42 @@ def _hysteretic_energy(law_parameters, law_state, i):
 
 @inline
 def _keep(law_parameters, law_state, i, previous, trial):
-    """Call the commit function of the law.
+    """Call the function `keep` of the separately compiled law of story `i`.
+
+    It commits the rows of a trial state that are specific to the law.
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Tables of law parameters and law states, one column per story.
     i : int
         Index of the story.
     previous : int
-        First row of the state at the start of the path.
+        First row of the law state at the start of the path.
     trial : int
-        First row of the state at the end of the path.
+        First row of the law state at the end of the path.
     """
     _call(law_state[rows.ADDRESS, i], _KEEP, law_parameters, law_state, i, previous, trial, 0.0)
 
 
 @inline
 def _enter(law_parameters, law_state, i):
-    """Call the function that sets the first branch of the law."""
+    """Set the first branch of story `i` with a separately compiled law."""
     _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 
 
 @inline
 def _switch(law_parameters, law_state, i, block, event):
-    """Call the function that sets the next branch of the law.
+    """Set the branch that follows the current branch, for a separately compiled law.
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Tables of law parameters and law states, one column per story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the law state.
     event : float
         End of the branch: ABOVE, BELOW or REVERSED.
     """
@@ -194,7 +201,8 @@ SEPARATE_LAW_FUNCTIONS = branch_first(
 call."""
 
 
-# Functions of one law. `_kernel` replaces these names in a copy of the globals.
+# Placeholders for the functions of one law, which `_all_hooks` calls. For each law, `_kernel`
+# creates a copy of `_all_hooks` with these names replaced by the functions of the law.
 force: Any = None
 strain_energy: Any = None
 hysteretic_energy: Any = None
@@ -204,7 +212,9 @@ switch: Any = None
 
 
 def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
-    """Call one function of a law.
+    """Execute one function of a law, selected by its number.
+
+    This is the only kernel of a separately compiled law, so that one address per law is sufficient.
 
     Parameters
     ----------

@@ -23,18 +23,21 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness, N/m, and write the force to block `trial`.
+        """Compute the force at a drift; return the tangent stiffness, N/m.
+
+        The force is k d within the gap. Beyond it, the force of the stop,
+        stop_stiffness (|d| - gap), is added. The force is written to block `trial`.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -49,7 +52,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return k d^2 / 2 plus the energy of the stop, stop_stiffness (|d| - gap)^2 / 2, J."""
+        """Return the elastic energy of the committed state, J.
+
+        It is k d^2 / 2 plus, in contact with a stop, stop_stiffness (|d| - gap)^2 / 2.
+        """
         d = law_state[rows.DRIFT, i]
         penetration = max(abs(d) - law_parameters[_GAP, i], 0.0)
         return (
@@ -59,7 +65,7 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_contact(law_parameters, law_state, i, block, side):
-        """Set force and branch of a state within the gap or in contact with a stop.
+        """Set force and branch of a law state within the gap or in contact with a stop.
 
         Parameters
         ----------
@@ -68,7 +74,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             0 within the gap, 1 or -1 in contact with the stop on the positive or negative side.
         """
@@ -84,7 +90,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the branch of the committed state from its drift."""
+        """Set the branch of the committed state: within the gap, or in contact with a stop."""
         drift = law_state[rows.DRIFT, i]
         inside = abs(drift) < law_parameters[_GAP, i]
         set_contact(law_parameters, law_state, i, 0, 0.0 if inside else math.copysign(1.0, drift))
@@ -96,11 +102,11 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """

@@ -13,18 +13,20 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the constant tangent stiffness k, N/m, and write the force k d to block `trial`.
+        """Compute the force k d at the drift d; return the tangent stiffness k, N/m.
+
+        The force is written to block `trial`.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -33,7 +35,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return k d^2 / 2, J."""
+        """Return the elastic energy k d^2 / 2 of the committed state, J."""
         return (
             0.5
             * law_parameters[rows.STIFFNESS, i]

@@ -43,17 +43,20 @@ def _functions() -> LawFunctions:
 
     @inline
     def unloading_stiffness(law_parameters, law_state, i, block, side):
-        """Return the unloading stiffness ku from the maximum drift on side `side`, N/m, within its
-        bounds.
+        """Return the unloading stiffness ku of one side, N/m.
+
+        It is k (dy / maximum drift)^unloading, but at least the stiffness of the line from the
+        point of maximum drift to the origin, and at least k min(1, hardening / (1 - unloading /
+        2)).
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -61,9 +64,8 @@ def _functions() -> LawFunctions:
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
         unloading = law_parameters[_EXPONENT, i]
-        drift = law_state[
-            block + rows.DRIFT, i
-        ]  # While the story yields, the current drift is the maximum drift.
+        # While the story yields, the current drift is the maximum drift.
+        drift = law_state[block + rows.DRIFT, i]
         max_drift = (
             max(law_state[block + rows.HIGH_DRIFT, i], drift)
             if side > 0.0
@@ -77,13 +79,17 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the energy that unloading releases, F^2 / (2 ku), J."""
+        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force releases."""
         force = law_state[rows.FORCE, i]
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, force)
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the yield points as limits of the elastic branch and as points of maximum drift."""
+        """Set the first branch of a story: elastic between the two yield points.
+
+        The yield points are the limits of the branch, and the points towards which reloading is
+        directed as long as the story has not yielded.
+        """
         strength = law_parameters[_YIELD_FORCE, i]
         k = law_parameters[rows.STIFFNESS, i]
         law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = strength / k
@@ -93,17 +99,20 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        """Set the unloading branch after a reversal, otherwise the reloading or the yielding
-        branch.
+        """Set the branch that follows the current branch at a reversal or at its limit.
+
+        After a reversal, the story unloads to zero force with the stiffness ku. At zero force, it
+        reloads towards the point of maximum drift on the other side. From this point on, it yields
+        along the backbone curve.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """

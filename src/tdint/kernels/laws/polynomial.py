@@ -12,21 +12,22 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness, N/m, and write the force to block `trial`.
+        """Compute the force c1 d + c2 d^2 + ... at the drift d; return the tangent stiffness, N/m.
 
-        Horner's scheme is used because the compiler can contract a sum of two products in two ways,
-        depending on the variant, and the results would differ by rounding.
+        The force is written to block `trial`. Horner's scheme is used because the compiler can
+        contract a sum of two products in two ways, depending on the variant, and the results would
+        differ by rounding.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -40,7 +41,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, the sum of c_j d^(j + 1) / (j + 1), J."""
+        """Return the elastic energy, the sum of c_j d^(j + 1) / (j + 1), J."""
         d = law_state[rows.DRIFT, i]
         energy = 0.0
         for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):
@@ -49,15 +50,16 @@ def _functions() -> LawFunctions:
 
     @inline
     def points(law_parameters, law_state, i, way):
-        """Return the number of Gauss points that integrates the law exactly.
+        """Return the number of Gauss points that integrate the force exactly over a path.
 
-        With force of degree q in the drift and drift quadratic in the time s, the force times s is
-        of degree 2 q + 1 in s, which q + 1 points integrate exactly.
+        If the force is a polynomial of degree q of the drift, and the drift is quadratic in the
+        time s, then the force times s is a polynomial of degree 2 q + 1 of s. The Gauss rule with q
+        + 1 points integrates it exactly.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         way : float

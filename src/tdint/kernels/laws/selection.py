@@ -20,18 +20,21 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 @cache
 def _functions(law: DriftLaw) -> LawFunctions:
-    """Return the functions of a law; of a separately compiled law, the functions that call it."""
+    """Return the compiled functions of a law.
+
+    For a separately compiled law, the result contains functions that call it by address.
+    """
     return SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
 
 
 class _Codes:
-    """Numbers of the laws with a property, if kernels run as Python functions.
+    """Container of the numbers of all laws with a property, for kernels that run in plain Python.
 
-    The property is evaluated on each test, because plug-ins can register laws later.
+    The property is evaluated for each test with `in`, because plug-ins can register laws later.
     """
 
     def __init__(self, has: Callable[[DriftLaw], bool]) -> None:
-        """Store the property `has`."""
+        """Store the function `has`, which returns True for a law with the property."""
         self.has = has
 
     def __contains__(self, code: Any) -> bool:
@@ -47,12 +50,15 @@ def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
     )
 
 
-_NAMED = {name.partition("@")[0] for name in VARIANT.laws}
+_VARIANT_LAWS = {name.partition("@")[0] for name in VARIANT.laws}
 
-COMPILED = tuple(code for code, law in enumerate(LAWS) if not _NAMED or law.name in _NAMED)
+COMPILED = tuple(
+    code for code, law in enumerate(LAWS) if not _VARIANT_LAWS or law.name in _VARIANT_LAWS
+)
 """Numbers of the laws for which the kernels are compiled."""
 
 CURVED_LAWS = _codes(lambda law: law.curved)
+"""Numbers of the laws with curved branches."""
 
 HAS_CURVED_LAW = any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
@@ -68,16 +74,18 @@ HAS_SEPARATE_LAW = any(LAWS[code].compiled_separately for code in COMPILED)
 """True if a law of the variant is compiled separately. The stiffness of its branches can depend on
 the response history."""
 
-# The first laws are inlined wherever a law is selected, as is the common part of all separately
-# compiled laws (a test of the branch, then a call by address). The other laws are compiled once,
-# together, and called, because compiling the time loops takes several seconds.
+# The functions of the laws with the smallest numbers are inlined at each place where a law is
+# selected. The same applies to the common function of all separately compiled laws, which tests the
+# branch and then calls the law by address. The functions of the other laws are compiled only once
+# and are called, because inlining them would increase the compile time of the time loops, which is
+# several seconds.
 _FREQUENT = 2
 """Number of laws that are inlined: linear and bilinear."""
 
 _SEPARATE = -1
-"""Number that represents all separately compiled laws in the order of selection."""
+"""Number that represents all separately compiled laws in the result of `_selection_order`."""
 
-# Numbers of the laws that store their branch in every state.
+# Numbers of the laws that store their current branch in every state (committed and trial).
 BRANCH_STORING_LAWS = _codes(lambda law: _functions(law).keep is not None)
 
 # Numbers of the laws that accumulate their dissipated energy.
@@ -87,9 +95,13 @@ DISSIPATING_LAWS = _codes(lambda law: _functions(law).accumulate_dissipation is 
 def select_function(
     hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None
 ) -> Any:
-    """Return the compiled function that calls the function `hook` of the law of a story.
+    """Return a compiled function that selects the law of a story and calls its function `hook`.
 
-    The call is omitted for a frequent law and for a separately compiled law without this function.
+    The result is a chain of conditions on the number of the law. The conditions of frequent laws
+    (linear, bilinear) and of separately compiled laws are inlined; those of the other laws are
+    compiled as one function, which is called. A frequent or separately compiled law without the
+    function `hook` has a condition as well, which selects `otherwise`, so that this call is
+    avoided. Other laws without this function reach `otherwise` at the end of the chain.
 
     Parameters
     ----------
@@ -99,7 +111,7 @@ def select_function(
         Function that combines the function of one law with the function of the remaining laws:
         `case_with_3_arguments` to `case_with_6_arguments`, by the number of arguments.
     otherwise : function, optional
-        Function for laws whose attribute is None.
+        Default for laws without this function (their attribute is None).
 
     Returns
     -------
@@ -107,9 +119,9 @@ def select_function(
         (law_parameters, law_state, i, ...), as the selected functions.
     """
     if not COMPILES:
-        return lambda law_parameters, law_state, i, *more: (
+        return lambda law_parameters, law_state, i, *arguments: (
             getattr(_functions(LAWS[int(law_parameters[rows.CODE, i])]), hook) or otherwise
-        )(law_parameters, law_state, i, *more)
+        )(law_parameters, law_state, i, *arguments)
     order = _selection_order()
     candidates = [
         (
@@ -128,8 +140,8 @@ def select_function(
         if implementation is not None
     ]
     first_rare = next((code for code, _ in implementations if code >= _FREQUENT), None)
-    # If each law has a function, the function of the last law is also used for any other number,
-    # which does not occur.
+    # The chain is built from its end. If each law has its own function, the function of the last
+    # law needs no condition, because other numbers do not occur.
     function = otherwise if len(implementations) < len(candidates) or not implementations else None
     for code, implementation in reversed(implementations):
         decorate = specialized if code == first_rare else inline
@@ -142,8 +154,11 @@ def select_function(
 
 
 def _selection_order() -> list[int]:
-    """Return the numbers of the compiled laws in the order of the tests, with `_SEPARATE` after the
-    frequent laws."""
+    """Return the numbers of the compiled laws in the order in which they are tested.
+
+    Frequent laws are first. The number `_SEPARATE`, which represents all separately compiled laws,
+    follows. The remaining laws are last.
+    """
     separate = [_SEPARATE] if HAS_SEPARATE_LAW else []
     remaining = [code for code in COMPILED if not LAWS[code].compiled_separately]
     frequent = [code for code in remaining if code < _FREQUENT]
@@ -157,8 +172,11 @@ def _is_separate(law_parameters, law_state, i):
 
 
 def _test(code: int) -> Any:
-    """Return a function (law_parameters, law_state, i) that returns True if the story has the law
-    `code`, or a separately compiled law for `_SEPARATE`."""
+    """Return a compiled function that tests whether story `i` has the law with number `code`.
+
+    The arguments of the result are (law_parameters, law_state, i). For `_SEPARATE`, it tests
+    whether the law of the story is any separately compiled law.
+    """
     if code == _SEPARATE:
         return _is_separate
 
@@ -170,7 +188,10 @@ def _test(code: int) -> Any:
 
 
 def case_with_3_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
-    """Return a function that calls `implementation` if `has` returns True, and otherwise `other`.
+    """Return a compiled function that calls one of two functions, depending on the law of a story.
+
+    It calls `implementation` if `has` returns True for the story, and otherwise `other`.
+    The functions have the three arguments (law_parameters, law_state, i).
 
     Parameters
     ----------
@@ -192,36 +213,81 @@ def case_with_3_arguments(decorate: Any, has: Any, implementation: Any, other: A
 
 
 def case_with_4_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
-    """Return the function of `case_with_3_arguments` for functions of four arguments."""
+    """Return a compiled function that calls one of two functions, depending on the law of a story.
+
+    It calls `implementation` if `has` returns True for the story, and otherwise `other`, as
+    `case_with_3_arguments` does. The functions have four arguments: (law_parameters, law_state, i)
+    and one more argument. A separate function for each number of arguments is
+    necessary because compiled functions cannot have a variable number of arguments.
+
+    Parameters
+    ----------
+    decorate : callable
+        Decorator of the result: `inline` or `specialized`.
+    has : function
+        (law_parameters, law_state, i) -> bool.
+    implementation, other : function
+        Functions of four arguments.
+    """
 
     @decorate
-    def choose(law_parameters, law_state, i, more):
+    def choose(law_parameters, law_state, i, argument):
         if has(law_parameters, law_state, i):
-            return implementation(law_parameters, law_state, i, more)
-        return other(law_parameters, law_state, i, more)
+            return implementation(law_parameters, law_state, i, argument)
+        return other(law_parameters, law_state, i, argument)
 
     return choose
 
 
 def case_with_5_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
-    """Return the function of `case_with_3_arguments` for functions of five arguments."""
+    """Return a compiled function that calls one of two functions, depending on the law of a story.
+
+    It calls `implementation` if `has` returns True for the story, and otherwise `other`, as
+    `case_with_3_arguments` does. The functions have five arguments: (law_parameters, law_state, i)
+    and two more arguments. A separate function for each number of arguments is
+    necessary because compiled functions cannot have a variable number of arguments.
+
+    Parameters
+    ----------
+    decorate : callable
+        Decorator of the result: `inline` or `specialized`.
+    has : function
+        (law_parameters, law_state, i) -> bool.
+    implementation, other : function
+        Functions of five arguments.
+    """
 
     @decorate
-    def choose(law_parameters, law_state, i, block, more):
+    def choose(law_parameters, law_state, i, block, argument):
         if has(law_parameters, law_state, i):
-            return implementation(law_parameters, law_state, i, block, more)
-        return other(law_parameters, law_state, i, block, more)
+            return implementation(law_parameters, law_state, i, block, argument)
+        return other(law_parameters, law_state, i, block, argument)
 
     return choose
 
 
 def case_with_6_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
-    """Return the function of `case_with_3_arguments` for functions of six arguments."""
+    """Return a compiled function that calls one of two functions, depending on the law of a story.
+
+    It calls `implementation` if `has` returns True for the story, and otherwise `other`, as
+    `case_with_3_arguments` does. The functions have six arguments: (law_parameters, law_state, i)
+    and three more arguments. A separate function for each number of arguments is
+    necessary because compiled functions cannot have a variable number of arguments.
+
+    Parameters
+    ----------
+    decorate : callable
+        Decorator of the result: `inline` or `specialized`.
+    has : function
+        (law_parameters, law_state, i) -> bool.
+    implementation, other : function
+        Functions of six arguments.
+    """
 
     @decorate
-    def choose(law_parameters, law_state, i, block, more, last):
+    def choose(law_parameters, law_state, i, block, argument, last):
         if has(law_parameters, law_state, i):
-            return implementation(law_parameters, law_state, i, block, more, last)
-        return other(law_parameters, law_state, i, block, more, last)
+            return implementation(law_parameters, law_state, i, block, argument, last)
+        return other(law_parameters, law_state, i, block, argument, last)
 
     return choose

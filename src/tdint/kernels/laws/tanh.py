@@ -14,18 +14,20 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness k (1 - tanh^2), N/m, and write the force to block `trial`.
+        """Compute the force F tanh(k d / F) at the drift d; return the tangent stiffness, N/m.
+
+        The tangent is k (1 - tanh^2(k d / F)). The force is written to block `trial`.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -36,7 +38,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy F^2 / k ln cosh(k d / F), J."""
+        """Return the elastic energy F^2 / k ln cosh(k d / F) of the committed state, J."""
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         x = abs(law_parameters[rows.STIFFNESS, i] * law_state[rows.DRIFT, i] / strength)
         # ln cosh x = x + ln(1 + exp(-2 x)) - ln 2 does not overflow.
@@ -49,15 +51,15 @@ def _functions() -> LawFunctions:
 
     @inline
     def points(law_parameters, law_state, i, way):
-        """Return the number of Gauss points for an integration error of about 1e-10 of the
-        strength.
+        """Return the number of Gauss points for an integration error of about 1e-10 of F.
 
-        The poles of tanh x nearest to the real axis are at +-i pi / 2.
+        The number increases with the change of k d / F along the path. Convergence is limited by
+        the poles of tanh x at +-i pi / 2, which are the nearest to the real axis.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         way : float
