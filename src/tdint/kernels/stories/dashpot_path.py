@@ -1,10 +1,10 @@
-"""Force of a power-law dashpot on a parabola of drift: mean and first moment.
+"""Mean and first moment of the force of a power-law dashpot along a parabola of drift.
 
-The drift rate is linear on the parabola. The integrals are computed with Gauss points. Near zero
-rate the force has a sharp bend. The path is therefore divided where the rate changes its sign, and
-on a part with a large ratio of the rates the integration variable is the cube root of the rate. The
-error is then about 1e-6 of the force. The dashpot dissipates energy for any integration error,
-because the weights and the product of force and rate are positive at each point.
+Along the parabola, the drift rate is a linear function of time. The integrals are computed by Gauss
+integration. Near zero rate the force has a sharp bend. The path is therefore divided where the rate
+changes its sign. On a part where the rate varies strongly, the integration variable is the cube
+root of the rate. The error is then about 1e-6 of the force. The dashpot dissipates energy for any
+integration error, because the weights and the product of force and rate are positive at each point.
 """
 
 from __future__ import annotations
@@ -16,13 +16,17 @@ from tdint.kernels.linear_terms import power_damper
 from tdint.kernels.stepping import Array
 from tdint.kernels.stories import path
 
-STEADY = 0.5  # ratio of minimum to maximum rate from which on the rate is the integration variable
-STEADY_POINTS = 6  # Gauss points if the rate is the integration variable
-POINTS = 12  # Gauss points in the cube root of the rate; error about 1e-6 of the force
+# Dimensionless. If the ratio of the minimum to the maximum absolute rate on a part is at least this
+# value, the integration variable is the rate; otherwise it is the cube root of the rate.
+_MIN_RATE_RATIO = 0.5
+# Number of Gauss points with the rate and with its cube root as integration variable; the error is
+# about 1e-6 of the force
+_POINTS_IN_RATE = 6
+_POINTS_IN_CUBE_ROOT = 12
 
 
-class _Move(NamedTuple):
-    """Parabola of drift over a step, and the rows of its integrals.
+class _DashpotPath(NamedTuple):
+    """Parabola of drift over a step, and the scratch rows of the integrals along it.
 
     Attributes
     ----------
@@ -46,42 +50,47 @@ class _Move(NamedTuple):
     dashpot_rows: int
 
 
-def split_at_zero_rate(part):
-    """Return a function that integrates over a parabola of drift in parts without change of sign of
-    the rate.
+def split_at_zero_rate(integrate_part):
+    """Return a compiled function that integrates over a parabola of drift, divided at zero rate.
 
     Parameters
     ----------
-    part : function
-        (linear_terms, i, move, slow, fast). Integrates over a part from s = slow, where the
+    integrate_part : function
+        (linear_terms, i, dashpot_path, slow, fast). Integrates over a part from s = slow, where the
         absolute rate is smaller, to s = fast.
 
     Returns
     -------
     function
-        (linear_terms, i, move).
+        (linear_terms, i, dashpot_path).
     """
 
     @inline
-    def over_parts(linear_terms, i, move):
-        """Integrate over the parts of the path."""
-        first_rate = move.rise - 0.5 * move.bend  # h times the rates at both endpoints
-        last_rate = move.rise + 0.5 * move.bend
-        if first_rate * last_rate < 0.0:
-            zero_rate = -move.rise / move.bend
-            part(linear_terms, i, move, zero_rate, -0.5)
-            part(linear_terms, i, move, zero_rate, 0.5)
-        elif abs(first_rate) < abs(last_rate):
-            part(linear_terms, i, move, -0.5, 0.5)
-        else:
-            part(linear_terms, i, move, 0.5, -0.5)
+    def integrate_path(linear_terms, i, dashpot_path):
+        """Integrate the dashpot force over the path, in two parts if the rate changes its sign.
 
-    return over_parts
+        Positions on the path are s = -1/2 at the start and 1/2 at the end of the step. The rate is
+        (rise + bend s) / h.
+        """
+        first_rate = (
+            dashpot_path.rise - 0.5 * dashpot_path.bend
+        )  # h times the rates at both endpoints
+        last_rate = dashpot_path.rise + 0.5 * dashpot_path.bend
+        if first_rate * last_rate < 0.0:
+            zero_rate = -dashpot_path.rise / dashpot_path.bend
+            integrate_part(linear_terms, i, dashpot_path, zero_rate, -0.5)
+            integrate_part(linear_terms, i, dashpot_path, zero_rate, 0.5)
+        elif abs(first_rate) < abs(last_rate):
+            integrate_part(linear_terms, i, dashpot_path, -0.5, 0.5)
+        else:
+            integrate_part(linear_terms, i, dashpot_path, 0.5, -0.5)
+
+    return integrate_path
 
 
 @inline
-def _add(linear_terms, i, move, s, weight):
-    """Add a point of the path to the integrals and their tangents.
+def _add_point(linear_terms, i, dashpot_path, s, weight):
+    """Add one integration point to the integrals of the dashpot force and to their derivatives.
 
     Parameters
     ----------
@@ -89,14 +98,14 @@ def _add(linear_terms, i, move, s, weight):
         Linear terms of the building (`tdint.kernels.layout`).
     i : int
         Index of the story.
-    move : _Move
-        Path and rows.
+    dashpot_path : _DashpotPath
+        Parabola of drift and rows of the integrals.
     s : float
         Position on the path, between -1/2 and 1/2.
     weight : float
         Integration weight.
     """
-    rise, bend, h, scratch, story_rows, dashpot_rows = move
+    rise, bend, h, scratch, story_rows, dashpot_rows = dashpot_path
     force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
     moment = 12.0 * weight * s
     scratch[dashpot_rows + path.MEAN, i] += weight * force
@@ -108,8 +117,12 @@ def _add(linear_terms, i, move, s, weight):
 
 
 @outlined
-def _part(linear_terms, i, move, slow, fast):
-    """Add the part of the path from s = `slow` to s = `fast` to the integrals.
+def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
+    """Add the integrals of the dashpot force over a part of the path without change of sign.
+
+    If the rate is nearly constant, the Gauss rule is applied to s. Otherwise it is applied to the
+    cube root x of the rate divided by the maximum rate, because the force has a sharp bend near
+    zero rate; s is then a linear function of x^3.
 
     Parameters
     ----------
@@ -117,34 +130,42 @@ def _part(linear_terms, i, move, slow, fast):
         Linear terms of the building (`tdint.kernels.layout`).
     i : int
         Index of the story.
-    move : _Move
-        Path and rows.
+    dashpot_path : _DashpotPath
+        Parabola of drift and rows of the integrals.
     slow, fast : float
         Endpoints of the part, with the smaller and the larger absolute rate.
     """
-    minimum = abs(move.rise + move.bend * slow)
-    largest = abs(move.rise + move.bend * fast)
+    min_rate = abs(dashpot_path.rise + dashpot_path.bend * slow)
+    max_rate = abs(dashpot_path.rise + dashpot_path.bend * fast)
     length = abs(fast - slow)
-    if minimum >= STEADY * largest:
-        for point in range(STEADY_POINTS):
-            s = slow + (fast - slow) * path.NODES[STEADY_POINTS, point]
-            _add(linear_terms, i, move, s, length * path.WEIGHTS[STEADY_POINTS, point])
+    if min_rate >= _MIN_RATE_RATIO * max_rate:
+        for point in range(_POINTS_IN_RATE):
+            s = slow + (fast - slow) * path.NODES[_POINTS_IN_RATE, point]
+            _add_point(
+                linear_terms, i, dashpot_path, s, length * path.WEIGHTS[_POINTS_IN_RATE, point]
+            )
         return
-    root = (minimum / largest) ** (1.0 / 3.0) if minimum > 0.0 else 0.0
-    story_rows = 1.0 - root * root * root
-    for point in range(POINTS):
-        x = root + (1.0 - root) * path.NODES[POINTS, point]
-        s = slow + (fast - slow) * (x * x * x - root * root * root) / story_rows
-        _add(
+    cube_root = (min_rate / max_rate) ** (1.0 / 3.0) if min_rate > 0.0 else 0.0
+    cube_range = 1.0 - cube_root * cube_root * cube_root
+    for point in range(_POINTS_IN_CUBE_ROOT):
+        x = cube_root + (1.0 - cube_root) * path.NODES[_POINTS_IN_CUBE_ROOT, point]
+        s = slow + (fast - slow) * (x * x * x - cube_root * cube_root * cube_root) / cube_range
+        _add_point(
             linear_terms,
             i,
-            move,
+            dashpot_path,
             s,
-            length * 3.0 * x * x / story_rows * (1.0 - root) * path.WEIGHTS[POINTS, point],
+            length
+            * 3.0
+            * x
+            * x
+            / cube_range
+            * (1.0 - cube_root)
+            * path.WEIGHTS[_POINTS_IN_CUBE_ROOT, point],
         )
 
 
-_over_parts = split_at_zero_rate(_part)
+_integrate_path = split_at_zero_rate(_integrate_part)
 
 
 @outlined
@@ -169,9 +190,9 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
     dashpot_rows : int
         Row of the mean force of the dashpot, N. The first moment is stored in the next row.
     """
-    move = _Move(rise, bend, h, scratch, story_rows, dashpot_rows)
+    dashpot_path = _DashpotPath(rise, bend, h, scratch, story_rows, dashpot_rows)
     scratch[dashpot_rows + path.MEAN, i] = 0.0
     scratch[dashpot_rows + path.MOMENT, i] = 0.0
-    _over_parts(linear_terms, i, move)
+    _integrate_path(linear_terms, i, dashpot_path)
     scratch[story_rows + path.MEAN, i] += scratch[dashpot_rows + path.MEAN, i]
     scratch[story_rows + path.MOMENT, i] += scratch[dashpot_rows + path.MOMENT, i]

@@ -1,6 +1,6 @@
-"""Integrals of the force of a drift law along a parabola of drift.
+"""Mean and first moment of the force of a drift law along a parabola of drift within one step.
 
-The path and the integrals are
+The method moment4 needs these integrals. The drift d and the integrals of the force f are
 
     d(t) = d0 + rise t + bend (t^2 - t) / 2,   t in [0, 1], s = t - 1/2
     mean = int f dt,   moment = 12 int s f dt
@@ -9,10 +9,12 @@ The work along the path is rise * mean + bend * moment / 12. The tangents are th
 derivatives with respect to rise and bend: after a reversal of the path, the force also depends on
 the drift at the reversal.
 
+Times t are fractions of the step. A path has at most one reversal, at the extremum of the parabola.
+
 The integrals of a piecewise-linear law are exact. The path is divided at each change of branch and
 at the reversal. A curved elastic law is integrated with the number of Gauss points that the law
-requests. A curved law with a memory is integrated in the same way, first to the reversal and then
-from the reversal to the end.
+requests. A curved hysteretic law is integrated in the same way, first to the reversal and then from
+the reversal to the end.
 """
 
 from __future__ import annotations
@@ -41,8 +43,8 @@ from tdint.kernels.stories.law_state import (
     restoring_force_outlined,
 )
 
-# Rows of the results, relative to `out`: mean and moment (N) and their derivatives with respect to
-# rise and bend (N/m).
+# Rows of the results in the scratch array, relative to the first row `out`: mean and moment (N),
+# and their derivatives with respect to rise and bend (N/m)
 MEAN = 0
 MOMENT = 1
 MEAN_BY_RISE = 2
@@ -50,31 +52,32 @@ MEAN_BY_BEND = 3
 MOMENT_BY_RISE = 4
 MOMENT_BY_BEND = 5
 _RESULTS = 6
-_BACK = 6  # the same results for the path after a reversal
-_SHIFTED = 12  # the same results for the path after a reversal at a shifted drift
+_AFTER_REVERSAL = 6  # first row of the same results for the part of the path after a reversal
+_SHIFTED = 12  # the same, for a reversal at a slightly shifted drift (derivative)
 PATH_ROWS = 18
 
 _MAX_BRANCHES = 16  # maximum number of branches up to a reversal; every law has fewer
 # Fraction of the step. Tolerance of the time of a reversal; rounding errors are about 1e-15.
 _ROOT = 1e-12
 _MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations
-# Relative to the rate that a story reaches within the step. A smaller rate in the opposite
-# direction is not a reversal. If the building is at rest, the initial acceleration is the rounding
-# error of the floor loads, about 1e-16 of them, and the drifts of upper stories are 1e-6 of the
-# displacements of the floors.
+# Fraction of the rate that a story reaches within the step. A smaller rate in the opposite
+# direction is regarded as rounding error and not as a reversal. In a building at rest, the initial
+# acceleration has a rounding error of about 1e-16 of the floor loads, and the drifts of upper
+# stories are only 1e-6 of the floor displacements.
 _RATE_ROUNDING = 1e-9
 _OPPOSITE_RATE = (
     # Rate opposite to the direction of the path, relative to the rate that it reaches. Larger
     # values are not rounding errors of a path that starts at a reversal.
     1e-12
 )
-# Shift of the drift at a reversal relative to the path, for the derivative with respect to this
-# drift.
+# Shift of the drift at a reversal for the numerical derivative of the integrals with respect to
+# this drift, as a fraction of |rise| + |bend|
 _SHIFT = 1e-6
 MAX_POINTS = 16  # maximum number of Gauss points in one part of the path
-# number of Gauss points for laws that do not specify a number; one complete part
+# Number of Gauss points for laws that do not specify a number; the maximum in one part of the path
 _DEFAULT_POINTS = 16.0
-# Maximum number of Gauss points on a path. In a diverging iteration, laws would request millions.
+# Maximum number of Gauss points on a path. If Newton's method diverges, the change of drift is
+# large and laws would request millions of points.
 _MAX_POINTS = 32e3
 
 
@@ -100,7 +103,7 @@ NODES, WEIGHTS = _gauss()
 
 @inline
 def _default_points(law_parameters, law_state, i, drift_change):
-    """Return the default number of Gauss points.
+    """Return the number of Gauss points for laws that do not specify a number.
 
     Parameters
     ----------
@@ -119,7 +122,7 @@ _points = select_function("points", case_with_4_arguments, _default_points)
 
 @inline
 def required_points(law_parameters, law_state, i, drift_change):
-    """Return the number of Gauss points on a path with a drift change of `drift_change` (m).
+    """Return the number of Gauss points that the law of story `i` requires on a path.
 
     Parameters
     ----------
@@ -134,8 +137,8 @@ def required_points(law_parameters, law_state, i, drift_change):
 
 
 @inline
-def _smooth(law_parameters, law_state, i, block, side):
-    """Return infinity, for laws without a sharp bend.
+def _no_sharp_bend(law_parameters, law_state, i, block, side):
+    """Return infinity: the drift change to a sharp bend of the force, for laws without a bend.
 
     Parameters
     ----------
@@ -151,7 +154,7 @@ def _smooth(law_parameters, law_state, i, block, side):
     return math.inf
 
 
-_kink = select_function("kink", case_with_5_arguments, _smooth)
+_distance_to_bend = select_function("kink", case_with_5_arguments, _no_sharp_bend)
 
 
 @inline
@@ -165,15 +168,15 @@ def remains_on_branch(law_state, i, rise, bend):
     i : int
         Index of the story.
     rise, bend : float
-        Coefficient of the parabola of drift, m.
+        Coefficients of the parabola of drift, m.
     """
     if not law_state[rows.SLOPE, i] < math.inf:
         return False
     start = law_state[rows.DRIFT, i]
-    turn = law_state[rows.RATE_SIGN, i]
+    rate_sign = law_state[rows.RATE_SIGN, i]
     first = rise - 0.5 * bend
     last = rise + 0.5 * bend
-    if turn * first < 0.0 or turn * last < 0.0:
+    if rate_sign * first < 0.0 or rate_sign * last < 0.0:
         return False
     # The parabola is between the minimum and the maximum of its Bezier points.
     middle = start + 0.5 * first
@@ -194,92 +197,115 @@ def remains_on_branch(law_state, i, rise, bend):
 
 
 @outlined
-def locate_reversals(rise, first, last, start):
-    """Locate the reversals of a story within a step from its drift rate.
+def locate_reversals(rise, first_rate, last_rate, initial_slope):
+    """Locate the reversals of a story within a step: the zeros of its drift rate.
 
-    The rate is the cubic with the rates `first` and `last` of the state at both endpoints, the mean
-    `rise` and the initial slope `start`. The rate of the parabola is not used because it differs
-    from the rate of the state at both endpoints.
+    The rate is approximated by a cubic polynomial of the time t in [0, 1] that has the given rates
+    at both endpoints, the mean value `rise` and the given initial slope. All rates are multiplied
+    by the step and therefore have the unit m. The rate of the parabola of drift is not used,
+    because it differs from the rates of the state at the endpoints.
 
     Parameters
     ----------
     rise : float
         Change of drift in the step, m.
-    first, last : float
+    first_rate, last_rate : float
         Drift rates at both endpoints times the step, m.
-    start : float
+    initial_slope : float
         Rate of change of the drift rate at the start times the squared step, m.
 
     Returns
     -------
-    side : float
+    direction : float
         Direction of the initial movement, 1 or -1.
-    first, second, third : float
+    first_reversal, second_reversal, third_reversal : float
         Fractions of the step in (0, 1) at which the rate changes its sign; 1 for no further
         reversal.
-    nearest : float
+    min_extremum : float
         Minimum absolute rate at an extremum within the step, m; infinite if there is no extremum.
     """
-    rounded = _RATE_ROUNDING * (abs(rise) + abs(last))
-    if abs(first) <= rounded and abs(start) <= rounded and rise * last > 0.0:
-        # The story starts at rest, and not by its acceleration. This applies to an upper story with
-        # a rate that increases faster than a cubic can represent.
+    tolerance = _RATE_ROUNDING * (abs(rise) + abs(last_rate))
+    if abs(first_rate) <= tolerance and abs(initial_slope) <= tolerance and rise * last_rate > 0.0:
+        # Initial rate and slope are zero. Upper stories of a building at rest start in this way,
+        # with a rate proportional to a power of time that is higher than the third.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
-    change = last - first - start
-    excess = rise - first - 0.5 * start
-    c2 = 12.0 * excess - 3.0 * change
-    c3 = 4.0 * change - 12.0 * excess
-    # Between its extrema, where start + 2 c2 t + 3 c3 t^2 = 0, the rate is monotonic.
+    rate_change = last_rate - first_rate - initial_slope
+    mean_excess = rise - first_rate - 0.5 * initial_slope
+    c2 = 12.0 * mean_excess - 3.0 * rate_change
+    c3 = 4.0 * rate_change - 12.0 * mean_excess
+    # The rate is first_rate + initial_slope t + c2 t^2 + c3 t^3. It is monotonic between its
+    # extrema, the roots of initial_slope + 2 c2 t + 3 c3 t^2 = 0. Each of the three intervals
+    # therefore contains at most one zero.
     first_extremum = last_extremum = 1.0
-    discriminant = c2 * c2 - 3.0 * c3 * start
+    discriminant = c2 * c2 - 3.0 * c3 * initial_slope
     if discriminant > 0.0:
         q = -(c2 + math.copysign(math.sqrt(discriminant), c2))
         first_extremum = max(q / (3.0 * c3), 0.0) if abs(q) < abs(3.0 * c3) else 1.0
-        last_extremum = max(start / q, 0.0) if abs(start) < abs(q) else 1.0
+        last_extremum = max(initial_slope / q, 0.0) if abs(initial_slope) < abs(q) else 1.0
         first_extremum, last_extremum = (
             min(first_extremum, last_extremum),
             max(first_extremum, last_extremum),
         )
-    side = first if abs(first) > rounded else start if abs(start) > rounded else rise
-    first_turn = second_turn = third_turn = 1.0
-    nearest = math.inf
-    lower, previous_rate = 0.0, side
-    for add_part in range(3):
-        upper = first_extremum if add_part == 0 else last_extremum if add_part == 1 else 1.0
-        rate = first + upper * (start + upper * (c2 + upper * c3))
-        if add_part < 2 and 0.0 < upper < 1.0:
-            nearest = min(nearest, abs(rate))
-        if previous_rate * rate < 0.0 and abs(rate) > rounded:
-            root = _find_zero((first, start, c2, c3), lower, upper, rate)
-            first_turn, second_turn, third_turn = (
+    initial_rate = (
+        first_rate
+        if abs(first_rate) > tolerance
+        else initial_slope
+        if abs(initial_slope) > tolerance
+        else rise
+    )
+    first_reversal = second_reversal = third_reversal = 1.0
+    min_extremum = math.inf
+    lower, previous_rate = 0.0, initial_rate
+    for part in range(3):
+        upper = first_extremum if part == 0 else last_extremum if part == 1 else 1.0
+        rate = first_rate + upper * (initial_slope + upper * (c2 + upper * c3))
+        if part < 2 and 0.0 < upper < 1.0:
+            min_extremum = min(min_extremum, abs(rate))
+        if previous_rate * rate < 0.0 and abs(rate) > tolerance:
+            root = _find_zero((first_rate, initial_slope, c2, c3), lower, upper, rate)
+            first_reversal, second_reversal, third_reversal = (
                 (root, 1.0, 1.0)
-                if first_turn == 1.0
-                else (first_turn, root, 1.0)
-                if second_turn == 1.0
-                else (first_turn, second_turn, root)
+                if first_reversal == 1.0
+                else (first_reversal, root, 1.0)
+                if second_reversal == 1.0
+                else (first_reversal, second_reversal, root)
             )
         lower = upper
-        previous_rate = rate if abs(rate) > rounded else previous_rate
-    return math.copysign(1.0, side), first_turn, second_turn, third_turn, nearest
+        previous_rate = rate if abs(rate) > tolerance else previous_rate
+    return (
+        math.copysign(1.0, initial_rate),
+        first_reversal,
+        second_reversal,
+        third_reversal,
+        min_extremum,
+    )
 
 
 @inline
-def has_certain_reversal(rise, first, last):
-    """Return True if a rate at an endpoint of the step is opposite to the change of drift.
+def has_certain_reversal(rise, first_rate, last_rate):
+    """Return True if the drift rate at an endpoint of the step is opposite to the change of drift.
 
-    The tolerance is the rounding error. `locate_reversals` then returns a reversal for any
-    acceleration.
+    The drift then has a reversal within the step, whatever its initial acceleration is. Rates of
+    the size of rounding errors are ignored.
+
+    Parameters
+    ----------
+    rise : float
+        Change of drift in the step, m.
+    first_rate, last_rate : float
+        Drift rates at both endpoints times the step, m.
     """
-    rounded = _RATE_ROUNDING * (abs(rise) + abs(last))
-    return (rise * first < 0.0 and abs(first) > rounded) or (
-        rise * last < 0.0 and abs(last) > rounded
+    tolerance = _RATE_ROUNDING * (abs(rise) + abs(last_rate))
+    return (rise * first_rate < 0.0 and abs(first_rate) > tolerance) or (
+        rise * last_rate < 0.0 and abs(last_rate) > tolerance
     )
 
 
 @inline
 def _find_zero(cubic, lower, upper, at_right):
-    """Return the zero of a cubic that is monotonic between `lower` and `upper`, by safeguarded
-    Newton's method.
+    """Return the zero of a cubic polynomial in an interval in which it is monotonic.
+
+    Newton's method is used, with a bisection if it leaves the interval.
 
     Parameters
     ----------
@@ -309,7 +335,10 @@ def _find_zero(cubic, lower, upper, at_right):
 
 @inline
 def integrate_on_branch(law_state, i, rise, bend, scratch, out):
-    """Compute the results of a story that remains on its current linear branch.
+    """Compute mean, first moment and their derivatives for a story that remains on a linear branch.
+
+    With the force f0 at the start and the stiffness k of the branch, the mean is
+    f0 + k (rise / 2 - bend / 12) and the moment is k rise.
 
     Parameters
     ----------
@@ -334,10 +363,11 @@ def integrate_on_branch(law_state, i, rise, bend, scratch, out):
 
 
 @outlined
-def follow(law_parameters, law_state, i, rise, bend, steady, scratch, out):
-    """Compute the results of a story along its path.
+def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
+    """Compute mean, first moment and their derivatives for story `i` along its parabola of drift.
 
-    `commit_path_end` commits the state at the end of the path.
+    The law follows the path in trial states. The function `commit_path_end` later commits the state
+    at the end of the path.
 
     Parameters
     ----------
@@ -347,32 +377,32 @@ def follow(law_parameters, law_state, i, rise, bend, steady, scratch, out):
         Index of the story.
     rise, bend : float
         Coefficients of the parabola, m.
-    steady : bool
-        True if the story has no reversal in the step, even if the parabola has one. The force on
-        each branch is nevertheless the force at the drift of the parabola. The work along the
-        parabola is then the work from its start to its end.
+    no_reversal : bool
+        True if the story has no reversal in the step, even if the parabola has one: the story then
+        does not change to an unloading branch. The force on each branch is nevertheless the force
+        at the drift of the parabola.
     scratch : ndarray
         Scratch array of the step.
     out : int
         First row of the results.
     """
-    complete = PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
+    story_path = PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(scratch, out)
     _clear(results, i)
     if not HAS_CURVED_LAW or law_state[rows.SLOPE, i] < math.inf:
-        _over_branches(
+        _integrate_piecewise_linear(
             law_parameters,
             law_state,
             i,
-            complete,
-            1.0 if steady else time_of_extremum(complete),
+            story_path,
+            1.0 if no_reversal else time_of_extremum(story_path),
             results,
         )
     elif law_parameters[rows.CODE, i] in DISSIPATING_LAWS:
-        _with_memory(law_parameters, law_state, i, complete, results)
+        _integrate_hysteretic(law_parameters, law_state, i, story_path, results)
     else:
         count = required_points(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
-        _integrate(law_parameters, law_state, i, 0, True, count, complete, results)
+        _integrate(law_parameters, law_state, i, 0, True, count, story_path, results)
 
 
 @outlined
@@ -407,20 +437,20 @@ def drift_at(segment, t):
 
 @inline
 def path_segment(segment, begin, end):
-    """Return another part of the same parabola."""
+    """Return the part of the same parabola from time `begin` to time `end`, between 0 and 1."""
     return PathSegment(segment.start, segment.rise, segment.bend, begin, end)
 
 
 @inline
 def _clear(results, i):
-    """Set the results of story `i` to zero."""
+    """Set mean, moment and their derivatives of story `i` to zero."""
     for row in range(_RESULTS):
         results.table[results.first + row, i] = 0.0
 
 
 @inline
 def copy(law_state, i, source, target):
-    """Copy the state of story `i` from block `source` to block `target`.
+    """Copy the law state of story `i` from block `source` to block `target`.
 
     Parameters
     ----------
@@ -449,7 +479,9 @@ def time_of_extremum(segment):
 
 @inline
 def _add(results, i, weight, t, force, tangent):
-    """Add a point of the path to the integrals and their tangents.
+    """Add one integration point to mean and moment and to their derivatives.
+
+    The drift at time t changes by t per unit of rise and by (t^2 - t) / 2 per unit of bend.
 
     Parameters
     ----------
@@ -476,11 +508,12 @@ def _add(results, i, weight, t, force, tangent):
 
 
 @inline
-def _join(results, i, turn, shift):
-    """Add the results of the path after a reversal.
+def _add_after_reversal(results, i, reversal_time, shift):
+    """Add the integrals over the path after a reversal to those over the path before it.
 
-    The derivative with respect to the drift at the reversal is the difference between the results
-    with and without a shift of this drift.
+    The forces after the reversal depend on the drift at the reversal, and thereby on rise and bend.
+    This contribution to the derivatives is computed from the difference between the integrals with
+    and without a small shift of the drift at the reversal.
 
     Parameters
     ----------
@@ -495,14 +528,18 @@ def _join(results, i, turn, shift):
     """
     scratch, out = results
     for row in range(_RESULTS):
-        scratch[out + row, i] += scratch[out + _BACK + row, i]
+        scratch[out + row, i] += scratch[out + _AFTER_REVERSAL + row, i]
     if shift != 0.0:
-        mean = (scratch[out + _SHIFTED + MEAN, i] - scratch[out + _BACK + MEAN, i]) / shift
-        moment = (scratch[out + _SHIFTED + MOMENT, i] - scratch[out + _BACK + MOMENT, i]) / shift
-        by_bend = 0.5 * (turn * turn - turn)
-        scratch[out + MEAN_BY_RISE, i] += mean * turn
+        mean = (
+            scratch[out + _SHIFTED + MEAN, i] - scratch[out + _AFTER_REVERSAL + MEAN, i]
+        ) / shift
+        moment = (
+            scratch[out + _SHIFTED + MOMENT, i] - scratch[out + _AFTER_REVERSAL + MOMENT, i]
+        ) / shift
+        by_bend = 0.5 * (reversal_time * reversal_time - reversal_time)
+        scratch[out + MEAN_BY_RISE, i] += mean * reversal_time
         scratch[out + MEAN_BY_BEND, i] += mean * by_bend
-        scratch[out + MOMENT_BY_RISE, i] += moment * turn
+        scratch[out + MOMENT_BY_RISE, i] += moment * reversal_time
         scratch[out + MOMENT_BY_BEND, i] += moment * by_bend
 
 
@@ -510,8 +547,10 @@ def _join(results, i, turn, shift):
 
 
 @inline
-def time_to(limit, segment, t_now, side):
-    """Return the time that the path needs from time `t_now` to the drift `limit`.
+def time_to(limit, segment, t_now, direction):
+    """Return the time after `t_now` at which a monotonic part of the parabola reaches a drift.
+
+    The smallest positive root of the quadratic equation is computed without cancellation.
 
     Parameters
     ----------
@@ -524,35 +563,36 @@ def time_to(limit, segment, t_now, side):
     side : float
         Direction of the movement, 1 or -1.
     """
-    rate = side * (segment.rise + segment.bend * (t_now - 0.5))
-    lower = side * (limit - drift_at(segment, t_now))
-    if not lower > 0.0:
+    rate = direction * (segment.rise + segment.bend * (t_now - 0.5))
+    distance = direction * (limit - drift_at(segment, t_now))
+    if not distance > 0.0:
         return 0.0
-    root = math.sqrt(max(rate * rate + 2.0 * side * segment.bend * lower, 0.0))
-    if -rate > _OPPOSITE_RATE * root and side * segment.bend > 0.0:
-        return (root - rate) / (side * segment.bend)
-    return 2.0 * lower / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
+    root = math.sqrt(max(rate * rate + 2.0 * direction * segment.bend * distance, 0.0))
+    if -rate > _OPPOSITE_RATE * root and direction * segment.bend > 0.0:
+        return (root - rate) / (direction * segment.bend)
+    return 2.0 * distance / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
 
 
-def along_branches(add_part, note_end):
-    """Return a function that integrates along a part of a path without reversal, branch by branch.
+def along_branches(add_part, process_end):
+    """Return a compiled function that follows a part of a path without reversal, branch by branch.
 
     Parameters
     ----------
     add_part : function
-        (law_state, i, block, stretch, results). Adds a part on one branch to the results.
-    note_end : function
-        (results, i, t, force). Is called at the end of each branch, with its time and force (N).
+        (law_state, i, block, segment, results). Called for the part of the path on each branch.
+    process_end : function
+        (results, i, t, force). Called at the end of each branch, with its time and force (N).
 
     Returns
     -------
     function
-        (law_parameters, law_state, i, block, stretch, side, target, results). The state in `block`
-        moves in the direction `side` (0 for no movement) to the drift `target`, m.
+        (law_parameters, law_state, i, block, segment, side, target, results). The law state in
+        `block` moves along `segment` in the direction `side` (0 for no movement) to the drift
+        `target`, m.
     """
 
     @outlined
-    def go(law_parameters, law_state, i, block, segment, side, target, results):
+    def integrate_path(law_parameters, law_state, i, block, segment, side, target, results):
         if side == 0.0:
             add_part(law_state, i, block, segment, results)
             return
@@ -571,18 +611,19 @@ def along_branches(add_part, note_end):
             advance(law_parameters, law_state, i, block, limit if leaves_branch else target)
             if not leaves_branch:
                 break
-            note_end(results, i, t_end, law_state[block + rows.FORCE, i])
+            process_end(results, i, t_end, law_state[block + rows.FORCE, i])
             switch(law_parameters, law_state, i, block, rows.ABOVE if side > 0.0 else rows.BELOW)
             t_now = t_end
 
-    return go
+    return integrate_path
 
 
 @inline
-def _piece(law_state, i, block, segment, results):
-    """Add a part on one linear branch to the results, by two Gauss points.
+def _add_on_branch(law_state, i, block, segment, results):
+    """Add the integrals over a part of the path on one linear branch, by two Gauss points.
 
-    The rule is exact because the force times s is a cubic in t.
+    The force is quadratic in t and the force times s is cubic. The rule with two points is exact
+    for cubics.
 
     Parameters
     ----------
@@ -608,8 +649,8 @@ def _piece(law_state, i, block, segment, results):
 
 
 @inline
-def _ignore_end(results, i, t, force):
-    """Ignore the end of a branch.
+def _ignore_branch_end(results, i, t, force):
+    """Do nothing at the end of a branch; `along_branches` calls this function there.
 
     Parameters
     ----------
@@ -625,12 +666,12 @@ def _ignore_end(results, i, t, force):
     pass
 
 
-_go = along_branches(_piece, _ignore_end)
+_integrate_over_branches = along_branches(_add_on_branch, _ignore_branch_end)
 
 
 @inline
-def _follow(law_parameters, law_state, i, block, segment, results):
-    """Integrate along a part of a path without reversal.
+def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
+    """Add the integrals over a part of a path without reversal, for a piecewise-linear law.
 
     Parameters
     ----------
@@ -648,12 +689,16 @@ def _follow(law_parameters, law_state, i, block, segment, results):
     target = drift_at(segment, segment.end)
     drift_change = target - drift_at(segment, segment.begin)
     side = math.copysign(1.0, drift_change) if drift_change != 0.0 else 0.0
-    _go(law_parameters, law_state, i, block, segment, side, target, results)
+    _integrate_over_branches(law_parameters, law_state, i, block, segment, side, target, results)
 
 
 @outlined
-def _over_branches(law_parameters, law_state, i, complete, turn, results):
-    """Compute the results of a piecewise-linear law.
+def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, reversal_time, results):
+    """Compute mean, moment and their derivatives for a piecewise-linear law.
+
+    The law follows the path in FIRST_TRIAL. If the branch changes at the reversal, the path after
+    the reversal is followed a second time in SECOND_TRIAL, from a slightly shifted drift, for the
+    derivatives.
 
     Parameters
     ----------
@@ -669,36 +714,47 @@ def _over_branches(law_parameters, law_state, i, complete, turn, results):
         Rows of the results.
     """
     copy(law_state, i, 0, rows.FIRST_TRIAL)
-    _follow(
-        law_parameters, law_state, i, rows.FIRST_TRIAL, path_segment(complete, 0.0, turn), results
+    _integrate_monotonic(
+        law_parameters,
+        law_state,
+        i,
+        rows.FIRST_TRIAL,
+        path_segment(story_path, 0.0, reversal_time),
+        results,
     )
-    if turn == 1.0:
+    if reversal_time == 1.0:
         return
-    back = Integrals(results.table, results.first + _BACK)
+    after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
     shifted = Integrals(results.table, results.first + _SHIFTED)
-    path_back = path_segment(complete, turn, 1.0)
-    side = math.copysign(1.0, complete.bend)
+    path_back = path_segment(story_path, reversal_time, 1.0)
+    direction = math.copysign(1.0, story_path.bend)
     shift = 0.0
-    if (
-        law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * side < 0.0
-    ):  # otherwise the branch does not change at the reversal
+    # If the branch is valid for both directions, it does not change at the reversal, and its force
+    # does not depend on the drift at the reversal.
+    if law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * direction < 0.0:
         copy(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
-        shift = -side * _SHIFT * (abs(complete.rise) + abs(complete.bend))
-        advance(law_parameters, law_state, i, rows.SECOND_TRIAL, drift_at(complete, turn) + shift)
+        shift = -direction * _SHIFT * (abs(story_path.rise) + abs(story_path.bend))
+        advance(
+            law_parameters,
+            law_state,
+            i,
+            rows.SECOND_TRIAL,
+            drift_at(story_path, reversal_time) + shift,
+        )
         _clear(shifted, i)
-        _follow(law_parameters, law_state, i, rows.SECOND_TRIAL, path_back, shifted)
-    _clear(back, i)
-    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, back)
-    _join(results, i, turn, shift)
+        _integrate_monotonic(law_parameters, law_state, i, rows.SECOND_TRIAL, path_back, shifted)
+    _clear(after_reversal, i)
+    _integrate_monotonic(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, after_reversal)
+    _add_after_reversal(results, i, reversal_time, shift)
 
 
 # ---- Curved laws
 
 
-def in_two_parts(integrate):
-    """Return a function that integrates a curved law along a part of a path without reversal.
+def dividing_at_bend(integrate):
+    """Return a compiled function that integrates a curved law along a path without reversal.
 
-    The path is divided at a sharp bend of the force.
+    The path is divided at a sharp bend of the force, where Gauss integration would be inaccurate.
 
     Parameters
     ----------
@@ -708,21 +764,24 @@ def in_two_parts(integrate):
     Returns
     -------
     function
-        (law_parameters, law_state, i, previous, stretch, results) -> block of the state at the last
+        (law_parameters, law_state, i, previous, segment, results) -> block of the state at the last
         Gauss point. The path starts from the state in block `previous`.
     """
 
     @outlined
-    def go(law_parameters, law_state, i, previous, segment, results):
-        t_now = drift_at(segment, segment.begin)
-        drift_change = drift_at(segment, segment.end) - t_now
+    def integrate_path(law_parameters, law_state, i, previous, segment, results):
+        start_drift = drift_at(segment, segment.begin)
+        drift_change = drift_at(segment, segment.end) - start_drift
         side = math.copysign(1.0, drift_change)
         drift_change = abs(drift_change)
         begin = segment.begin
-        ahead = _kink(law_parameters, law_state, i, previous, side)
-        if ahead < drift_change:
-            count = required_points(law_parameters, law_state, i, ahead)
-            t_end = min(begin + time_to(t_now + side * ahead, segment, begin, side), segment.end)
+        bend_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
+        if bend_distance < drift_change:
+            count = required_points(law_parameters, law_state, i, bend_distance)
+            t_end = min(
+                begin + time_to(start_drift + side * bend_distance, segment, begin, side),
+                segment.end,
+            )
             previous = integrate(
                 law_parameters,
                 law_state,
@@ -734,7 +793,7 @@ def in_two_parts(integrate):
                 results,
             )
             begin = t_end
-            drift_change -= ahead
+            drift_change -= bend_distance
         count = required_points(law_parameters, law_state, i, drift_change)
         return integrate(
             law_parameters,
@@ -747,12 +806,14 @@ def in_two_parts(integrate):
             results,
         )
 
-    return go
+    return integrate_path
 
 
 @outlined
-def _integrate(law_parameters, law_state, i, previous, elastic, count, segment, results):
-    """Add a part of a path to the results, by at least `count` Gauss points.
+def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segment, results):
+    """Add the integrals of a curved law over a part of a path, by at least `count` Gauss points.
+
+    The part is divided equally so that no division has more than MAX_POINTS points.
 
     Parameters
     ----------
@@ -762,8 +823,9 @@ def _integrate(law_parameters, law_state, i, previous, elastic, count, segment, 
         Index of the story.
     previous : int
         Block of the state at the start. An elastic law does not use it.
-    elastic : bool
-        True for an elastic law. Other laws advance from each Gauss point to the next.
+    is_elastic : bool
+        True for an elastic law. The state of a hysteretic law advances from each Gauss point to the
+        next.
     count : float
         Minimum number of Gauss points.
     segment : PathSegment
@@ -786,12 +848,12 @@ def _integrate(law_parameters, law_state, i, previous, elastic, count, segment, 
     for part in range(parts):
         for point in range(points):
             t = segment.begin + length * (part + NODES[points, point])
-            if not elastic:
+            if not is_elastic:
                 trial = rows.FIRST_TRIAL if previous != rows.FIRST_TRIAL else rows.SECOND_TRIAL
             tangent = restoring_force(
                 law_parameters, law_state, i, previous, trial, drift_at(segment, t)
             )
-            if not elastic:
+            if not is_elastic:
                 accumulate_dissipation(law_parameters, law_state, i, previous, trial)
                 previous = trial
             weight = length * WEIGHTS[points, point]
@@ -814,15 +876,16 @@ def _integrate(law_parameters, law_state, i, previous, elastic, count, segment, 
     return trial
 
 
-_pass = in_two_parts(_integrate)
+_integrate_divided = dividing_at_bend(_integrate)
 
 
 @outlined
-def _with_memory(law_parameters, law_state, i, complete, results):
-    """Compute the results of a curved law with a memory.
+def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
+    """Compute mean, moment and their derivatives for a curved hysteretic law, such as Bouc-Wen.
 
-    The path is integrated to the reversal and from there to the end. FIRST_TRIAL then contains the
-    state at the last Gauss point.
+    The path is integrated to the reversal and from there to the end. It is integrated a second time
+    from a slightly shifted reversal, for the derivatives. FIRST_TRIAL finally contains the state at
+    the last Gauss point.
 
     Parameters
     ----------
@@ -835,23 +898,29 @@ def _with_memory(law_parameters, law_state, i, complete, results):
     results : Integrals
         Rows of the results.
     """
-    turn = time_of_extremum(complete)
-    previous = _pass(law_parameters, law_state, i, 0, path_segment(complete, 0.0, turn), results)
-    if turn < 1.0:
-        back = Integrals(results.table, results.first + _BACK)
+    reversal_time = time_of_extremum(story_path)
+    previous = _integrate_divided(
+        law_parameters, law_state, i, 0, path_segment(story_path, 0.0, reversal_time), results
+    )
+    if reversal_time < 1.0:
+        after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
         shifted = Integrals(results.table, results.first + _SHIFTED)
-        path_back = path_segment(complete, turn, 1.0)
-        drift = drift_at(complete, turn)
+        path_back = path_segment(story_path, reversal_time, 1.0)
+        drift = drift_at(story_path, reversal_time)
         restoring_force_outlined(law_parameters, law_state, i, previous, rows.THIRD_TRIAL, drift)
         accumulate_dissipation(law_parameters, law_state, i, previous, rows.THIRD_TRIAL)
-        shift = -math.copysign(_SHIFT, complete.bend) * (abs(complete.rise) + abs(complete.bend))
+        shift = -math.copysign(_SHIFT, story_path.bend) * (
+            abs(story_path.rise) + abs(story_path.bend)
+        )
         restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift + shift
         )
         _clear(shifted, i)
-        _pass(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, shifted)
-        _clear(back, i)
-        previous = _pass(law_parameters, law_state, i, rows.THIRD_TRIAL, path_back, back)
-        _join(results, i, turn, shift)
+        _integrate_divided(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, shifted)
+        _clear(after_reversal, i)
+        previous = _integrate_divided(
+            law_parameters, law_state, i, rows.THIRD_TRIAL, path_back, after_reversal
+        )
+        _add_after_reversal(results, i, reversal_time, shift)
     if previous != rows.FIRST_TRIAL:
         copy(law_state, i, previous, rows.FIRST_TRIAL)

@@ -8,7 +8,7 @@ from tdint.kernels.compiling import inline, outlined
 
 @inline
 def _sample(ground, position):
-    """Return the sample at an index, or 0 after the last sample."""
+    """Return the sample of the ground acceleration at an index; 0 after the last sample."""
     return ground[position] if position < ground.shape[0] else 0.0
 
 
@@ -45,11 +45,11 @@ def ground_at(ground, step, per_sample, stride):
 
 @outlined
 def fitted_line(ground, begin, end):
-    """Return the values at both endpoints of the line with the impulse and first moment of the
-    ground acceleration.
+    """Fit a straight line to the ground acceleration over a time step; return its end values.
 
-    The line is the least-squares fit of the ground acceleration. Within one sampling interval it is
-    equal to the ground acceleration.
+    The line has the same impulse and the same first moment as the ground acceleration, which is
+    linear between samples. It is therefore the least-squares fit. Within one sampling interval it
+    is equal to the ground acceleration.
 
     Parameters
     ----------
@@ -88,7 +88,11 @@ def fitted_line(ground, begin, end):
 
 @inline
 def fitted_line_between_samples(ground, first, last):
-    """Return the result of `fitted_line` for endpoints at the samples `first` and `last`."""
+    """Fit a straight line to the ground acceleration between two samples; return its end values.
+
+    The result is that of `fitted_line` for a step that starts at the sample with the index `first`
+    and ends at the sample with the index `last`; this function is faster.
+    """
     middle = 0.5 * (first + last)
     impulse = 0.0
     moment = 0.0

@@ -76,8 +76,11 @@ building reaches such displacements."""
 
 @inline
 def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
-    """Initialize laws, accelerations, energies and the observation. Limits can be exceeded
-    initially.
+    """Prepare the arrays of a run for the first step.
+
+    The laws move to the initial drifts, the initial accelerations follow from equilibrium, and the
+    initial energies are stored. The collapse limits are checked, because the initial drifts can
+    exceed them.
 
     Parameters
     ----------
@@ -109,7 +112,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
 
 @inline
 def has_diverged(state, n):
-    """Return True if a displacement is not below RUNAWAY."""
+    """Return True if the absolute displacement of a floor is at least RUNAWAY, or nan."""
     is_bounded = True
     for i in range(n):
         is_bounded &= abs(state[rows.DISPLACEMENT, i]) < RUNAWAY
@@ -118,7 +121,7 @@ def has_diverged(state, n):
 
 @inline
 def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
-    """Observe the response at the end of a step or substep and within it.
+    """Update peaks and energies with the response at the end of a step or substep and within it.
 
     Parameters
     ----------
@@ -142,7 +145,7 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
 
 @inline
 def check_limits(sum_law_energies, scene, memory, steps, seen):
-    """Record the first collapse.
+    """Record the collapse if a story exceeds its limit for the first time in the run.
 
     Parameters
     ----------
@@ -165,8 +168,11 @@ def check_limits(sum_law_energies, scene, memory, steps, seen):
 
 @outlined
 def _record_collapse(sum_law_energies, scene, memory, steps, seen):
-    """Record a collapse after the energies were updated; arguments as for `check_limits`:
-    `sum_law_energies`, `scene`, `memory`, `steps` and `seen`."""
+    """Update the energies and record the collapse: story, step and energies.
+
+    The arguments `sum_law_energies`, `scene`, `memory`, `steps` and `seen` are those of
+    `check_limits`. The function is compiled separately because it is called once per run at most.
+    """
     update_law_energies(sum_law_energies, scene, memory, seen)
     record_collapse(memory.law_state, steps, seen)
 
@@ -178,13 +184,13 @@ def integrate(
     sum_law_energies,
     update_shear_peaks,
     steps,
-    first,
-    last,
+    first_step,
+    last_step,
     steps_per_row,
     rows_before,
     per_sample,
     stride,
-    halvings,
+    max_halvings,
     h,
     ground,
     coefficients,
@@ -205,18 +211,19 @@ def integrate(
     totals,
     history,
 ):
-    """Integrate the steps `first` to `last` of a run.
+    """Integrate the equations of motion over the steps `first_step` to `last_step` - 1 of a run.
 
-    A run starts with `first` 0. A further call continues from the memory of the previous call. The
-    division into calls allows the caller to interrupt the run.
+    A run starts with `first_step` 0. A further call continues from the memory of the previous call.
+    The caller can therefore interrupt a run between calls.
 
-    If a step is longer than a sampling interval, the ground acceleration within the step is the
-    line with the same impulse and first moment. The lines of two steps are not continuous; the
-    accelerations jump by the same value as the ground acceleration.
+    If a step is longer than a sampling interval, the ground acceleration within the step is
+    replaced by the straight line with the same impulse and first moment. The lines of successive
+    steps are not continuous. At the jump of the ground acceleration, the relative accelerations of
+    all floors jump by the same value with the opposite sign.
 
-    A step that does not converge is halved up to `halvings` times, and the rest of the step is
-    integrated in substeps. A multi-step method, which stores complete steps, restarts in and after
-    such a step. `totals[STEPS_REACHED]` counts the complete steps.
+    A step that does not converge is divided into substeps of half the length, up to `max_halvings`
+    times. Multi-step methods then restart, because they need the results of complete steps.
+    `totals[STEPS_REACHED]` counts the complete steps.
 
     Parameters
     ----------
@@ -224,13 +231,13 @@ def integrate(
         Step of the method.
     initialize_laws, sum_law_energies, update_shear_peaks : Kernel
         Operations with the laws, see `tdint.kernels.time_loop.observer`.
-    steps, first, last : int
+    steps, first_step, last_step : int
         Number of steps of the run, of completed steps, and of steps at the end of this call.
     steps_per_row, rows_before : int
         Steps per row of the history, and rows of the history before those of the array.
     per_sample, stride : int
         `per_sample` steps have the length of `stride` sampling intervals.
-    halvings : int
+    max_halvings : int
         Maximum number of halvings of a step.
     h : float
         Length of a step, s.
@@ -258,35 +265,37 @@ def integrate(
     memory = Memory(state, law_state, scratch, step_status)
     seen = Seen(observer_state, peaks, limits, totals, history)
     on_path = flags[rows.PARABOLIC] != 0.0
-    fast = flags[rows.UNRESOLVED_MODES] != 0.0
-    ground_0 = ground_at(ground, first, per_sample, stride)
-    if first == 0:
+    has_unresolved_modes = flags[rows.UNRESOLVED_MODES] != 0.0
+    ground_0 = ground_at(ground, first_step, per_sample, stride)
+    if first_step == 0:
         start(initialize_laws, sum_law_energies, scene, ground_0, memory, seen)
         if history.shape[0] > 0:
             store(ground_0, ground_0, memory, seen, 0)
-    min_fraction = 0.5**halvings
-    for s in range(first, last):
-        ground_1 = ground_at(ground, s + 1, per_sample, stride)
-        slope = (ground_1 - ground_0) / h
+    min_fraction = 0.5**max_halvings
+    for step_index in range(first_step, last_step):
+        ground_1 = ground_at(ground, step_index + 1, per_sample, stride)
+        ground_rate = (ground_1 - ground_0) / h
         completed = 0.0  # completed fraction of the step
         fraction = 1.0
         while completed < 1.0:
-            load[rows.TIME] = (s + completed) * h
+            # Set the load of the step or substep: its start time and the ground acceleration at
+            # both endpoints.
+            load[rows.TIME] = (step_index + completed) * h
             if stride > 1:
                 samples = stride / per_sample
                 interval_start, interval_end = (
-                    (s + completed) * samples,
-                    (s + completed + fraction) * samples,
+                    (step_index + completed) * samples,
+                    (step_index + completed + fraction) * samples,
                 )
                 if per_sample == 1 and fraction == 1.0:
                     load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line_between_samples(
-                        ground, s * stride, (s + 1) * stride
+                        ground, step_index * stride, (step_index + 1) * stride
                     )
                 else:
                     load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line(
                         ground, interval_start, interval_end
                     )
-                slope = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (fraction * h)
+                ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (fraction * h)
                 shift_ground(scene, load, shifts, memory, seen)
             else:
                 load[rows.GROUND_0] = ground_0 + completed * (ground_1 - ground_0)
@@ -295,10 +304,11 @@ def integrate(
                     if completed + fraction == 1.0
                     else ground_0 + (completed + fraction) * (ground_1 - ground_0)
                 )
+            # Integrate over the step or substep; halve it if it does not converge.
             code = take_step(step, coefficients, scene, fraction * h, load, memory)
             if code < 0:
                 if code == rows.NOT_FINITE or fraction <= min_fraction:
-                    check_limits(sum_law_energies, scene, memory, s, seen)
+                    check_limits(sum_law_energies, scene, memory, step_index, seen)
                     return code
                 fraction *= 0.5
                 totals[rows.HALVINGS] += 1.0
@@ -307,25 +317,35 @@ def integrate(
             completed += fraction
             totals[rows.ITERATIONS] += code
             step_status[rows.STATE_GROUND] = load[rows.GROUND_1]
-            t, cornered = (s + completed) * h, step_status[rows.STEP_PEAKS] != 0.0
+            t, has_step_peaks = (step_index + completed) * h, step_status[rows.STEP_PEAKS] != 0.0
             span = Span(
-                t, fraction * h, load[rows.GROUND_0], load[rows.GROUND_1], on_path, fast, cornered
+                t,
+                fraction * h,
+                load[rows.GROUND_0],
+                load[rows.GROUND_1],
+                on_path,
+                has_unresolved_modes,
+                has_step_peaks,
             )
-            observe_span(update_shear_peaks, scene, span, slope, memory, seen)
+            observe_span(update_shear_peaks, scene, span, ground_rate, memory, seen)
         step_status[rows.STEPS_DONE] = (
             step_status[rows.STEPS_DONE] + 1.0 if fraction == 1.0 else 0.0
         )
         totals[rows.STEPS_REACHED] += 1.0
         if has_diverged(state, linear_terms.shape[1] - 1):
             return rows.NOT_FINITE
-        check_limits(sum_law_energies, scene, memory, s + 1, seen)
-        if history.shape[0] > 0 and (s + 1) % steps_per_row == 0:
+        check_limits(sum_law_energies, scene, memory, step_index + 1, seen)
+        if history.shape[0] > 0 and (step_index + 1) % steps_per_row == 0:
             update_law_energies(sum_law_energies, scene, memory, seen)
             store(
-                ground_1, load[rows.GROUND_1], memory, seen, (s + 1) // steps_per_row - rows_before
+                ground_1,
+                load[rows.GROUND_1],
+                memory,
+                seen,
+                (step_index + 1) // steps_per_row - rows_before,
             )
         ground_0 = ground_1
-    if last == steps:
+    if last_step == steps:
         update_law_energies(sum_law_energies, scene, memory, seen)
     return 0
 
@@ -333,7 +353,7 @@ def integrate(
 # ---- Many runs of one building in one call: different ground motions, scale factors and numbers of
 # steps, with the same method
 
-# Columns of `runs`, with one row for each run
+# Columns of the table `runs`, with one row for each run
 GROUND_START = 0  # index of the first sample of the run in the samples of all ground motions
 GROUND_SIZE = 1  # number of samples
 SCALE = 2  # scale factor of the samples
@@ -341,7 +361,7 @@ STEPS = 3
 PER_SAMPLE = 4
 STRIDE = 5
 
-# Columns of `interval_end`, with one row for each run
+# Columns of the table `interval_end` of results, with one row for each run
 CODE = 0  # return value of `integrate`
 STEPS_COMPLETED = 1
 AT_REST = 2  # 1 if the response has decayed, or if this is not required
@@ -352,7 +372,7 @@ _call_integrate = indirect_caller(INTEGRATE)
 
 @inline
 def _copy(source, target):
-    """Copy a table to a table of the same shape."""
+    """Copy all elements of the table `source` to the table `target` of the same shape."""
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]
@@ -360,7 +380,7 @@ def _copy(source, target):
 
 @inline
 def _fill(target, value):
-    """Set all elements of a table."""
+    """Set all elements of the table `target` to `value`."""
     for i in range(target.shape[0]):
         for j in range(target.shape[1]):
             target[i, j] = value
@@ -372,8 +392,8 @@ INTEGRATE_MANY = I8(
     INITIALIZE_LAWS,
     SUM_LAW_ENERGIES,
     UPDATE_SHEAR_PEAKS,
-    I8,  # how often a step may be halved
-    F8,  # h
+    I8,  # maximum number of halvings of a step
+    F8,  # length of a step, s
     VECTOR,  # samples of all ground motions
     TABLE,  # runs
     VECTOR,  # coefficients
@@ -384,24 +404,27 @@ INTEGRATE_MANY = I8(
     *MEMORY,
     VECTOR,  # load
     VECTOR,  # ground acceleration, with the length of the longest ground motion
-    TABLE,  # watch
-    TABLE,  # limits
-    VECTOR,  # scratch: one element for each story
+    TABLE,  # memory of the observer
+    TABLE,  # collapse limits
+    VECTOR,  # previous peak velocities, one element for each story
     TABLE,  # history, without rows
-    I8,  # steps of a window at the end of a run in which the response must be small
-    I8,  # maximum number of windows; 0 if runs end with their steps
-    # maximum velocity in a window with small response, relative to the maximum displacement of the
-    # run, 1/s
+    # After its last step, a run continues in windows of free vibration until the building is at
+    # rest: number of steps of a window, and maximum number of windows (0: the run ends with its
+    # last step).
+    I8,
+    I8,
+    # The building is at rest if the maximum velocity in a window, divided by the maximum
+    # displacement of the run, does not exceed this value, 1/s.
     F8,
     CUBE,  # peaks of each run
     TABLE,  # residual drifts of each run
     TABLE,  # totals of each run
-    TABLE,  # ends
+    TABLE,  # return code, number of steps and state of rest of each run
 )
 
 
 class _Kernels(NamedTuple):
-    """Kernels of a run."""
+    """Addresses of the compiled kernels that a run calls."""
 
     integrate: int
     step: int
@@ -411,8 +434,21 @@ class _Kernels(NamedTuple):
 
 
 class _CommonData(NamedTuple):
-    """Common data of all runs: properties of the step, and the scratch array for the ground
-    acceleration of a run."""
+    """Data that all runs of `integrate_many` share.
+
+    Attributes
+    ----------
+    halvings : int
+        Maximum number of halvings of a step.
+    h : float
+        Length of a step, s.
+    coefficients, shifts : ndarray
+        Coefficients of the method, and changes of its state at a jump of the ground acceleration.
+    load : ndarray
+        Scratch array for the load of a step.
+    ground : ndarray
+        Scratch array for the ground acceleration of a run, m/s^2.
+    """
 
     halvings: int
     h: float
@@ -424,13 +460,13 @@ class _CommonData(NamedTuple):
 
 @inline
 def _continue(kernels, common, run, steps, completed, scene, memory, seen):
-    """Continue the time integration from `completed` to `steps` steps.
+    """Call `integrate` for the steps of one run from `completed` to `steps`, without a history.
 
     Parameters
     ----------
-    kernels : _Called
+    kernels : _Kernels
         Kernels of the run.
-    common : _Motion
+    common : _CommonData
         Common data of all runs.
     run : tuple of int
         Steps per sample and samples per step.
@@ -456,7 +492,11 @@ def _continue(kernels, common, run, steps, completed, scene, memory, seen):
 
 @inline
 def _initialize_memory(initial, memory, observer_state):
-    """Set the memory to its initial values."""
+    """Set the arrays of a run to their initial values.
+
+    State, law states and step status are copied from `initial`; the scratch array and the memory of
+    the observer are set to zero.
+    """
     _copy(initial.state, memory.state)
     _copy(initial.law_state, memory.law_state)
     _fill(memory.scratch, 0.0)
@@ -506,10 +546,11 @@ def integrate_many(
     totals,
     interval_end,
 ):
-    """Integrate all runs. Each run is independent of the others.
+    """Integrate several runs of one building, one after the other, with different ground motions.
 
-    After the steps of a run, the integration continues in windows of `window` steps until the
-    response has decayed or `windows` windows are completed.
+    After its last step, a run continues in free vibration until the building is at rest, in windows
+    of `window` steps and for at most `windows` windows. The building is at rest if the maximum
+    velocity in a window is at most `velocity_limit` times the maximum displacement of the run.
 
     Parameters
     ----------
@@ -540,8 +581,8 @@ def integrate_many(
     window, windows : int
         Number of steps of a window, and maximum number of windows.
     velocity_limit : float
-        Maximum velocity in a window with small response, relative to the maximum displacement of
-        the run, 1/s.
+        Maximum velocity in a window in which the building is at rest, divided by the maximum
+        displacement of the run, 1/s.
     peaks, drifts, totals, interval_end : ndarray
         Results of the runs: peaks, residual drifts, totals and the columns of `interval_end`.
 

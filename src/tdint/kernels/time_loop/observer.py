@@ -39,9 +39,8 @@ from tdint.kernels.stories.law_state import (
 )
 
 
-class _Powers(NamedTuple):
-    """Powers of the load and of the dampers at one time, their rates, and the momentum of all
-    floors.
+class _PowerValues(NamedTuple):
+    """Power of the load and of the dampers at one time, their rates, and the total momentum.
 
     Attributes
     ----------
@@ -66,11 +65,14 @@ class _Powers(NamedTuple):
 
 @inline
 def observe(scene, span, slope, memory, seen):
-    """Update energies and peaks with the state at the end of a step.
+    """Update energies and peaks with the response at the end of a step.
 
-    The acceleration is computed from equilibrium, independent of the method. At the start, the
-    function is called with a span of zero length. In most steps no value can exceed a peak, which
-    is determined without a branch; only in the other steps the peaks are updated.
+    The accelerations are computed from equilibrium, floor by floor from the roof downwards, and do
+    not depend on the method. For each quantity, an upper bound over the step is compared with the
+    recorded peak. In most steps no bound exceeds a peak; only in the other steps the peaks are
+    updated. The bounds are combined without branches (`|=`), because this is faster.
+
+    At the start of a run, the function is called with a span of zero length.
 
     Parameters
     ----------
@@ -96,21 +98,22 @@ def observe(scene, span, slope, memory, seen):
     ground = span.ground_1
     n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        _other_forces(modal, forces, span.t, state, observer_state, n)
+        _store_additional_forces(modal, forces, span.t, state, observer_state, n)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
     # the floor forces within the step are not evaluated here
     may_exceed = FORCES and forces.shape[0] > 0
     momentum = 0.0
     force = 0.0
-    damped = 0.0
-    damped_rate = 0.0
-    per_acceleration = 0.0
-    # Sums over the floors above that are connected to this floor
-    story_above = 0.0
-    damped_above = 0.0
-    moved_above = 0.0
+    viscous_power = 0.0
+    viscous_rate = 0.0
+    viscous_per_acceleration = 0.0
+    # Quantities of the story above or sums over all floors above, if they are supported by this
+    # floor
+    story_force_above = 0.0
+    floor_damping_above = 0.0
+    inertia_above = 0.0
     bulge_above = 0.0
-    rate_above = 0.0
+    story_damping_above = 0.0
     v = state[rows.VELOCITY, n - 1]
     u_0 = observer_state[rows.U_PREVIOUS, n - 1]
     v_0 = observer_state[rows.V_PREVIOUS, n - 1]
@@ -129,21 +132,28 @@ def observe(scene, span, slope, memory, seen):
         drift = law_state[rows.DRIFT, i]
         shear = law_state[rows.FORCE, i]
         rate = v - link * v_below
-        damper, tangent = power_damper(linear_terms, i, rate)
-        by_story = linear_terms[rows.STORY_DAMPER, i] * rate
-        by_floor = linear_terms[rows.FLOOR_DAMPER, i] * v
-        story = shear + linear_terms[rows.GEOMETRIC, i] * drift + by_story + damper
+        dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
+        story_damping = linear_terms[rows.STORY_DAMPER, i] * rate
+        floor_damping = linear_terms[rows.FLOOR_DAMPER, i] * v
+        story_force = (
+            shear + linear_terms[rows.GEOMETRIC, i] * drift + story_damping + dashpot_force
+        )
         a = (
             linear_terms[rows.INVERSE_MASS, i]
-            * (observer_state[rows.FLOOR_FORCE, i] - by_floor - story + story_above)
+            * (
+                observer_state[rows.FLOOR_FORCE, i]
+                - floor_damping
+                - story_force
+                + story_force_above
+            )
             - ground
         )
         observer_state[rows.OBSERVED_ACCELERATION, i] = a
-        damped_above += by_floor
+        floor_damping_above += floor_damping
         if MODAL:
-            damped_above += observer_state[rows.MODAL_FORCE, i]
-        total = story + damped_above
-        observer_state[rows.TOTAL_SHEAR, i] = total
+            floor_damping_above += observer_state[rows.MODAL_FORCE, i]
+        total_shear = story_force + floor_damping_above
+        observer_state[rows.TOTAL_SHEAR, i] = total_shear
         floor_ends = Ends(u_0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         may_exceed |= may_exceed_floor_peaks(span.h, by_h, floor_ends, peaks, i)
         may_exceed |= may_exceed_story_peaks(
@@ -169,22 +179,22 @@ def observe(scene, span, slope, memory, seen):
         may_exceed |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
         )
-        moved_above += mass * (a_0 + span.ground_0)
+        inertia_above += mass * (a_0 + span.ground_0)
         bulge_above += mass * bulge
         may_exceed |= may_exceed_acceleration_peak(
-            moved_above, -total, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
+            inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
         )
         momentum += mass * v
         force += mass * a
-        damped += by_floor * v + (by_story + damper) * rate
-        by_story += 0.5 * (damper + tangent * rate)
-        damped_rate += (by_floor + by_story - rate_above) * a
-        per_acceleration += by_floor + (1.0 - link) * by_story
-        story_above = link * story
-        damped_above *= link
-        moved_above *= link
+        viscous_power += floor_damping * v + (story_damping + dashpot_force) * rate
+        story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
+        viscous_rate += (floor_damping + story_damping - story_damping_above) * a
+        viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
+        story_force_above = link * story_force
+        floor_damping_above *= link
+        inertia_above *= link
         bulge_above *= link
-        rate_above = link * by_story
+        story_damping_above = link * story_damping
         v = v_below
         u_0, v_0, a_0 = u_0_below, v_0_below, a_0_below
     # The drift acceleration of the lowest story is the acceleration of floor 1.
@@ -194,14 +204,19 @@ def observe(scene, span, slope, memory, seen):
         power = -ground * momentum
         rate = -ground * force
         totals[rows.TOTAL_INERTIA] = force
-        totals[rows.VISCOUS_PER_ACCELERATION] = per_acceleration
+        totals[rows.VISCOUS_PER_ACCELERATION] = viscous_per_acceleration
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-            additional = _other_powers(modal, forces, span.t, state, observer_state, n)
+            additional = _additional_powers(modal, forces, span.t, state, observer_state, n)
             power += additional[0]
             rate += additional[1]
-            damped += additional[2]
-            damped_rate += additional[3]
-        _add_work(span, slope, _Powers(power, rate, momentum, damped, 2.0 * damped_rate), totals)
+            viscous_power += additional[2]
+            viscous_rate += additional[3]
+        _add_work(
+            span,
+            slope,
+            _PowerValues(power, rate, momentum, viscous_power, 2.0 * viscous_rate),
+            totals,
+        )
     elif span.h > 0.0:
         totals[rows.ENERGY_INPUT] += memory.step_status[rows.WORK_INPUT]
         totals[rows.ENERGY_VISCOUS] += memory.step_status[rows.WORK_VISCOUS]
@@ -217,8 +232,10 @@ def observe(scene, span, slope, memory, seen):
 
 @outlined
 def _observe_dashpots(span, linear_terms, state, seen):
-    """Update the work of the dashpots, which is subtracted from the work of viscous damping, and
-    the peaks of the drift rates.
+    """Update the work of the dashpots and the peaks of the drift rates.
+
+    The work of the dashpots is included in the work of all dampers. It is subtracted there and
+    reported separately.
 
     Parameters
     ----------
@@ -248,33 +265,31 @@ def _observe_dashpots(span, linear_terms, state, seen):
         u, u_0 = state[rows.DISPLACEMENT, i], observer_state[rows.U_PREVIOUS, i]
         v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
         rate = v - link * v_below
-        change = a - link * a_below
+        drift_acceleration = a - link * a_below
         ends = Ends(
             u_0 - link * u_0_below,
             v_0 - link * v_0_below,
             a_0 - link * a_0_below,
             u - link * u_below,
             rate,
-            change,
+            drift_acceleration,
             0.0,
             0.0,
         )
         may_exceed |= may_exceed_velocity_peak(h, by_h, ends, peaks[rows.PEAK_DRIFT_RATE, i])
         raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
-        damper, tangent = power_damper(linear_terms, i, rate)
+        dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         force = linear_terms[rows.DASHPOT, i] * rate
-        power += (force + damper) * rate
-        force += 0.5 * (damper + tangent * rate)
-        power_rate += 2.0 * force * change
+        power += (force + dashpot_force) * rate
+        force += 0.5 * (dashpot_force + dashpot_tangent * rate)
+        power_rate += 2.0 * force * drift_acceleration
         per_acceleration += (1.0 - link) * force
         u_below, v_below, a_below = u, v, a
         u_0_below, v_0_below, a_0_below = u_0, v_0, a_0
     if h > 0.0:
-        scratch = _work(
-            h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate
-        )
-        totals[rows.ENERGY_DASHPOTS] += scratch
-        totals[rows.ENERGY_VISCOUS] -= scratch
+        work = _work(h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate)
+        totals[rows.ENERGY_DASHPOTS] += work
+        totals[rows.ENERGY_VISCOUS] -= work
     totals[rows.POWER_DASHPOTS] = power
     totals[rows.RATE_DASHPOTS] = power_rate
     totals[rows.DASHPOTS_PER_ACCELERATION] = per_acceleration
@@ -309,8 +324,8 @@ def _update_peaks(ground, state, law_state, seen):
 
 
 @outlined
-def _other_powers(modal, forces, t, state, observer_state, n):
-    """Compute the power of the floor forces and of modal damping.
+def _additional_powers(modal, forces, t, state, observer_state, n):
+    """Compute the power of the forces on floors and of modal damping, and their rates.
 
     Parameters
     ----------
@@ -337,12 +352,12 @@ def _other_powers(modal, forces, t, state, observer_state, n):
     damped = 0.0
     damped_rate = 0.0
     for j in range(forces.shape[0]):
-        floor_ends = int(forces[j, rows.FLOOR])
+        floor = int(forces[j, rows.FLOOR])
         force = force_value(forces, j, t)
-        power += force * state[rows.VELOCITY, floor_ends]
+        power += force * state[rows.VELOCITY, floor]
         rate += (
-            force * observer_state[rows.OBSERVED_ACCELERATION, floor_ends]
-            + force_rate(forces, j, t) * state[rows.VELOCITY, floor_ends]
+            force * observer_state[rows.OBSERVED_ACCELERATION, floor]
+            + force_rate(forces, j, t) * state[rows.VELOCITY, floor]
         )
     for j in range(modal.shape[0]):
         v_modal = 0.0
@@ -357,8 +372,10 @@ def _other_powers(modal, forces, t, state, observer_state, n):
 
 @outlined
 def _change_per_acceleration(modal, forces, t, state, n):
-    """Compute the change of the rates of `_other_powers` if the accelerations of all floors
-    increase by 1 m/s^2.
+    """Compute the change of the rates of power for a unit increase of the floor accelerations.
+
+    The rates are those of `_additional_powers`. They change if the ground acceleration jumps
+    between two steps and the relative accelerations of all floors change by the same value.
 
     Parameters
     ----------
@@ -443,8 +460,10 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
 
 @outlined
 def _merge_step_peaks(first, scratch, peaks, n):
-    """Update the peaks with those that the step has computed, and store the peaks of the run in the
-    scratch rows of the step.
+    """Merge the peaks that the step has computed into the peaks of the run.
+
+    The scratch rows of the step receive the merged peaks, so that the next step can compare with
+    them.
 
     Parameters
     ----------
@@ -465,7 +484,7 @@ def _merge_step_peaks(first, scratch, peaks, n):
 
 @inline
 def store_previous(state, observer_state, n):
-    """Store the observed response for the next step.
+    """Store displacements, velocities and accelerations as the start of the next observed step.
 
     Parameters
     ----------
@@ -484,10 +503,12 @@ def store_previous(state, observer_state, n):
 
 @inline
 def shift_ground(scene, load, shifts, memory, seen):
-    """Start a new line of the ground acceleration, which does not continue the previous line.
+    """Update the state for a jump of the ground acceleration between two steps.
 
-    A jump of the ground acceleration changes all relative accelerations by the same value.
-    Velocities and displacements do not change.
+    If a step is longer than the sampling interval, the ground acceleration is a straight line in
+    each step, and the lines are not continuous. A jump changes the relative accelerations of all
+    floors by the same value with the opposite sign. Velocities and displacements do not change. The
+    rates of the powers are updated as well.
 
     Parameters
     ----------
@@ -529,9 +550,12 @@ def shift_ground(scene, load, shifts, memory, seen):
 
 
 @outlined
-def _other_forces(modal, forces, t, state, observer_state, n):
-    """Store the forces on floors minus modal damping. The rows remain zero for a building without
-    both.
+def _store_additional_forces(modal, forces, t, state, observer_state, n):
+    """Store the forces on floors and the modal damping forces at time `t`.
+
+    Row FLOOR_FORCE receives the forces on floors minus the modal damping forces, row MODAL_FORCE
+    the modal damping forces. The function is not called for a building without both, whose rows
+    remain zero.
 
     Parameters
     ----------
@@ -576,7 +600,7 @@ def _work(h, power_0, power_1, change):
 
 @inline
 def _add_work(span, slope, current, totals):
-    """Add the work of the load and of the dampers in a step.
+    """Add the work of the load and of the dampers in a step to the energies of the run.
 
     Parameters
     ----------
@@ -604,8 +628,11 @@ def _add_work(span, slope, current, totals):
 
 @inline
 def initialize_energies(linear_terms, totals):
-    """Initialize the energies after the kernel `sum_law_energies` was called for the initial
-    state."""
+    """Store the initial energies and the total mass of the building in `totals`.
+
+    The kernel `sum_law_energies` must have stored the energies of the initial state before. The
+    energy dissipated until then is subtracted from all later values.
+    """
     totals[rows.TOTAL_MASS] = 0.0
     for i in range(linear_terms.shape[1] - 1):
         totals[rows.TOTAL_MASS] += linear_terms[rows.MASS, i]
@@ -617,7 +644,9 @@ def initialize_energies(linear_terms, totals):
 
 @outlined
 def store(ground, fitted_ground, memory, seen, row):
-    """Write a row of the history. The energies must be up to date.
+    """Write one row of the history: ground acceleration, response of all floors, and energies.
+
+    The energies in `totals` must have been updated before.
 
     Parameters
     ----------
@@ -662,7 +691,10 @@ def exceeds_limits(law_state, seen):
 
 @outlined
 def record_collapse(law_state, steps, seen):
-    """Store the collapsed story, the step and the energies. The energies must be up to date.
+    """Store which story has collapsed, in which step, and the energies at this time, in `totals`.
+
+    It is the story that has failed, or the story with the largest excess of its drift ratio over
+    its limit. The energies must have been updated before.
 
     Parameters
     ----------
@@ -688,9 +720,9 @@ def record_collapse(law_state, steps, seen):
         totals[rows.COLLAPSE_ENERGIES + j] = totals[j]
 
 
-# ---- Operations with the drift laws in addition to the steps: initialization, energies, and forces
-# at reversals. The time loop receives these operations as kernels, as it receives the step, and is
-# therefore compiled only once for all laws.
+# ---- Kernels that evaluate the drift laws outside of the steps: initialization, energies, and
+# forces at reversals. The time loop receives the addresses of these kernels and of the step as
+# arguments. It is therefore compiled only once for all laws and methods.
 
 INITIALIZE_LAWS = I8(TABLE, TABLE, TABLE, TABLE)
 SUM_LAW_ENERGIES = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
@@ -703,7 +735,10 @@ _call_update_shear_peaks = indirect_caller(UPDATE_SHEAR_PEAKS)
 
 @inline
 def call_initialize_laws(initialize_laws, scene, memory):
-    """Call the kernel `initialize_laws` that the time loop has received."""
+    """Move the laws of all stories to the initial drifts, by the kernel `initialize_laws`.
+
+    `initialize_laws` is the address of the kernel. The law states in `memory` are set.
+    """
     _call_initialize_laws(
         initialize_laws, scene.linear_terms, scene.law_parameters, memory.state, memory.law_state
     )
@@ -711,7 +746,7 @@ def call_initialize_laws(initialize_laws, scene, memory):
 
 @inline
 def update_law_energies(sum_law_energies, scene, memory, seen):
-    """Call the kernel `sum_law_energies` that the time loop has received.
+    """Update the kinetic, strain and hysteretic energy, by the kernel `sum_law_energies`.
 
     Parameters
     ----------
@@ -736,7 +771,7 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
 
 @inline
 def update_reversal_shears(update_shear_peaks, scene, memory, seen):
-    """Call the kernel `update_shear_peaks` that the time loop has received.
+    """Update the peak shears at reversals within the last step, by the kernel `update_shear_peaks`.
 
     Parameters
     ----------
@@ -833,7 +868,7 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
 
 
 @kernel(UPDATE_SHEAR_PEAKS, parts=("laws",))
-def update_shear_peaks(law_parameters, law_state, turns, turn, peaks):
+def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     """Update the peak shears of the stories with a reversal within the last step.
 
     The force at the reversal is computed on the path from the end of the step back to the drift of
@@ -845,10 +880,11 @@ def update_shear_peaks(law_parameters, law_state, turns, turn, peaks):
         Parameters of the laws.
     law_state : ndarray
         States of the laws.
-    turns : ndarray
+    reversal_drifts : ndarray
         Table with the drifts of the reversals.
-    turn : int
-        Row of these drifts, m. The drift of other stories is the drift at the end of the step.
+    row : int
+        Row of these drifts, m. For a story without a reversal, the row contains the drift at the
+        end of the step.
     peaks : ndarray
         Peaks of the run.
 
@@ -858,9 +894,14 @@ def update_shear_peaks(law_parameters, law_state, turns, turn, peaks):
         0.
     """
     for i in range(peaks.shape[1]):
-        if turns[turn, i] != law_state[rows.DRIFT, i]:
+        if reversal_drifts[row, i] != law_state[rows.DRIFT, i]:
             restoring_force_outlined(
-                law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, turns[turn, i]
+                law_parameters,
+                law_state,
+                i,
+                rows.COMMITTED,
+                rows.FIRST_TRIAL,
+                reversal_drifts[row, i],
             )
             raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
     return 0
