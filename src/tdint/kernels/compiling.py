@@ -171,8 +171,7 @@ else:
         return lambda kernel, *arguments: kernel(*arguments)
 
     def local(size: int) -> Any:
-        """Return an uninitialized array with `size` elements that exists during the call of a
-        kernel.
+        """Return an uninitialized array of `size` numbers for use in one call.
 
         The array is on the stack. It must not be created in a loop.
 

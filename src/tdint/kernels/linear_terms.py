@@ -245,7 +245,10 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 
 @outlined
 def _add_means(forces, t, h, r, scratch, row):
-    """Add mean and moment of the floor forces to two rows of `scratch`, N.
+    """Add mean and first moment of the forces on floors over a step to two scratch rows, N.
+
+    With r > 0, the moment is replaced by the value with which stiff parts of the building follow
+    the force (`mean_load`).
 
     Parameters
     ----------
@@ -256,7 +259,7 @@ def _add_means(forces, t, h, r, scratch, row):
     h : float
         Time step, s.
     r : float
-        As for `mean_load`.
+        Coefficient of numerical dissipation of moment4; 0 for the exact first moment.
     scratch : ndarray
         Scratch array.
     row : int
@@ -303,10 +306,24 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
 
 @outlined
 def _add_modal_force(modal, table, x, factor, scratch, row, n):
-    """Add the modal damping force; arguments as for `add_modal_force`.
+    """Add factor * W^T W x to a row of `scratch`, with one row of W for each damped mode.
 
-    The arguments `modal`, `table`, `x`, `factor`, `scratch`, `row` and `n` are not changed
-    otherwise.
+    Parameters
+    ----------
+    modal : ndarray
+        W.
+    table : ndarray
+        Table that contains x in row `x`.
+    x : int
+        Row of x, usually a velocity.
+    factor : float
+        Factor.
+    scratch : ndarray
+        Array that contains the row of the result.
+    row : int
+        Row of the result.
+    n : int
+        Number of floors.
     """
     for j in range(modal.shape[0]):
         amplitude = 0.0

@@ -242,9 +242,16 @@ def _excess_at_end(h, v, a):
 
 @inline
 def may_exceed_velocity_peak(h, by_h, ends, peak):
-    """Return True if a velocity or drift rate (m/s) may exceed the recorded `peak`.
+    """Return True if a velocity or drift rate may exceed its recorded peak in a step.
 
-    Arguments as for `_max_velocity_bezier_point`.
+    Parameters
+    ----------
+    h, by_h : float
+        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+    ends : Ends
+        Motion of a floor or story.
+    peak : float
+        Recorded peak, m/s.
     """
     exceeds = (ends.a0 * ends.a1 < 0.0) & (_max_velocity_bezier_point(h, by_h, ends) > peak)
     return (abs(ends.v1) > peak) | exceeds
@@ -271,7 +278,18 @@ def _max_velocity_bezier_point(h, by_h, ends):
 
 @inline
 def _middle_velocity_bezier_point(h, by_h, ends):
-    """Return point_2 of `_max_velocity_bezier_point`, m/s."""
+    """Return the middle one of the five Bezier points of the velocity within a step, m/s.
+
+    The mean of the five points is the mean velocity (u1 - u0) / h. The other four points are v0,
+    v0 + h a0 / 4, v1 - h a1 / 4 and v1.
+
+    Parameters
+    ----------
+    h, by_h : float
+        Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
+    ends : Ends
+        Motion of a floor or story.
+    """
     mean = 5.0 * by_h * (ends.u1 - ends.u0)
     return mean - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
 
@@ -769,8 +787,15 @@ def _quintic_extremum(s, coefficients):
 
 @inline
 def _nearest_extremum(s, coefficients):
-    """Return the value of a quintic after three Newton iterations from `s`; arguments as for
-    `_quintic_extremum`."""
+    """Return the value of a quintic polynomial at the extremum near `s`, by Newton's method.
+
+    Parameters
+    ----------
+    s : float
+        First estimate of the location of the extremum, between 0 and 1.
+    coefficients : tuple of float
+        Coefficients p0 to p5 of the powers of s.
+    """
     _, p1, p2, p3, p4, p5 = coefficients
     for _ in range(3):
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
@@ -783,8 +808,16 @@ def _nearest_extremum(s, coefficients):
 
 @inline
 def _best_of_samples(coefficients):
-    """Return the point of 1/8, 2/8, ..., 7/8 at which a quintic is most extreme in the direction
-    of its slope at s = 0, and its value; arguments as for `_quintic_extremum`."""
+    """Return the best of seven equidistant points of a quintic polynomial, and its value.
+
+    The points are 1/8, 2/8, ..., 7/8. The best point has the largest value if the polynomial
+    increases at s = 0, and the smallest value if it decreases there.
+
+    Parameters
+    ----------
+    coefficients : tuple of float
+        Coefficients p0 to p5 of the powers of s.
+    """
     s, best = 0.125, _value(0.125, coefficients)
     for k in range(2, 8):
         value = _value(0.125 * k, coefficients)

@@ -58,10 +58,14 @@ def step(
 ):
     """Integrate the equations of motion over one time step of the Bathe method.
 
-    The step consists of two substeps with equilibrium at the end of each (see the equations of this
-    module). The unknown of a substep is the change of the acceleration of each floor. The
-    hysteretic laws follow the path from the committed state to the inner point (block FIRST_TRIAL)
-    and from there to the end (SECOND_TRIAL).
+    The step consists of two substeps with equilibrium at the end of each,
+
+        t0 + gamma h:  vg = v0 + gamma h (a0 + ag) / 2      ug = u0 + gamma h (v0 + vg) / 2
+        t0 + h:        v1 = v0 + h (q0 a0 + q1 ag + q2 a1)  u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
+
+    The unknown of a substep is the change of the acceleration of each floor. The hysteretic laws
+    follow the path from the committed state to the inner point (block FIRST_TRIAL) and from there
+    to the end (SECOND_TRIAL).
 
     Parameters
     ----------

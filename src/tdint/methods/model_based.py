@@ -90,8 +90,12 @@ def step(
 ):
     """Integrate the equations of motion over one time step of KR-alpha or CR.
 
-    The change of q follows from one linear system with the matrix
-    (1 - alpha_m) M + (1 - alpha_f) X (see the equations of this module).
+    The new q1 follows from one linear system with the matrix (1 - alpha_m) M + (1 - alpha_f) X,
+    X = gamma h C + beta h^2 K0:
+
+        u1 = u0 + h v0 + h^2/2 q0,   v1 = v0 + h ((1 - gamma) q0 + gamma q1)
+        (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0
+        r = p - C v - f(u) - beta h^2 K0 q
 
     Parameters
     ----------

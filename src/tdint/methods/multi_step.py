@@ -77,9 +77,15 @@ def step(
 ):
     """Integrate the equations of motion over one time step of Houbolt's or Park's method.
 
-    The first START steps use average acceleration. In both cases, the response at the end is a
-    linear function of one unknown x per floor (`solve_equilibrium`): the correction of the first
-    guess, which is proportional to the correction of the mean velocity.
+    With the mean velocities w1, w0, w_ and mean accelerations b1, b0, b_ of this step and of the
+    last two steps, the formulas are
+
+        v1 = V . (w1, w0, w_),   a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
+        M a1 + C v1 + f(u1) = p1
+
+    The first START steps use average acceleration instead. In both cases, the response at the end
+    is a linear function of one unknown x per floor (`solve_equilibrium`): the correction of the
+    first guess, which is proportional to the correction of the mean velocity.
 
     Parameters
     ----------

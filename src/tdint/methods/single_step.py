@@ -69,9 +69,15 @@ def step(
 ):
     """Integrate the equations of motion over one time step of a generalized single-step method.
 
-    Equilibrium at the weighted point of the step (see the equations of this module) is solved for
-    the increment da of the acceleration of each floor. Displacement, velocity and acceleration at
-    the end of the step are linear functions of da.
+    The increment da of the acceleration of each floor follows from equilibrium at a weighted point
+    of the step, by Newton's method:
+
+        M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da)
+            + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
+
+    The response at the end of the step is
+
+        u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
 
     Parameters
     ----------

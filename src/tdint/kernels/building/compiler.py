@@ -81,8 +81,12 @@ _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 
 
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
-    """Return the type of `module.name`: a separate type for each number, as for a constant that is
-    imported by name (`specialized`)."""
+    """Return the numba type of an attribute of a module, such as `rows.FORCE`.
+
+    The function replaces a function of numba. For a number, it returns a literal type, which
+    contains the value. numba does so for constants that are imported by name, but not for
+    attributes of modules. Functions marked `specialized` are then compiled once for each value.
+    """
     value = getattr(module.pymod, name)
     return maybe_literal(value) or context.resolve_value_type(value)
 
@@ -113,19 +117,24 @@ register is changed. The function is not part of a library that is loaded in eve
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """Return the compiled form of `tdint.kernels.compiling.inline`."""
+    """Mark a function for numba whose code is copied into each caller."""
     return numba.njit(inline="always", **_OPTIONS)(function)
 
 
 def specialized(function: Callable[..., Any]) -> Any:
-    """Return the compiled form of `tdint.kernels.compiling.specialized`. numba treats a constant
-    argument as a separate type."""
+    """Mark a function for numba that is compiled once for each value of a constant argument.
+
+    numba does this by default, because a constant argument has a literal type with its value.
+    """
     return numba.njit(**_OPTIONS)(function)
 
 
 def outlined(function: Callable[..., Any]) -> Any:
-    """Return the compiled form of `tdint.kernels.compiling.outlined`. A constant argument is passed
-    like any other number."""
+    """Mark a function for numba that is compiled once and called.
+
+    Literal types of constant arguments are replaced by ordinary types, so that the function is not
+    compiled again for each value.
+    """
     once = specialized(function)
     template = once.get_call_template
     once.get_call_template = lambda arguments, named: template(
@@ -135,8 +144,18 @@ def outlined(function: Callable[..., Any]) -> Any:
 
 
 def indirect_caller(signature: Signature) -> Any:
-    """Return the compiled form of `tdint.kernels.compiling.indirect_caller`. The kernel is
-    represented by its address."""
+    """Return a compiled function that calls a kernel at its address.
+
+    Parameters
+    ----------
+    signature : Signature
+        Signature of the kernel.
+
+    Returns
+    -------
+    function
+        (address, *arguments) -> result of the kernel.
+    """
     returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
 
     @intrinsic
@@ -164,7 +183,7 @@ def indirect_caller(signature: Signature) -> Any:
 
 @intrinsic
 def local(typing_context, size):
-    """Return the compiled form of `tdint.kernels.compiling.local`; the array is on the stack."""
+    """Return the code for an uninitialized array of `size` numbers on the stack of a function."""
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
     )
@@ -172,15 +191,14 @@ def local(typing_context, size):
 
 @intrinsic
 def local_table(typing_context, rows, columns):
-    """Return the compiled form of `tdint.kernels.compiling.local_table`; the array is on the
-    stack."""
+    """Return the code for an uninitialized table of `rows` times `columns` numbers on the stack."""
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
     )
 
 
 def _on_stack(dimensions: int) -> Any:
-    """Return the type of an array on the stack."""
+    """Return the numba type of an array of floating-point numbers in C order."""
     return types.Array(types.float64, dimensions, "C")
 
 

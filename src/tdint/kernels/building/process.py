@@ -216,7 +216,7 @@ class _Process:
 
     @staticmethod
     def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-        """Return a pipe that is known to exist."""
+        """Return a pipe of a process that was started with pipes, which are therefore not None."""
         assert pipe is not None
         return pipe
 

@@ -192,7 +192,7 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
 
 
 def _file(module: str) -> Path | None:
-    """Return the file of a module; None if it has no file."""
+    """Return the source file of a module, of tdint or of another package; None without a file."""
     if module.partition(".")[0] != "tdint":
         loaded_from = getattr(sys.modules.get(module), "__file__", None)
         return Path(loaded_from) if loaded_from else None

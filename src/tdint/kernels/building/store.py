@@ -239,7 +239,22 @@ def _make_readable_directory(directory: Path) -> None:
 
 
 def file_name(name: str, variant: str, target: Target) -> str:
-    """Return the file name of a kernel."""
+    """Return the file name of a compiled kernel.
+
+    Parameters
+    ----------
+    name : str
+        Name of the kernel, `package.module:function`.
+    variant : str
+        Features that the compiled code supports (`Variant.text`).
+    target : Target
+        Processor and system.
+
+    Returns
+    -------
+    str
+        The name contains all of these and a hash of the sources.
+    """
     sources = digest(name, parse(variant).laws)
     return (
         f"{name.removeprefix('tdint.').replace(':', '.')}-{variant}-{target.text}-{sources}.object"

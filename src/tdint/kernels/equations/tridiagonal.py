@@ -147,7 +147,8 @@ def factor_damped(factors, modal, scale, n):
     Parameters
     ----------
     factors : Factors
-        Rows `pivot` and `coupling` contain T as for `factor` and receive its factorization. The
+        Row `pivot` contains the diagonal of T, and row `coupling` in column i the entry (i, i - 1).
+        They receive the factorization. The
         rows from `store` on receive the terms of the Woodbury formula (`_store_woodbury`).
     modal : ndarray
         W, one row for each damped mode.

@@ -145,22 +145,23 @@ def _functions() -> LawFunctions:
 
     @outlined
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness, N/m, and write FORCE, INTERNAL (w) and DISSIPATED (J) to
-        block `trial`.
+        """Compute the force a k d + (1 - a) Fy w at the drift d; return the tangent stiffness, N/m.
 
-        The path is integrated in three parts: unloading to w = 0, loading by the series near w = 0,
-        and loading by Runge-Kutta steps.
+        The differential equation of w is integrated along the path in three parts: unloading to
+        w = 0, loading near w = 0 by a power series, and loading by Runge-Kutta steps. In the
+        computation, w is positive in the direction of the path, and drift changes are multiples of
+        Fy / k. FORCE, INTERNAL (w) and DISSIPATED (J) are written to block `trial`.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -174,15 +175,15 @@ def _functions() -> LawFunctions:
         w = side * law_state[previous + rows.INTERNAL, i]
         remaining = abs(drift_change) * k / strength
         substep = _SUBSTEP / n
-        loss = 0.0
+        dissipation = 0.0
         series_limit = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
         while w < 0.0 and remaining > 0.0:
             r = min(substep, remaining)
             u = -w
             if u <= series_limit:
-                path, path_loss = series(u, n, -q)
+                path, path_dissipation = series(u, n, -q)
                 u = solve_series(path - remaining, n, -q) if path > remaining else 0.0
-                loss += (series(u, n, -q)[1] if u > 0.0 else 0.0) - path_loss
+                dissipation += (series(u, n, -q)[1] if u > 0.0 else 0.0) - path_dissipation
                 w = -u
                 remaining -= min(path, remaining)
                 break
@@ -194,35 +195,35 @@ def _functions() -> LawFunctions:
                     * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
                 )
                 if path <= r:
-                    loss += 0.5 * u * u - u * u / 6.0 * (
+                    dissipation += 0.5 * u * u - u * u / 6.0 * (
                         2.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n))
                     )
                     w = 0.0
                     remaining -= path
                     break
-            u, path_loss = unloading(u, q, n, r)
+            u, path_dissipation = unloading(u, q, n, r)
             w = -u
-            loss += path_loss
+            dissipation += path_dissipation
             remaining -= r
         if 0.0 <= w < series_limit and remaining > 0.0:
-            path, path_loss = series(w, n, 1.0)
-            path_to_near, loss_to_near = series(series_limit, n, 1.0)
-            if path + remaining < path_to_near:
+            path, path_dissipation = series(w, n, 1.0)
+            path_to_limit, dissipation_to_limit = series(series_limit, n, 1.0)
+            if path + remaining < path_to_limit:
                 w = solve_series(path + remaining, n, 1.0)
-                loss += series(w, n, 1.0)[1] - path_loss
+                dissipation += series(w, n, 1.0)[1] - path_dissipation
                 remaining = 0.0
             else:
                 w = series_limit
-                loss += loss_to_near - path_loss
-                remaining -= path_to_near - path
+                dissipation += dissipation_to_limit - path_dissipation
+                remaining -= path_to_limit - path
         while w >= 0.0 and remaining > 0.0:
             if 1.0 - w <= _SATURATED:
                 w = 1.0
-                loss += remaining
+                dissipation += remaining
                 break
             r = min(substep, remaining)
-            w, path_loss = loading(w, n, r)
-            loss += path_loss
+            w, path_dissipation = loading(w, n, r)
+            dissipation += path_dissipation
             remaining -= r
         if drift_change == 0.0:
             rate = 1.0
@@ -236,13 +237,17 @@ def _functions() -> LawFunctions:
         )
         law_state[trial + rows.DISSIPATED, i] = (
             law_state[previous + rows.DISSIPATED, i]
-            + (1.0 - hardening) * strength * strength / k * loss
+            + (1.0 - hardening) * strength * strength / k * dissipation
         )
         return k * (hardening + (1.0 - hardening) * rate)
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return a k d^2 / 2 + (1 - a) Fy^2 w^2 / (2 k), J."""
+        """Return the stored energy, J: a k d^2 / 2 + (1 - a) Fy^2 w^2 / (2 k).
+
+        The first term is the energy of the elastic spring with the hardening ratio a, the second
+        that of the hysteretic spring with the force Fy w.
+        """
         d = law_state[rows.DRIFT, i]
         z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]
         k = law_parameters[rows.STIFFNESS, i]
@@ -256,32 +261,32 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         """
-        pass  # `force` computes the dissipated energy.
+        pass
 
     @outlined
     def kink(law_parameters, law_state, i, block, side):
-        """Return the drift change on side `side` after which w changes its sign, m; infinite if w
-        does not change its sign.
+        """Return the drift change after which w changes its sign, m; infinite if it does not.
 
-        The integral of dx = du / (1 + q u^n) from 0 to u is computed with Gauss points in the
-        square root of u / |w|.
+        The force has a sharp bend there for small exponents n. With u = |w| during unloading, the
+        drift change is the integral of du / (1 + q u^n) from 0 to |w|, times Fy / k. It is computed
+        with Gauss points in the square root of u / |w|.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -298,12 +303,12 @@ def _functions() -> LawFunctions:
 
     @outlined
     def limit_branch(law_parameters, law_state, i, previous, block):
-        """Set the limits of the branch in `block` to the drift at which w changes its sign.
+        """Limit the branch in `block` at the drift at which w changes its sign, if there is one.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
@@ -326,18 +331,20 @@ def _functions() -> LawFunctions:
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
-        """Commit the direction of the path; for small exponents also the limits of the branch.
+        """Commit the branch of a trial state: its direction and, for exponents below 2, its limit.
+
+        The limit is the drift at which w changes its sign, where the force has a sharp bend.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         previous : int
-            First row of the state at the start of the path.
+            First row of the law state at the start of the path.
         trial : int
-            First row of the state at the end of the path.
+            First row of the law state at the end of the path.
         """
         drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
         if drift_change != 0.0:
@@ -347,19 +354,20 @@ def _functions() -> LawFunctions:
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """Reverse the direction after a reversal of the drift, or remove the limits after a change
-        of sign of w.
+        """Set the branch that follows the current branch at its end.
 
-        The tangent stiffness is discontinuous at a reversal.
+        At a reversal of the drift, where the tangent stiffness is discontinuous, the direction of
+        the branch is reversed. Otherwise w has changed its sign, and the branch continues without
+        limits.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """
@@ -373,13 +381,12 @@ def _functions() -> LawFunctions:
 
     @inline
     def points(law_parameters, law_state, i, way):
-        """Return the number of Gauss points for an integration error of about 1e-6 of the yield
-        force.
+        """Return the number of Gauss points for an integration error of about 1e-6 Fy on a path.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         way : float

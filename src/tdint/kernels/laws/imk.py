@@ -1,5 +1,6 @@
-"""Law of Ibarra, Medina and Krawinkler (2005), modified by Lignos and Krawinkler (2012): capping
-and deterioration.
+"""Law imk of Ibarra, Medina and Krawinkler (2005), with capping and cyclic deterioration.
+
+The modifications of Lignos and Krawinkler (2012) are included.
 
 The backbone curve of each side rises to the yield point and to the capping point, falls to a
 residual force and ends at the ultimate drift. Reloading is directed towards the last peak or the
@@ -25,8 +26,9 @@ from dataclasses import replace
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Rows of `law_parameters`: parameters of the positive side, of the negative side (_SIDE rows
-# later), and of both sides.
+# Rows of `law_parameters`: first the parameters of the positive side, then those of the negative
+# side (_SIDE rows later), then those of both sides. The capacities are the reference energies
+# Lambda Fy of deterioration divided by the yield force Fy, m.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _PLASTIC_DRIFT = rows.FIRST_PARAMETER + 1
 _POST_CAPPING_DRIFT = rows.FIRST_PARAMETER + 2
@@ -35,10 +37,10 @@ _RESIDUAL_RATIO = rows.FIRST_PARAMETER + 4
 _ULTIMATE_DRIFT = rows.FIRST_PARAMETER + 5
 _RATE = rows.FIRST_PARAMETER + 6
 _SIDE = 7
-_OF_STRENGTH = rows.FIRST_PARAMETER + 14
-_OF_CAPPING = rows.FIRST_PARAMETER + 15
-_OF_RELOADING = rows.FIRST_PARAMETER + 16
-_OF_UNLOADING = rows.FIRST_PARAMETER + 17
+_STRENGTH_CAPACITY = rows.FIRST_PARAMETER + 14
+_CAPPING_CAPACITY = rows.FIRST_PARAMETER + 15
+_RELOADING_CAPACITY = rows.FIRST_PARAMETER + 16
+_UNLOADING_CAPACITY = rows.FIRST_PARAMETER + 17
 _EXPONENT = rows.FIRST_PARAMETER + 18
 _PINCHING_FORCE = rows.FIRST_PARAMETER + 19
 _PINCHING_DRIFT = rows.FIRST_PARAMETER + 20
@@ -61,8 +63,8 @@ _EXTRA_ROWS = 13
 # first yielding.
 _UNLOADING = 1.0
 _PINCHED = 2.0
-_TO_PEAK = 3.0
-_TO_MAXIMUM = 4.0
+_TOWARDS_PEAK = 3.0
+_TOWARDS_MAXIMUM = 4.0
 _PLASTIC = 5.0
 _SOFTENING = 6.0
 _RESIDUAL = 7.0
@@ -83,16 +85,16 @@ def _functions() -> LawFunctions:
 
     @inline
     def side_row(side, row):
-        """Return the row of a pair of rows for side `side`; the row of the negative side is two
-        rows later.
+        """Return the row of a law state that contains a quantity for one side of the story.
 
-        Values of both sides are positive.
+        Quantities with separate values for both sides have a row for the positive side, `row`, and
+        a row for the negative side two rows later. The values of both sides are positive.
         """
         return row if side > 0.0 else row + 2
 
     @inline
     def side_parameter(law_parameters, i, side, parameter):
-        """Return a parameter that can differ between the sides.
+        """Return the parameter of one side of the story from the table of parameters.
 
         Parameters
         ----------
@@ -109,90 +111,101 @@ def _functions() -> LawFunctions:
 
     @inline
     def plastic_line(law_parameters, law_state, i, block, side):
-        """Return the force at zero drift, N, and the slope, N/m, of the current hardening line of a
-        side.
+        """Return the current hardening line of a side: its force at zero drift, N, and slope, N/m.
+
+        The line leads through the yield point. Its slope is (Fc - Fy) / (plastic drift), with the
+        yield force Fy and the capping force Fc. Both forces are reduced by the deterioration of
+        strength.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
         k = law_parameters[rows.STIFFNESS, i]
-        initial = side_parameter(law_parameters, i, side, _YIELD_FORCE)
-        remaining = law_state[extra_rows(law_state, block) + side_row(side, _STRENGTH), i]
+        yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
+        remaining_fraction = law_state[extra_rows(law_state, block) + side_row(side, _STRENGTH), i]
         slope = (
-            remaining
+            remaining_fraction
             * (side_parameter(law_parameters, i, side, _CAPPING_RATIO) - 1.0)
-            * initial
+            * yield_force
             / side_parameter(law_parameters, i, side, _PLASTIC_DRIFT)
         )
-        return remaining * initial * (1.0 - slope / k), slope
+        return remaining_fraction * yield_force * (1.0 - slope / k), slope
 
     @inline
     def capping_line(law_parameters, law_state, i, block, side):
-        """Return the force at zero drift, N, and the slope, N/m, of the current capping line of a
-        side.
+        """Return the current capping line of a side: its force at zero drift, N, and slope, N/m.
+
+        The line falls from the initial capping point with the slope -Fc / (post-capping drift),
+        with the capping force Fc. Deterioration reduces its force at zero drift, not its slope.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
-        initial = side_parameter(law_parameters, i, side, _YIELD_FORCE)
-        capping_drift = side_parameter(law_parameters, i, side, _CAPPING_RATIO) * initial
-        slope = -capping_drift / side_parameter(law_parameters, i, side, _POST_CAPPING_DRIFT)
-        capping_start = initial / law_parameters[rows.STIFFNESS, i] + side_parameter(
+        yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
+        capping_force = side_parameter(law_parameters, i, side, _CAPPING_RATIO) * yield_force
+        slope = -capping_force / side_parameter(law_parameters, i, side, _POST_CAPPING_DRIFT)
+        initial_capping_drift = yield_force / law_parameters[rows.STIFFNESS, i] + side_parameter(
             law_parameters, i, side, _PLASTIC_DRIFT
         )
         return law_state[extra_rows(law_state, block) + side_row(side, _CAPPING), i] * (
-            capping_drift - slope * capping_start
+            capping_force - slope * initial_capping_drift
         ), slope
 
     @inline
     def residual(law_parameters, i, side):
-        """Return the residual force of a side, N."""
+        """Return the residual force of a side, N: residual ratio times initial yield force."""
         return side_parameter(law_parameters, i, side, _RESIDUAL_RATIO) * side_parameter(
             law_parameters, i, side, _YIELD_FORCE
         )
 
     @inline
     def backbone(law_parameters, law_state, i, block, side, drift):
-        """Return the force of the current backbone curve, N.
+        """Return the force of the current backbone curve of a side at a drift, N.
+
+        It is the smaller force of hardening line and capping line, but at least the residual force.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         drift : float
             Drift above the yield drift, m, positive on this side.
         """
-        plastic, rise = plastic_line(law_parameters, law_state, i, block, side)
-        capping, fall = capping_line(law_parameters, law_state, i, block, side)
+        hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
+        capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)
         return max(
-            min(plastic + rise * drift, capping + fall * drift), residual(law_parameters, i, side)
+            min(hardening_force + hardening_slope * drift, capping_force + capping_slope * drift),
+            residual(law_parameters, i, side),
         )
 
     @inline
-    def beta(law_parameters, i, capacity, work, total_work):
-        """Return the deterioration beta, between 0 and 1, or 2 if it exceeds 1.
+    def deterioration(law_parameters, i, capacity, work, total_work):
+        """Return beta, the fraction of a quantity that is lost at a zero crossing or reversal.
+
+        beta = (work / (Lambda Fy - total work))^exponent, with the capacity Lambda (m) and the
+        yield force Fy. The result is between 0 and 1, or 2 if beta exceeds 1: the story then fails.
 
         Parameters
         ----------
@@ -201,7 +214,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         capacity : int
-            Row of the deterioration parameter Lambda, m.
+            Row of the capacity Lambda in the table of parameters, m.
         work : float
             Work since the last zero crossing of the force, J.
         total_work : float
@@ -217,44 +230,47 @@ def _functions() -> LawFunctions:
         return ratio if exponent == 1.0 else ratio**exponent
 
     @outlined
-    def beta_of_reversal(law_parameters, law_state, i, block):
-        """Return the deterioration beta of the unloading stiffness for a reversal at the current
-        state.
+    def deterioration_at_reversal(law_parameters, law_state, i, block):
+        """Return the fraction of the unloading stiffness that would be lost by a reversal now.
+
+        The energy that unloading would release, F^2 / (2 Ku), is subtracted from the work done on
+        the story.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         """
         first = extra_rows(law_state, block)
         force = law_state[block + rows.FORCE, i]
         stored = 0.5 * force * force / law_state[first + _UNLOADING_STIFFNESS, i]
         total_work = law_state[block + rows.WORK, i] - stored
-        return beta(
+        return deterioration(
             law_parameters,
             i,
-            _OF_UNLOADING,
+            _UNLOADING_CAPACITY,
             total_work - law_state[first + _WORK_AT_ZERO, i],
             total_work,
         )
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
-        """Set a loading branch that ends at the drift `end`, or let the story fail at the ultimate
-        drift.
+        """Set a loading branch that ends at the drift `end` or at the ultimate drift.
+
+        If the story has already reached the ultimate drift, it fails.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         branch_type : float
@@ -277,35 +293,41 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_backbone_branch(law_parameters, law_state, i, block, side):
-        """Set the force and the branch of the backbone curve at the current drift.
+        """Continue on the backbone curve: set its force and its branch at the current drift.
+
+        The branch is the hardening line up to the capping point, the capping line down to the
+        residual force, or the constant residual force.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
         drift = side * law_state[block + rows.DRIFT, i]
-        plastic, rise = plastic_line(law_parameters, law_state, i, block, side)
-        capping, fall = capping_line(law_parameters, law_state, i, block, side)
+        hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
+        capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)
         residual_force = residual(law_parameters, i, side)
-        capping_drift = (capping - plastic) / (rise - fall)
+        capping_drift = (capping_force - hardening_force) / (hardening_slope - capping_slope)
         tolerance = _REACHED_TOLERANCE * drift
-        if drift < capping_drift - tolerance and plastic + rise * drift >= residual_force:
-            law_state[block + rows.FORCE, i] = side * (plastic + rise * drift)
+        if (
+            drift < capping_drift - tolerance
+            and hardening_force + hardening_slope * drift >= residual_force
+        ):
+            law_state[block + rows.FORCE, i] = side * (hardening_force + hardening_slope * drift)
             set_loading_branch(
-                law_parameters, law_state, i, block, side, _PLASTIC, rise, capping_drift
+                law_parameters, law_state, i, block, side, _PLASTIC, hardening_slope, capping_drift
             )
         elif (
             drift >= capping_drift - tolerance
-            and drift < (residual_force - capping) / fall - tolerance
+            and drift < (residual_force - capping_force) / capping_slope - tolerance
         ):
-            law_state[block + rows.FORCE, i] = side * (capping + fall * drift)
+            law_state[block + rows.FORCE, i] = side * (capping_force + capping_slope * drift)
             set_loading_branch(
                 law_parameters,
                 law_state,
@@ -313,13 +335,17 @@ def _functions() -> LawFunctions:
                 block,
                 side,
                 _SOFTENING,
-                fall,
-                (residual_force - capping) / fall,
+                capping_slope,
+                (residual_force - capping_force) / capping_slope,
             )
         else:
             law_state[block + rows.FORCE, i] = side * residual_force
             # A strength below the residual force can exceed it again before the capping point.
-            recovery_drift = (residual_force - plastic) / rise if rise > 0.0 else math.inf
+            recovery_drift = (
+                (residual_force - hardening_force) / hardening_slope
+                if hardening_slope > 0.0
+                else math.inf
+            )
             end = (
                 recovery_drift
                 if drift < recovery_drift - tolerance and recovery_drift < capping_drift
@@ -329,17 +355,18 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_branch_to_maximum(law_parameters, law_state, i, block, side):
-        """Set the branch to the point of maximum drift, or the backbone curve if the point is
-        reached.
+        """Set the reloading branch towards the point of maximum drift of a side.
+
+        If this point is reached, the story continues on the backbone curve.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -356,7 +383,7 @@ def _functions() -> LawFunctions:
                 i,
                 block,
                 side,
-                _TO_MAXIMUM,
+                _TOWARDS_MAXIMUM,
                 rise / (max_drift - drift),
                 max_drift,
             )
@@ -364,20 +391,20 @@ def _functions() -> LawFunctions:
             set_backbone_branch(law_parameters, law_state, i, block, side)
 
     @outlined
-    def aim_at_peak(law_parameters, law_state, i, block, side):
-        """Set the branch towards the last peak if it is stiffer than the branch towards the maximum
-        drift.
+    def set_branch_to_peak(law_parameters, law_state, i, block, side):
+        """Set the reloading branch of a side towards the last peak or the point of maximum drift.
 
-        Otherwise the branch towards the point of maximum drift is set.
+        The line towards the last peak (the point of the last reversal) is selected if it is steeper
+        and if the force of the last peak is smaller.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -395,7 +422,9 @@ def _functions() -> LawFunctions:
         ):
             slope = (peak_force - force) / (peak - drift)
             if slope * (max_drift - drift) > max_force - force:
-                set_loading_branch(law_parameters, law_state, i, block, side, _TO_PEAK, slope, peak)
+                set_loading_branch(
+                    law_parameters, law_state, i, block, side, _TOWARDS_PEAK, slope, peak
+                )
                 return
         set_branch_to_maximum(law_parameters, law_state, i, block, side)
 
@@ -403,17 +432,18 @@ def _functions() -> LawFunctions:
     def unload(law_parameters, law_state, i, block, side):
         """Set the unloading branch after a reversal on a loading branch.
 
-        The function stores the peak, updates the maximum drift and applies the deterioration of the
-        unloading stiffness.
+        The reversal becomes the last peak of the side and, if its drift is larger, the point of
+        maximum drift. The unloading stiffness is reduced by its deterioration. The branch ends at
+        zero force, or, if the story is loaded again, at the reversal.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -425,17 +455,17 @@ def _functions() -> LawFunctions:
         if drift > law_state[block + side_row(side, rows.HIGH_DRIFT), i]:
             law_state[block + side_row(side, rows.HIGH_DRIFT), i] = drift
             law_state[block + side_row(side, rows.HIGH_FORCE), i] = force
-        deterioration = beta_of_reversal(law_parameters, law_state, i, block)
+        stiffness_loss = deterioration_at_reversal(law_parameters, law_state, i, block)
         if (
             abs(side * drift - law_state[first + _REVERSAL_DRIFT, i])
             <= _SAME_REVERSAL_TOLERANCE * law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         ):
-            deterioration = 0.0
+            stiffness_loss = 0.0
         law_state[first + _REVERSAL_DRIFT, i] = side * drift
-        if deterioration >= 1.0:
+        if stiffness_loss >= 1.0:
             fail(law_state, i, block, _FAILED)
             return
-        slope = law_state[first + _UNLOADING_STIFFNESS, i] * (1.0 - deterioration)
+        slope = law_state[first + _UNLOADING_STIFFNESS, i] * (1.0 - stiffness_loss)
         law_state[first + _UNLOADING_STIFFNESS, i] = slope
         zero_drift = side * (drift - force / slope)
         law_state[block + rows.INTERNAL, i] = side * _UNLOADING
@@ -446,16 +476,20 @@ def _functions() -> LawFunctions:
 
     @outlined
     def deteriorate(law_parameters, law_state, i, block, side):
-        """Apply the deterioration of a side that is loaded after a zero crossing of the force.
+        """Apply the deterioration of the side that is loaded after a zero crossing of the force.
+
+        Yield force and hardening, and the force of the capping line at zero drift, are multiplied
+        by 1 - D beta, and the maximum drift by 1 + D beta. D is the rate of the side, and beta the
+        lost fraction with the work since the last zero crossing.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
 
@@ -468,27 +502,31 @@ def _functions() -> LawFunctions:
         total_work = law_state[block + rows.WORK, i]
         work = total_work - law_state[first + _WORK_AT_ZERO, i]
         rate = side_parameter(law_parameters, i, side, _RATE)
-        strength = beta(law_parameters, i, _OF_STRENGTH, work, total_work)
-        capping = beta(law_parameters, i, _OF_CAPPING, work, total_work)
-        reloading = beta(law_parameters, i, _OF_RELOADING, work, total_work)
+        strength_loss = deterioration(law_parameters, i, _STRENGTH_CAPACITY, work, total_work)
+        capping_loss = deterioration(law_parameters, i, _CAPPING_CAPACITY, work, total_work)
+        reloading_loss = deterioration(law_parameters, i, _RELOADING_CAPACITY, work, total_work)
         law_state[first + _WORK_AT_ZERO, i] = total_work
-        law_state[first + side_row(side, _STRENGTH), i] *= 1.0 - rate * strength
-        law_state[first + side_row(side, _CAPPING), i] *= 1.0 - rate * capping
-        law_state[block + side_row(side, rows.HIGH_DRIFT), i] *= 1.0 + rate * reloading
-        return max(strength, capping, reloading) > 1.0
+        law_state[first + side_row(side, _STRENGTH), i] *= 1.0 - rate * strength_loss
+        law_state[first + side_row(side, _CAPPING), i] *= 1.0 - rate * capping_loss
+        law_state[block + side_row(side, rows.HIGH_DRIFT), i] *= 1.0 + rate * reloading_loss
+        return max(strength_loss, capping_loss, reloading_loss) > 1.0
 
     @outlined
     def cross_zero_force(law_parameters, law_state, i, block, side):
-        """Apply the deterioration after a zero crossing of the force and set the reloading branch.
+        """Apply the deterioration at a zero crossing of the force, and set the reloading branch.
+
+        The point of maximum drift is moved to the deteriorated backbone curve. With pinching,
+        reloading leads first to the point with the drift (1 - kD) (maximum drift - force / Ku),
+        on the line from the zero crossing with kF times the force of the maximum drift.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -516,16 +554,18 @@ def _functions() -> LawFunctions:
         max_force = backbone(law_parameters, law_state, i, block, side, max_drift)
         law_state[block + side_row(side, rows.HIGH_FORCE), i] = max_force
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
-            drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (max_drift - max_force / stiffness)
-            force = (
+            pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
+                max_drift - max_force / stiffness
+            )
+            pinched_force = (
                 law_parameters[_PINCHING_FORCE, i]
                 * max_force
-                * (drift - zero_drift)
+                * (pinched_drift - zero_drift)
                 / (max_drift - zero_drift)
             )
-            law_state[first + _PINCHED_DRIFT, i] = drift
-            law_state[first + _PINCHED_FORCE, i] = force
-            if zero_drift < drift - _REACHED_TOLERANCE * max_drift:
+            law_state[first + _PINCHED_DRIFT, i] = pinched_drift
+            law_state[first + _PINCHED_FORCE, i] = pinched_force
+            if zero_drift < pinched_drift - _REACHED_TOLERANCE * max_drift:
                 set_loading_branch(
                     law_parameters,
                     law_state,
@@ -533,24 +573,27 @@ def _functions() -> LawFunctions:
                     block,
                     side,
                     _PINCHED,
-                    force / (drift - zero_drift),
-                    drift,
+                    pinched_force / (pinched_drift - zero_drift),
+                    pinched_drift,
                 )
                 return
-        aim_at_peak(law_parameters, law_state, i, block, side)
+        set_branch_to_peak(law_parameters, law_state, i, block, side)
 
     @outlined
     def resume_loading(law_parameters, law_state, i, block, side):
-        """Set the branch from the last peak, if the unloading branch is left at its upper end.
+        """Set the reloading branch if the story, while unloading, is loaded again to the last peak.
+
+        Reloading continues on the pinched line if this line was not completed and is less steep;
+        otherwise towards the point of maximum drift.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -577,16 +620,20 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows, depending on the type of the branch and on the event.
+        """Set the branch that follows the current branch at its end.
+
+        A loading branch is followed by unloading after a reversal, otherwise by the next part of
+        the way to the backbone curve. Unloading is followed by a zero crossing or, if the story is
+        loaded again, by reloading. The story fails at the ultimate drift.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """
@@ -607,28 +654,31 @@ def _functions() -> LawFunctions:
         ) * (1.0 - _REACHED_TOLERANCE):
             fail(law_state, i, block, _FAILED)
         elif branch_type == _PINCHED:
-            aim_at_peak(law_parameters, law_state, i, block, event)
-        elif branch_type == _TO_PEAK:
+            set_branch_to_peak(law_parameters, law_state, i, block, event)
+        elif branch_type == _TOWARDS_PEAK:
             set_branch_to_maximum(law_parameters, law_state, i, block, event)
         else:
             set_backbone_branch(law_parameters, law_state, i, block, event)
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the energy that unloading releases, J.
+        """Return the stored energy, J: F^2 / (2 Ku), which unloading to zero force releases.
 
-        On a loading branch, the unloading stiffness after a reversal at the current state is used.
+        On a loading branch, Ku is the unloading stiffness after the deterioration that a reversal
+        at the current state would cause.
         """
         force = law_state[rows.FORCE, i]
         energy = 0.5 * force * force / law_state[extra_rows(law_state, 0) + _UNLOADING_STIFFNESS, i]
         if abs(law_state[rows.INTERNAL, i]) > _UNLOADING and force != 0.0:
-            energy /= 1.0 - min(beta_of_reversal(law_parameters, law_state, i, 0), 0.9)
+            energy /= 1.0 - min(deterioration_at_reversal(law_parameters, law_state, i, 0), 0.9)
         return energy
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the initial values of the extra rows and the yield points as limits of the elastic
-        branch."""
+        """Set the initial law state of story `i`: elastic, between the yield points.
+
+        The yield points are also the initial points of maximum drift and the last peaks.
+        """
         k = law_parameters[rows.STIFFNESS, i]
         first = extra_rows(law_state, 0)
         law_state[first + _UNLOADING_STIFFNESS, i] = k

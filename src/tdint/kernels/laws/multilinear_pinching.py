@@ -36,9 +36,9 @@ _PINCHING = rows.FIRST_PARAMETER + 16
 _SIDE = 8
 _PINCHING_SIDE = 3
 _ULTIMATE = rows.FIRST_PARAMETER + 22
-_OF_STIFFNESS = rows.FIRST_PARAMETER + 23
-_OF_DRIFT = rows.FIRST_PARAMETER + 28
-_OF_STRENGTH = rows.FIRST_PARAMETER + 33
+_STIFFNESS_DEGRADATION = rows.FIRST_PARAMETER + 23
+_DRIFT_DEGRADATION = rows.FIRST_PARAMETER + 28
+_STRENGTH_DEGRADATION = rows.FIRST_PARAMETER + 33
 _CAPACITY = rows.FIRST_PARAMETER + 38
 
 # Extra rows, relative to the first extra row of the state.
@@ -80,10 +80,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def side_row(side, row):
-        """Return the row of a pair of rows for side `side`; the row of the negative side is two
-        rows later.
+        """Return the row of a law state that contains a quantity for one side of the story.
 
-        Values of both sides are positive.
+        Quantities with separate values for both sides have a row for the positive side, `row`, and
+        a row for the negative side two rows later. The values of both sides are positive.
         """
         return row if side > 0.0 else row + 2
 
@@ -94,7 +94,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the laws.
+            Table of law parameters, one column per story.
         i : int
             Index of the story.
         side : float
@@ -111,7 +111,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the laws.
+            Table of law parameters, one column per story.
         i : int
             Index of the story.
         side : float
@@ -123,12 +123,16 @@ def _functions() -> LawFunctions:
 
     @inline
     def pinching(law_parameters, i, side, index):
-        """Return a pinching parameter of a side: 0 is `drift`, 1 is `force`, 2 is `unloading`.
+        """Return a pinching parameter of a side of the story.
+
+        The parameter with index 0 is the fraction `drift` of the maximum drift and with index 1 the
+        fraction `force` of its force, at which the pinched part of reloading ends. Index 2 is the
+        fraction `unloading` of the force at the third point, down to which the story unloads.
 
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the laws.
+            Table of law parameters, one column per story.
         i : int
             Index of the story.
         side : float
@@ -153,12 +157,12 @@ def _functions() -> LawFunctions:
 
     @outlined
     def backbone(law_parameters, i, side, drift):
-        """Return the force of the backbone curve without degradation, N, at a drift (m) of a side.
+        """Return the force of the backbone curve of a side without degradation, N, at a drift.
 
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the laws.
+            Table of law parameters, one column per story.
         i : int
             Index of the story.
         side : float
@@ -192,25 +196,28 @@ def _functions() -> LawFunctions:
 
     @inline
     def last_drift(law_parameters, i):
-        """Return the larger drift of the last points of the two sides, m."""
+        """Return the larger drift of the last points of both backbone curves, m."""
         return max(point_drift(law_parameters, i, 1.0, 4), point_drift(law_parameters, i, -1.0, 4))
 
     @inline
     def degrades(law_parameters, i):
-        """Return True if a degradation limit of the story is positive."""
+        """Return True if the story degrades: a limit of a type of degradation is positive."""
         limits = 0.0
-        for row in (_OF_STIFFNESS, _OF_DRIFT, _OF_STRENGTH):
+        for row in (_STIFFNESS_DEGRADATION, _DRIFT_DEGRADATION, _STRENGTH_DEGRADATION):
             limits += law_parameters[row + 4, i]
         return limits > 0.0
 
     @inline
     def loss(law_parameters, i, row, drift_ratio, used_capacity):
-        """Return the fraction lost by one type of degradation, at most its limit.
+        """Return the fraction of stiffness, drift or strength lost by one type of degradation.
+
+        It is peak drift_ratio^peak_exponent + work used_capacity^work_exponent, at most the limit
+        of this type.
 
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the laws.
+            Table of law parameters, one column per story.
         i : int
             Index of the story.
         row : int
@@ -230,16 +237,18 @@ def _functions() -> LawFunctions:
 
     @inline
     def has_yielded(law_parameters, law_state, i, block):
-        """Return True if the maximum drift of a side exceeds the first drift of the backbone curve.
+        """Return True if the maximum drift of a side exceeds the first point of the backbone curve.
+
+        The current drift is included if the story is on the backbone curve.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         """
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
         loading = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
@@ -254,17 +263,19 @@ def _functions() -> LawFunctions:
 
     @outlined
     def degradation(law_parameters, law_state, i, block):
-        """Return the losses of stiffness, maximum drift and strength for a reversal at the current
-        state.
+        """Return the fractions of stiffness, maximum drift and strength that a reversal now loses.
+
+        The losses depend on the maximum drifts and on the dissipated work. They are zero before the
+        first yielding, and constant beyond the last drift of the backbone curve.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
 
         Returns
         -------
@@ -306,47 +317,70 @@ def _functions() -> LawFunctions:
             / ultimate
         )
         return (
-            min(loss(law_parameters, i, _OF_STIFFNESS, drift_ratio, used_capacity), available),
-            loss(law_parameters, i, _OF_DRIFT, drift_ratio, used_capacity),
-            loss(law_parameters, i, _OF_STRENGTH, drift_ratio, used_capacity),
+            min(
+                loss(law_parameters, i, _STIFFNESS_DEGRADATION, drift_ratio, used_capacity),
+                available,
+            ),
+            loss(law_parameters, i, _DRIFT_DEGRADATION, drift_ratio, used_capacity),
+            loss(law_parameters, i, _STRENGTH_DEGRADATION, drift_ratio, used_capacity),
         )
 
     @inline
-    def validated_path(u, f, points, lowest, secant):
-        """Return the three points of a path, replaced if the path goes backwards or falls.
+    def validated_path(start_drift, start_force, points, min_slope, max_slope):
+        """Return the three points of a path if drifts and forces increase, otherwise a replacement.
 
-        The replacement is the line to the last point, or two lines through the origin.
+        The path leads from the start to the end of unloading, to the end of the pinched part, and
+        to the point of maximum drift. If a drift or force decreases on the way, the path is
+        replaced by two lines through the origin, if the slope of the direct line is between both
+        limits, or otherwise by the direct line to the last point.
 
         Parameters
         ----------
-        u, f : float
+        start_drift, start_force : float
             Drift (m) and force (N) at the start of the path.
         points : tuple of float
             Drift and force of the three points.
-        lowest : float
-            Minimum slope of the line for which the two lines through the origin are used, N/m.
-        secant : float
-            Maximum slope for the same purpose, N/m.
+        min_slope, max_slope : float
+            Limits of the slope of the direct line between which the two lines through the origin
+            are used, N/m.
         """
-        b, fb, c, fc, d, fd = points
-        if b >= u and c >= b and d >= c and fb >= f and fc >= fb and fd >= fc:
-            return b, fb, c, fc, d, fd
-        slope = (fd - f) / (d - u)
-        if slope > lowest and slope < secant:
-            return 0.0, 0.0, 0.0, 0.0, d, fd
-        return d, fd, d, fd, d, fd
+        unloading_drift, unloading_force, pinched_drift, pinched_force, end_drift, end_force = (
+            points
+        )
+        if (
+            unloading_drift >= start_drift
+            and pinched_drift >= unloading_drift
+            and end_drift >= pinched_drift
+            and unloading_force >= start_force
+            and pinched_force >= unloading_force
+            and end_force >= pinched_force
+        ):
+            return (
+                unloading_drift,
+                unloading_force,
+                pinched_drift,
+                pinched_force,
+                end_drift,
+                end_force,
+            )
+        slope = (end_force - start_force) / (end_drift - start_drift)
+        if slope > min_slope and slope < max_slope:
+            return 0.0, 0.0, 0.0, 0.0, end_drift, end_force
+        return end_drift, end_force, end_drift, end_force, end_drift, end_force
 
     @inline
     def reloading_point(
         law_parameters, i, side, strength_factor, k, max_drift, force, is_beyond_third
     ):
-        """Return drift and force at the end of the pinched part of the path to the point of maximum
-        drift.
+        """Return the point at which the pinched part of reloading ends: drift (m) and force (N).
+
+        It has the fractions `drift` and `force` of the point of maximum drift. The drift is
+        reduced if the last part of the path would be steeper than the loading stiffness.
 
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the laws.
+            Table of law parameters, one column per story.
         i : int
             Index of the story.
         side : float
@@ -360,92 +394,127 @@ def _functions() -> LawFunctions:
         is_beyond_third : bool
             True if the maximum drift exceeds the third point of the backbone curve.
         """
-        fraction, unloading = (
+        force_fraction, unloading_fraction = (
             pinching(law_parameters, i, side, 1),
             pinching(law_parameters, i, side, 2),
         )
-        drift, pinched = pinching(law_parameters, i, side, 0) * max_drift, fraction * force
-        if fraction - unloading <= _NO_PINCHING:
-            third = (
+        pinched_drift, pinched_force = (
+            pinching(law_parameters, i, side, 0) * max_drift,
+            force_fraction * force,
+        )
+        if force_fraction - unloading_fraction <= _NO_PINCHING:
+            third_force = (
                 force
                 if is_beyond_third
                 else strength_factor * point_force(law_parameters, i, side, 3)
             )
-            pinched = max(
-                third * unloading, strength_factor * point_force(law_parameters, i, side, 4)
+            pinched_force = max(
+                third_force * unloading_fraction,
+                strength_factor * point_force(law_parameters, i, side, 4),
             ) * (1.0 + 1e-6)
-        if force - pinched > k * (max_drift - drift) or drift == max_drift:
-            drift = max_drift - (force - pinched) / k
-        return drift, pinched
+        if force - pinched_force > k * (max_drift - pinched_drift) or pinched_drift == max_drift:
+            pinched_drift = max_drift - (force - pinched_force) / k
+        return pinched_drift, pinched_force
 
     @outlined
-    def path(law_parameters, i, side, u, f, demand, losses_now):
-        """Return the three points of the path after a reversal, as a tuple of drifts and forces.
+    def path(law_parameters, i, side, start_drift, start_force, previous_max_drift, losses):
+        """Return the path after a reversal: drift and force of three points.
+
+        The points are the end of unloading, the end of the pinched part, and the point of maximum
+        drift of the side towards which the story moves. Parts that would go backwards, fall or be
+        too steep are replaced as in Pinching4 of OpenSees.
 
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the laws.
+            Table of law parameters, one column per story.
         i : int
             Index of the story.
         side : float
             Direction of loading, 1 or -1.
-        u, f : float
+        start_drift, start_force : float
             Drift (m) and force (N) at the reversal.
-        demand : float
-            Maximum drift of this side, m.
-        losses_now : tuple of float
+        previous_max_drift : float
+            Maximum drift of this side before its increase by degradation, m.
+        losses : tuple of float
             Losses of stiffness, maximum drift and strength.
         """
-        strength_factor = 1.0 - losses_now[2]
-        k = stiffness(law_parameters, i, side) * (1.0 - losses_now[0])
-        d = demand * (1.0 + losses_now[1])
-        fd = strength_factor * backbone(law_parameters, i, side, d)
-        if u * d >= 0.0 or u >= d:
-            return d, fd, d, fd, d, fd
-        unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses_now[0])
-        secant = f / u if side > 0.0 else fd / d
-        is_beyond_third = demand > point_drift(law_parameters, i, side, 3)
-        c, fc = reloading_point(law_parameters, i, side, strength_factor, k, d, fd, is_beyond_third)
-        if c < u:
-            return d, fd, d, fd, d, fd
-        fb = (
+        strength_factor = 1.0 - losses[2]
+        k = stiffness(law_parameters, i, side) * (1.0 - losses[0])
+        end_drift = previous_max_drift * (1.0 + losses[1])
+        end_force = strength_factor * backbone(law_parameters, i, side, end_drift)
+        if start_drift * end_drift >= 0.0 or start_drift >= end_drift:
+            return end_drift, end_force, end_drift, end_force, end_drift, end_force
+        unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses[0])
+        secant = start_force / start_drift if side > 0.0 else end_force / end_drift
+        is_beyond_third = previous_max_drift > point_drift(law_parameters, i, side, 3)
+        pinched_drift, pinched_force = reloading_point(
+            law_parameters, i, side, strength_factor, k, end_drift, end_force, is_beyond_third
+        )
+        if pinched_drift < start_drift:
+            return end_drift, end_force, end_drift, end_force, end_drift, end_force
+        unloading_force = (
             pinching(law_parameters, i, side, 2)
             * strength_factor
             * point_force(law_parameters, i, side, 4 if is_beyond_third else 3)
         )
-        b = u + (fb - f) / unloading_stiffness
-        if b < u:
-            b, fb = 0.5 * (u + c), 0.5 * (f + fc)
-        elif (c != b and (fc - fb) / (c - b) > max(k, unloading_stiffness)) or (c == b and fc > fb):
-            return d, fd, d, fd, d, fd
-        elif c < b or fc < fb:
-            if b > 0.0:
-                b, fb = 0.5 * (u + c), 0.5 * (f + fc)
-            elif c < 0.0:
-                c, fc = 0.5 * (b + d), 0.5 * (fb + fd)
+        unloading_drift = start_drift + (unloading_force - start_force) / unloading_stiffness
+        if unloading_drift < start_drift:
+            unloading_drift, unloading_force = (
+                0.5 * (start_drift + pinched_drift),
+                0.5 * (start_force + pinched_force),
+            )
+        elif (
+            pinched_drift != unloading_drift
+            and (pinched_force - unloading_force) / (pinched_drift - unloading_drift)
+            > max(k, unloading_stiffness)
+        ) or (pinched_drift == unloading_drift and pinched_force > unloading_force):
+            return end_drift, end_force, end_drift, end_force, end_drift, end_force
+        elif pinched_drift < unloading_drift or pinched_force < unloading_force:
+            if unloading_drift > 0.0:
+                unloading_drift, unloading_force = (
+                    0.5 * (start_drift + pinched_drift),
+                    0.5 * (start_force + pinched_force),
+                )
+            elif pinched_drift < 0.0:
+                pinched_drift, pinched_force = (
+                    0.5 * (unloading_drift + end_drift),
+                    0.5 * (unloading_force + end_force),
+                )
             else:
-                mean = 0.5 * (fb + fc)
-                first_slope, last_slope_of_path = (fb - f) / (b - u), (fd - fc) / (d - c)
-                fb, fc = mean - abs(mean) / 100.0, mean + abs(mean) / 100.0
-                b, c = u + (fb - f) / first_slope, d - (fd - fc) / last_slope_of_path
-        return validated_path(u, f, (b, fb, c, fc, d, fd), _MIN_SLOPE * k, secant)
+                mean = 0.5 * (unloading_force + pinched_force)
+                first_slope, last_slope_of_path = (
+                    (unloading_force - start_force) / (unloading_drift - start_drift),
+                    (end_force - pinched_force) / (end_drift - pinched_drift),
+                )
+                unloading_force, pinched_force = mean - abs(mean) / 100.0, mean + abs(mean) / 100.0
+                unloading_drift, pinched_drift = (
+                    start_drift + (unloading_force - start_force) / first_slope,
+                    end_drift - (end_force - pinched_force) / last_slope_of_path,
+                )
+        return validated_path(
+            start_drift,
+            start_force,
+            (unloading_drift, unloading_force, pinched_drift, pinched_force, end_drift, end_force),
+            _MIN_SLOPE * k,
+            secant,
+        )
 
     @outlined
     def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
-        """Set a branch that ends at the drift `end` on side `side`.
+        """Set a loading branch that ends at the drift `end`.
 
-        The branch also ends at the ultimate drift, and at the drift from which on the degradation
-        is constant.
+        The branch ends earlier at the ultimate drift, where the story fails, and at the last drift
+        of the backbone curve, from which on the degradation is constant.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First branch_type of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         branch_type : float
@@ -469,16 +538,18 @@ def _functions() -> LawFunctions:
 
     @outlined
     def set_backbone_branch(law_parameters, law_state, i, block, side):
-        """Set the force and the branch of the backbone curve at the current drift.
+        """Continue on the backbone curve: set its force and its branch at the current drift.
+
+        Forces and slopes are reduced by the strength lost until the last reversal.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -487,7 +558,7 @@ def _functions() -> LawFunctions:
         law_state[block + rows.FORCE, i] = (
             side * strength_factor * backbone(law_parameters, i, side, drift)
         )
-        x, y = 0.0, 0.0
+        start_drift, start_force = 0.0, 0.0
         for point in range(1, 5):
             end, force = (
                 point_drift(law_parameters, i, side, point),
@@ -501,11 +572,11 @@ def _functions() -> LawFunctions:
                     block,
                     side,
                     _ON_BACKBONE,
-                    strength_factor * (force - y) / (end - x),
+                    strength_factor * (force - start_force) / (end - start_drift),
                     end,
                 )
                 return
-            x, y = end, force
+            start_drift, start_force = end, force
         set_loading_branch(
             law_parameters,
             law_state,
@@ -519,16 +590,18 @@ def _functions() -> LawFunctions:
 
     @outlined
     def continue_path(law_parameters, law_state, i, block, side):
-        """Set the next part of the path, or the backbone curve after the end of the path.
+        """Set the next of the three linear parts of the current path.
+
+        After the end of the path, the story continues on the backbone curve.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -546,40 +619,42 @@ def _functions() -> LawFunctions:
 
     @outlined
     def start_path(law_parameters, law_state, i, block, side):
-        """Apply the degradation at a reversal and set the first part of the path towards side
-        `side`.
+        """Start a path towards one side of the story at a reversal.
+
+        The degradation is applied, the three points of the path are computed and stored in the law
+        state, and the first part of the path is set as branch.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
-        losses_now = degradation(law_parameters, law_state, i, block)
+        losses = degradation(law_parameters, law_state, i, block)
         if abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE:
             maximum_row = side_row(-side, rows.HIGH_DRIFT)
-            reached_drift = law_state[block + maximum_row, i] * (1.0 + losses_now[1])
+            reached_drift = law_state[block + maximum_row, i] * (1.0 + losses[1])
             law_state[block + maximum_row, i] = max(reached_drift, -side * drift)
         law_state[first + _STIFFNESS_LOSS, i], law_state[first + _STRENGTH_LOSS, i] = (
-            losses_now[0],
-            losses_now[2],
+            losses[0],
+            losses[2],
         )
-        demand = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+        max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         points = path(
             law_parameters,
             i,
             side,
             side * drift,
             side * law_state[block + rows.FORCE, i],
-            demand,
-            losses_now,
+            max_drift,
+            losses,
         )
         for row in range(6):
             law_state[first + _PATH_POINTS + row, i] = points[row]
@@ -587,16 +662,20 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows, depending on the type of the branch and on the event.
+        """Set the branch that follows the current branch at its end.
+
+        A reversal starts a path to the other side. At the ultimate drift the story fails. At other
+        ends, the story continues along the path or along the backbone curve. The losses at the
+        last drift of the backbone curve are stored, because they remain constant beyond it.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """
@@ -612,21 +691,25 @@ def _functions() -> LawFunctions:
             degrades(law_parameters, i)
             and abs(reached_drift / last_drift(law_parameters, i) - 1.0) <= _REACHED_TOLERANCE
         ):
-            held = degradation(law_parameters, law_state, i, block)
+            constant_losses = degradation(law_parameters, law_state, i, block)
             for row in range(3):
-                law_state[extra_rows(law_state, block) + _LAST_LOSSES + row, i] = held[row]
+                law_state[extra_rows(law_state, block) + _LAST_LOSSES + row, i] = constant_losses[
+                    row
+                ]
         if branch_type == _ON_PATH:
             continue_path(law_parameters, law_state, i, block, event)
         else:
             set_backbone_branch(law_parameters, law_state, i, block, event)
 
     @inline
-    def released_energy(u, f, points):
-        """Return the energy released along a path from a negative force to zero force, J.
+    def released_energy(start_drift, start_force, points):
+        """Return the energy that the story releases from a negative force to zero force, J.
+
+        It is the area between the path and the drift axis.
 
         Parameters
         ----------
-        u, f : float
+        start_drift, start_force : float
             Drift (m) and negative force (N) at the start.
         points : tuple of float
             Drift and force of the three points of the path.
@@ -634,17 +717,22 @@ def _functions() -> LawFunctions:
         energy = 0.0
         for row in range(0, 6, 2):
             end, force = points[row], points[row + 1]
-            if end > u:
+            if end > start_drift:
                 if force >= 0.0:
-                    return energy + 0.5 * f * f * (end - u) / (force - f)
-                energy -= 0.5 * (f + force) * (end - u)
-                u, f = end, force
+                    return energy + 0.5 * start_force * start_force * (end - start_drift) / (
+                        force - start_force
+                    )
+                energy -= 0.5 * (start_force + force) * (end - start_drift)
+                start_drift, start_force = end, force
         return energy
 
     @outlined
     def strain_energy(law_parameters, law_state, i):
-        """Return the energy released along the current path or along the path after a reversal,
-        J."""
+        """Return the stored energy, J: the energy released until the force is zero.
+
+        During unloading, the current path is used, otherwise the path that would follow a reversal
+        at the current state.
+        """
         drift, force = law_state[rows.DRIFT, i], law_state[rows.FORCE, i]
         if force == 0.0:
             return 0.0
@@ -663,21 +751,24 @@ def _functions() -> LawFunctions:
             points = (b, fb, c, fc, law_state[row + 4, i], law_state[row + 5, i])
         else:
             side = -side
-            demand = law_state[side_row(side, rows.HIGH_DRIFT), i]
+            max_drift = law_state[side_row(side, rows.HIGH_DRIFT), i]
             points = path(
                 law_parameters,
                 i,
                 side,
                 side * drift,
                 side * force,
-                demand,
+                max_drift,
                 degradation(law_parameters, law_state, i, 0),
             )
         return released_energy(side * drift, side * force, points)
 
     @inline
     def is_elastic_before_yielding(law_parameters, i):
-        """Return True if all paths before the first yielding coincide with one straight line."""
+        """Return True if all paths before the first yielding coincide with one straight line.
+
+        The first branch can then extend to the first points of the backbone curves.
+        """
         if (
             abs(stiffness(law_parameters, i, -1.0) / stiffness(law_parameters, i, 1.0) - 1.0)
             > _EQUAL
@@ -699,7 +790,12 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the initial maximum drifts and the limits of the first branch."""
+        """Set the initial maximum drifts and the limits of the first branch of story `i`.
+
+        The maximum drifts are those of the first points of the backbone curves. The first branch
+        ends there, or at a very small drift (_MIN_REVERSAL) if paths before the first yielding do
+        not coincide with one straight line.
+        """
         fraction = 1.0 if is_elastic_before_yielding(law_parameters, i) else _MIN_REVERSAL
         law_state[rows.HIGH_DRIFT, i] = point_drift(law_parameters, i, 1.0, 1)
         law_state[rows.LOW_DRIFT, i] = point_drift(law_parameters, i, -1.0, 1)

@@ -72,11 +72,11 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_state : ndarray
-            States of the laws.
+            Table of law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -96,11 +96,11 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -112,17 +112,17 @@ def _functions() -> LawFunctions:
         )
 
     @inline
-    def set_loading_branch(law_state, i, block, side, branch_type, slope, end, turn):
-        """Set a branch that ends at the drift `end` on side `side`.
+    def set_loading_branch(law_state, i, block, side, branch_type, slope, end, rate_sign):
+        """Set a loading branch of one side that ends at the drift `end`.
 
         Parameters
         ----------
         law_state : ndarray
-            States of the laws.
+            Table of law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         branch_type : float
@@ -131,28 +131,29 @@ def _functions() -> LawFunctions:
             Stiffness of the branch, N/m.
         end : float
             Drift at the end of the branch, m, positive on this side; infinite for no end.
-        turn : float
-            RATE_SIGN of the branch: `side`, or 0 if the branch is valid in both directions.
+        rate_sign : float
+            Direction in which the branch is valid: `side`, or 0 for both directions.
         """
         law_state[block + rows.INTERNAL, i] = side * branch_type
         law_state[block + rows.SLOPE, i] = slope
-        law_state[block + rows.RATE_SIGN, i] = turn
+        law_state[block + rows.RATE_SIGN, i] = rate_sign
         law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
         law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @inline
     def set_unloading_line(law_parameters, law_state, i, block, side, slope, end):
-        """Set the line through the current point that starts at zero force and ends at the drift
-        `end`.
+        """Set an unloading line through the current point, valid in both directions.
+
+        The line ends at zero force in one direction and at the drift `end` in the other.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         slope : float
@@ -169,16 +170,20 @@ def _functions() -> LawFunctions:
 
     @inline
     def drift_at_pinching_end(law_parameters, law_state, i, block, side, target, force, slope):
-        """Return the drift at the end of the first part of the reloading, m, positive on this side.
+        """Return the drift at which the first, flatter part of reloading ends, m.
+
+        With the drift z at the last zero crossing of the force, the pinching parameter p, and the
+        point of maximum drift t with the force M, it is z + p (t - (1 - p) M / ku - z), where ku is
+        the unloading stiffness. The drift is positive on the side of loading.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         target, force : float
@@ -192,20 +197,20 @@ def _functions() -> LawFunctions:
 
     @outlined
     def continue_loading(law_parameters, law_state, i, block, side):
-        """Set the next loading branch on side `side` from a point of the reloading or of the
-        backbone curve.
+        """Set the loading branch that starts at the current point.
 
-        The branch is the first or second part of the reloading, the hardening part or the constant
-        part of the backbone curve.
+        It is the first or second part of reloading up to the point of maximum drift. From this
+        point on, it is the hardening part of the backbone curve, and beyond the ultimate drift its
+        constant part.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -253,19 +258,20 @@ def _functions() -> LawFunctions:
 
     @outlined
     def cross_zero_force(law_parameters, law_state, i, block, side):
-        """Set the branch after a zero crossing of the force, for loading on side `side`.
+        """Set the branch that follows a zero crossing of the force.
 
-        If the first part of the reloading would be stiffer than the unloading stiffness, the story
-        is loaded with the unloading stiffness first.
+        The drift of the zero crossing is stored. The story is then loaded along the first part of
+        reloading, or, if this part would be stiffer than the unloading stiffness, first with the
+        unloading stiffness up to the second part or to the backbone curve.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -314,16 +320,19 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows, depending on the type of the branch and on the event.
+        """Set the branch that follows the current branch at its end.
+
+        A reversal is followed by unloading, and unloading by a zero crossing of the force or by
+        further loading.
 
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the laws.
+            Tables of law parameters and law states, one column per story.
         i : int
             Index of the story.
         block : int
-            First row of the state.
+            First row of the law state.
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """
@@ -353,14 +362,17 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the energy that unloading releases, F^2 / (2 ku), J."""
+        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force releases."""
         force = law_state[rows.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, side)
 
     @inline
     def enter(law_parameters, law_state, i):
-        """Set the yield drifts as limits of the elastic branch and as maximum drifts."""
+        """Set the first branch of story `i`: elastic between the yield drifts.
+
+        The yield drifts are also the initial maximum drifts of both sides.
+        """
         drift = law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
         law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = drift
         law_state[rows.LOW_DRIFT, i] = law_state[rows.LOWER, i] = -drift

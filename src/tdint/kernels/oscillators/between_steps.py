@@ -61,8 +61,17 @@ class Vibration(NamedTuple):
 
 @outlined
 def interpolate_samples(samples, parts, ground):
-    """Interpolate the samples linearly, with `parts` steps per sampling interval, and store them in
-    `ground`."""
+    """Interpolate a ground motion linearly between its samples.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Ground acceleration at the samples, m/s^2.
+    parts : int
+        Number of steps per sampling interval.
+    ground : ndarray, shape (parts (n - 1) + 1,)
+        Receives the ground acceleration at the steps, m/s^2.
+    """
     for i in range(samples.size - 1):
         rise = samples[i + 1] - samples[i]
         for k in range(parts):
@@ -72,12 +81,12 @@ def interpolate_samples(samples, parts, ground):
 
 @inline
 def rise(vibration):
-    """Return the maximum excess of a quantity q over its values at both endpoints, divided by the
-    larger |q''| there.
+    """Return a bound of the excess of a quantity q within a step over its endpoint values, s^2.
 
-    The distance of q from its chord is at most h^2/8 max |q''|. q'' is a free vibration. For omega
-    h <= 1 its maximum is at most exp(xi omega h) / cos(omega h / 2) times the larger value at the
-    endpoints.
+    The bound is divided by the larger of the two values |q''| at the endpoints. It follows from two
+    facts. Within a step, q differs from the straight line between its endpoint values by at most
+    h^2/8 times the maximum of |q''|. And q'' is a free vibration: for omega h <= 1, its maximum is
+    at most exp(xi omega h) / cos(omega h / 2) times the larger endpoint value.
     """
     by_u, by_v, h = vibration
     return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)

@@ -52,7 +52,19 @@ _TOLERANCE = 0.5
 
 
 class _Sum(NamedTuple):
-    """Terms of the superposition: table of modes, mode shapes, static correction and step."""
+    """Terms of the superposition of modes.
+
+    Attributes
+    ----------
+    modes : ndarray
+        Table of the modes, with the coefficients of the recursion.
+    shapes : ndarray
+        Contributions of the modes to the columns (drift ratios of the stories).
+    static : ndarray
+        Static correction for the modes that are not included.
+    h : float
+        Length of a step, s.
+    """
 
     modes: Array
     shapes: Array
