@@ -608,7 +608,7 @@ def _add_work(span, slope, current, totals):
         Step.
     slope : float
         Rate of the ground acceleration, m/s^3.
-    current : _Powers
+    current : _PowerValues
         Powers at the end of the step.
     totals : ndarray
         Totals of the run, with the powers at the start of the step.
