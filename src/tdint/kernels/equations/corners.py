@@ -120,8 +120,8 @@ def _ignore_branch_end(results, i, t, force):
 def _store_corner(results, i, t, force):
     """Insert the time of a corner into the sorted list of corners, and update the peak shear.
 
-    The list is in column 0 of the rows CORNERS. A corner at an endpoint of the step and a corner
-    beyond MAX_CORNERS are not inserted.
+    The list is in column 0 of the rows CORNERS. Corners at an endpoint of the step, and more than
+    MAX_CORNERS corners, are not inserted.
 
     Parameters
     ----------
@@ -490,8 +490,8 @@ def _may_exceed_peaks(scene, h, load, memory):
 
     The result is False if no story leaves a linear branch. The accelerations and shears at the
     endpoints of the step are compared with the peaks, after a bound of the deviation due to corners
-    (_FORCE_DEVIATION) is added. With forces on floors, the result is True for each step in which a
-    story leaves a linear branch.
+    (_FORCE_DEVIATION) is added. With forces on floors, the result is True whenever a story leaves
+    a linear branch.
 
     Parameters
     ----------
@@ -545,7 +545,7 @@ def _may_exceed_peaks(scene, h, load, memory):
 def update_peaks_at_corners(scene, h, load, memory):
     """Update the peaks within a step, before its end is committed.
 
-    The inlined test is sufficient for most steps, in which no story leaves its branch.
+    In most steps no story leaves its branch, and the inlined test is sufficient.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ _MAX_KINK = 15.0
 # Dimensionless. Fraction of the dashpot force that is added to the kink of the law. Without it, the
 # errors of small steps are ten times as large.
 _DASHPOT_KINK = 0.003
-# Fraction of the current peak drift. In a story with a power-law dashpot, a reversal beyond this
+# Fraction of the current peak drift. In a story with a power-law dashpot, a reversal above this
 # drift is always located, because an inaccurate reversal would falsify the peak drift.
 _NEAR_PEAK = 0.8
 
@@ -584,7 +584,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     """Evaluate a curved law of story `i` if the story reverses within the step.
 
     The drift within the step is the cubic Hermite interpolant. The law is evaluated at the reversal
-    as well as at the inner point and at the end, in the order in which they occur. The effect of
+    as well as at the inner point and at the end, in chronological order. The effect of
     the kink of the force on the step is estimated and stored in row KINK.
 
     Parameters

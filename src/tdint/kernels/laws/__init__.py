@@ -1,7 +1,7 @@
 """Hysteresis models of stories (drift laws), one file for each law.
 
 The number of a law is its index in the list `LAWS`. Row CODE of the table `law_parameters` contains
-the number of the law of each story, by which compiled code selects the law
+the number of the law of each story. Compiled code selects the law by this number
 (`tdint.kernels.laws.selection`). The laws of plug-ins are appended to the list
 (`tdint.model.definition.register_law`).
 """

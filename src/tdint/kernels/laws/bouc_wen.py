@@ -303,7 +303,7 @@ def _functions() -> LawFunctions:
 
     @outlined
     def limit_branch(law_parameters, law_state, i, previous, block):
-        """Limit the branch in `block` at the drift at which w changes its sign, if there is one.
+        """Limit the branch in `block` at the drift where w changes its sign, if it does.
 
         Parameters
         ----------
@@ -333,7 +333,7 @@ def _functions() -> LawFunctions:
     def keep(law_parameters, law_state, i, previous, trial):
         """Commit the branch of a trial state: its direction and, for exponents below 2, its limit.
 
-        The limit is the drift at which w changes its sign, where the force has a sharp bend.
+        The limit is the drift where w changes its sign and the force has a sharp bend.
 
         Parameters
         ----------

@@ -344,8 +344,9 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         """Compute the force at a drift along the branches of the law; return the tangent, N/m.
 
         The state in block `previous` is copied to block `trial`. If the path starts with a
-        reversal, the branch changes at once. At each limit of a branch on the path, the state is
-        moved to the limit and the branch changes. The result is the stiffness of the last branch.
+        reversal, the branch changes immediately. At each limit of a branch on the path, the state
+        is moved to the limit and the branch changes. The result is the stiffness of the last
+        branch.
 
         Parameters
         ----------

@@ -126,7 +126,7 @@ def _functions() -> LawFunctions:
         """Return a pinching parameter of a side of the story.
 
         The parameter with index 0 is the fraction `drift` of the maximum drift and with index 1 the
-        fraction `force` of its force, at which the pinched part of reloading ends. Index 2 is the
+        fraction `force` of its force, where the pinched part of reloading ends. Index 2 is the
         fraction `unloading` of the force at the third point, down to which the story unloads.
 
         Parameters
@@ -266,7 +266,7 @@ def _functions() -> LawFunctions:
         """Return the fractions of stiffness, maximum drift and strength that a reversal now loses.
 
         The losses depend on the maximum drifts and on the dissipated work. They are zero before the
-        first yielding, and constant beyond the last drift of the backbone curve.
+        first yielding, and constant above the last drift of the backbone curve.
 
         Parameters
         ----------
@@ -372,7 +372,7 @@ def _functions() -> LawFunctions:
     def reloading_point(
         law_parameters, i, side, strength_factor, k, max_drift, force, is_beyond_third
     ):
-        """Return the point at which the pinched part of reloading ends: drift (m) and force (N).
+        """Return the end of the pinched part of reloading: drift (m) and force (N).
 
         It has the fractions `drift` and `force` of the point of maximum drift. The drift is
         reduced if the last part of the path would be steeper than the loading stiffness.
@@ -505,7 +505,7 @@ def _functions() -> LawFunctions:
         """Set a loading branch that ends at the drift `end`.
 
         The branch ends earlier at the ultimate drift, where the story fails, and at the last drift
-        of the backbone curve, from which on the degradation is constant.
+        of the backbone curve, because the degradation is constant above it.
 
         Parameters
         ----------
@@ -666,7 +666,7 @@ def _functions() -> LawFunctions:
 
         A reversal starts a path to the other side. At the ultimate drift the story fails. At other
         ends, the story continues along the path or along the backbone curve. The losses at the
-        last drift of the backbone curve are stored, because they remain constant beyond it.
+        last drift of the backbone curve are stored, because they remain constant above it.
 
         Parameters
         ----------

@@ -154,7 +154,7 @@ def select_function(
 
 
 def _selection_order() -> list[int]:
-    """Return the numbers of the compiled laws in the order in which they are tested.
+    """Return the numbers of the compiled laws in the order of their tests.
 
     Frequent laws are first. The number `_SEPARATE`, which represents all separately compiled laws,
     follows. The remaining laws are last.

@@ -132,7 +132,7 @@ def _functions() -> LawFunctions:
         end : float
             Drift at the end of the branch, m, positive on this side; infinite for no end.
         rate_sign : float
-            Direction in which the branch is valid: `side`, or 0 for both directions.
+            Direction of the branch: `side`, or 0 if it is valid in both directions.
         """
         law_state[block + rows.INTERNAL, i] = side * branch_type
         law_state[block + rows.SLOPE, i] = slope
@@ -170,7 +170,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def drift_at_pinching_end(law_parameters, law_state, i, block, side, target, force, slope):
-        """Return the drift at which the first, flatter part of reloading ends, m.
+        """Return the drift at the end of the first, flatter part of reloading, m.
 
         With the drift z at the last zero crossing of the force, the pinching parameter p, and the
         point of maximum drift t with the force M, it is z + p (t - (1 - p) M / ku - z), where ku is
@@ -200,7 +200,7 @@ def _functions() -> LawFunctions:
         """Set the loading branch that starts at the current point.
 
         It is the first or second part of reloading up to the point of maximum drift. From this
-        point on, it is the hardening part of the backbone curve, and beyond the ultimate drift its
+        point on, it is the hardening part of the backbone curve, and above the ultimate drift its
         constant part.
 
         Parameters

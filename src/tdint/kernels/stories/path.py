@@ -303,7 +303,7 @@ def has_certain_reversal(rise, first_rate, last_rate):
 
 @inline
 def _find_zero(cubic, lower, upper, at_right):
-    """Return the zero of a cubic polynomial in an interval in which it is monotonic.
+    """Return the zero of a cubic polynomial that is monotonic in an interval.
 
     Newton's method is used, with a bisection if it leaves the interval.
 
@@ -548,7 +548,7 @@ def _add_after_reversal(results, i, reversal_time, shift):
 
 @inline
 def time_to(limit, segment, t_now, direction):
-    """Return the time after `t_now` at which a monotonic part of the parabola reaches a drift.
+    """Return the time from `t_now` until a monotonic part of the parabola reaches a drift.
 
     The smallest positive root of the quadratic equation is computed without cancellation.
 

@@ -691,7 +691,7 @@ def exceeds_limits(law_state, seen):
 
 @outlined
 def record_collapse(law_state, steps, seen):
-    """Store which story has collapsed, in which step, and the energies at this time, in `totals`.
+    """Store the story and the step of the collapse, and the energies at this time, in `totals`.
 
     It is the story that has failed, or the story with the largest excess of its drift ratio over
     its limit. The energies must have been updated before.
