@@ -707,7 +707,7 @@ def _apply_pairs_woodbury(factors, damping, x, y, n):
 
 @inline
 def solve_blocks_damped(factors, damping, x, y, n):
-    """Solve a linear system with the factorization of `factor_blocks`, including the modal part.
+    """Solve a linear system with the factorization of `factor_blocks`, including modal damping.
 
     Parameters
     ----------
@@ -722,12 +722,12 @@ def solve_blocks_damped(factors, damping, x, y, n):
     """
     solve_blocks(factors, x, y, n)
     if _MODAL and damping.modal.shape[0] > 0:
-        _correct_pairs(factors, damping, x, y, n)
+        _apply_pairs_woodbury(factors, damping, x, y, n)
 
 
 @inline
 def solve_pairs_damped(factors, damping, x, y, n):
-    """Solve a linear system with the factorization of `factor_pairs`, including the modal part.
+    """Solve a linear system with the factorization of `factor_pairs`, including modal damping.
 
     Parameters
     ----------
@@ -742,4 +742,4 @@ def solve_pairs_damped(factors, damping, x, y, n):
     """
     solve_pairs(factors, x, y, n)
     if _MODAL and damping.modal.shape[0] > 0:
-        _correct_pairs(factors, damping, x, y, n)
+        _apply_pairs_woodbury(factors, damping, x, y, n)
