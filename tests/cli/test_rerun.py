@@ -180,6 +180,8 @@ def test_versions_that_are_others_are_named(folder, tdint, rerun):
         ),
         ("tdint modes", ["modes", "forced.yaml"], {}, "have no -o"),
         ("tdint modes", ["modes", "forced.yaml", "-o", "-"], {}, "have no -o"),
+        ("tdint x", ["modes", "a\0.yaml", "-o", "a.csv"], {}, "contains a null character"),
+        ("tdint x", ["run", "--plugin", "\0", "-o", "a"], {}, "contains a null character"),
         ("tdint x", ["modes", "-o", "a.csv"], {"inputs": [1]}, "must be a JSON file"),
         ("tdint x", ["modes", "-o", "a.csv"], {"versions": 1}, "must be a JSON file"),
     ],

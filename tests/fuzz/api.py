@@ -49,9 +49,10 @@ _NEVER_NUMBERS = (
     "residual_drift_ratio",
     "peak_drift_ratio",
     "height",
+    "limits",
 )
 """Fields that are nan where there is nothing to tell: a story without height, a law without
-yielding."""
+yielding, a story without this limit."""
 
 _OF_ANOTHER_TYPE = re.compile("truth value of an|could not be broadcast|could not convert string")
 """What numpy says of an array or a text in the place of a number."""
@@ -126,6 +127,52 @@ def _run(source: random.Random) -> Any:
     given = _some(options, source)
     given.setdefault("duration", 0.1)
     return tdint.run(_model(source.choice(tuple(MODELS))), _record(), **given)
+
+
+_PARAMETERS = (
+    "damping",
+    "stories[1].stiffness",
+    "stories.mass",
+    "record.scale",
+    "strength_factor",
+    "stories[1].law.yield_force",
+    "stories[0].mass",
+    "storys",
+    "",
+    "\x1b",
+    3,
+    None,
+)
+
+
+def _gradient(source: random.Random) -> Any:
+    names = source.choice((*_PARAMETERS, [*source.choices(_PARAMETERS[:5], k=2)]))
+    options = {"method": _METHOD, "dt": _number, "history": _flag, "check": _flag}
+    return tdint.run(
+        _model(source.choice(tuple(MODELS))),
+        _record(),
+        gradient=names,
+        duration=0.1,
+        **_some(options, source),
+    ).gradient
+
+
+def _limited(source: random.Random) -> Any:
+    options = {"limit": source.choice((_number, _text("operational", "2%")))}
+    return tdint.run(_model("limited.yaml"), _record(), duration=0.1).limit_checks(
+        **_some(options, source)
+    )
+
+
+def _matched(source: random.Random) -> Any:
+    options = {
+        "periods": lambda one: one.choice(((0.1, 0.4), (_number(one), _number(one)))),
+        "damping": _number,
+    }
+    sound = ("asce7:sds=1,sd1=0.6,tl=8", "ec8:type=1,soil=B,ag=0.25g")
+    target = source.choice(sound if source.random() < 0.8 else ("none", "", "\0", 1))
+    motion = tdint.read_record("suite/1.txt") if source.random() < 0.8 else _record()
+    return tdint.match(motion, target, **_some(options, source))
 
 
 def _scaled(source: random.Random) -> Any:
@@ -263,6 +310,9 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
     "run_many": _many,
     "replace": _replaced,
     "scaled case": _scaled,
+    "gradient": _gradient,
+    "limit_checks": _limited,
+    "match": _matched,
 }
 """Functions by name; each makes its arguments and calls."""
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import click
 
 from fuzz.sandbox import MODELS, OLD, OUTPUT, STRANGE_NAMES
-from fuzz.study_files import CAMPAIGN, COMPARE
+from fuzz.study_files import CAMPAIGN, COMPARE, MATCH, SELECT
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options import grammar
 
@@ -37,13 +37,20 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
         ("forced.yaml",),
         ("modal.yaml",),
         ("linear.yaml", "a.txt"),
+        ("limited.yaml", "a.txt", "n.mseed", "--units", "m/s^2"),
+        ("limited.yaml", "n.mseed", "--units", "m/s^2", "--pairs", "--pair-demand", "mean"),
     ],
     "modes": [(model,) for model in _MODELS],
     "law": [
         (model, "--drift", "1%", "--points", "3") for model in ("linear.yaml", "bilinear.yaml")
     ],
     "pushover": [("bilinear.yaml",), ("linear.yaml",)],
-    "inventory": [("buildings.csv", "--units", "m"), ("buildings.csv", "--units", "ft")],
+    "match": list(MATCH),
+    "inventory": [
+        ("assets.xml", "--mapping", "mapping.csv", "--units", "m"),
+        ("buildings.csv", "--units", "m"),
+        ("buildings.csv", "--units", "ft"),
+    ],
     "info": [("a.txt",), ("n.mseed", "--units", "m/s^2"), ("many",)],
     "spectrum": [
         ("a.txt", "--period", "0.2,1"),
@@ -54,9 +61,12 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
     "init": [("-",), ("-", "--stories", "3"), (f"{OUTPUT}/m.yaml",)],
     "check": [(model,) for model in _MODELS],
     "scale": [
+        SELECT,
+        (*SELECT, "--events", "events.csv", "--per-event", "1", "--target-std", "scatter.csv"),
         ("a.txt", "--pga", "0.2g"),
         ("n.mseed", "--units", "m/s^2", "--sa", "1m/s^2", "--at", "0.5"),
     ],
+    "sensitivity": [("linear.yaml", "a.txt", "--vary", "damping=2%:5%")],
     "ida": [("linear.yaml", "a.txt")],
     "fragility": [("stripes.csv",), ("capacities.csv",), ("cloud.csv", "--threshold", "1%")],
     "compare": list(COMPARE),
@@ -91,6 +101,7 @@ WEIGHTS = {
     "spectrum": 12,
     "drift-spectrum": 8,
     "ida": 1,
+    "match": 3,
     "order": 1,
     "failures": 1,
     "chart": 1,

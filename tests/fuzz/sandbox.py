@@ -1,5 +1,6 @@
 """A folder of small models and records, sound and strange, and `tdint` in this process."""
 
+import math
 import os
 import shutil
 import tempfile
@@ -47,6 +48,14 @@ stories: [{repeat: 3, mass: 10, height: 3, stiffness: 8000}]
 damping: {modal: [0.05, 0.02]}
 excitation: {record: {file: table.csv, column: 3, step: 0.01, skip_lines: 1}}
 analysis: {method: exact, duration: 0.3}
+""",
+    "limited.yaml": """\
+stories:
+  - {mass: 10, stiffness: 800, dashpot: 5, isolator: true}
+  - {repeat: 2, mass: 10, height: 3, stiffness: 8000}
+excitation: {record: {file: a.txt, units: m/s^2}}
+analysis: {method: newmark-average, duration: 0.3}
+limits: {drift_ratio: 0.5%, isolator_displacement: 2 mm, floor_acceleration: 0.1 g}
 """,
 }
 BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"  # noqa: E501
@@ -125,12 +134,22 @@ def _fill(folder: Path) -> None:
     (folder / "nan.txt").write_text(table.replace("\n", "\nnan\n", 3))
     (folder / "cut.mseed").write_bytes(b"000001D TD")
     write(folder / "n.mseed", trace(samples, channel="HNE"), trace(samples[::-1], channel="HNN"))
+    pair = np.sin(np.outer([0.1, 0.15], np.arange(200)) ** 1.1)
+    write(folder / "both.mseed", trace(pair[0], channel="HNE"), trace(pair[1], channel="HNN"))
     write(folder / "counts.mseed", trace(counts(60), channel="HNZ"))
     write(folder / "s.sac", trace(samples.astype(np.float32)), format="SAC")
     many = folder / "many"
     many.mkdir(exist_ok=True)
     (many / "b.txt").write_text(table)
     (many / "notes.md").write_text("no record\n")
+    suite = folder / "suite"
+    suite.mkdir(exist_ok=True)
+    for number in range(1, 6):
+        values = [
+            0.2 * number * math.sin(0.05 * number * i * (1.0 + 0.002 * i)) for i in range(200)
+        ]
+        rows = "\n".join(f"{value:.6f}" for value in values)
+        (suite / f"{number}.txt").write_text(f"# dt = 0.01 s, units = m/s^2\n{rows}\n")
     (folder / _MARK).write_text("the folder is as it was made\n")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fuzz.model_files import damaged
 from fuzz.sandbox import replaced, run
-from fuzz.study_files import CAMPAIGN, COMPARE
+from fuzz.study_files import CAMPAIGN, COMPARE, MATCH, SELECT
 
 _NUMBER = re.compile(r"(?<![\w.+-])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
 _NUMBERS = (
@@ -35,7 +35,7 @@ _NUMBERS = (
 
 _COMPARE = [("compare", *one) for one in COMPARE]
 _FIT = [("compare", *one, "--fit", "stiffness") for one in COMPARE[:1]]
-_SCALES, _LEVELS, _TOWN, _FACTORS = ([("campaign", *one)] for one in CAMPAIGN)
+_SCALES, _LEVELS, _TOWN, _FACTORS, _PAIRS, _ASSETS = ([("campaign", *one)] for one in CAMPAIGN)
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,24 @@ STUDIES = {
     "campaign with factors": Study(_FACTORS, ("factors.yaml", "factors.csv")),
     "campaign of a town": Study(
         _TOWN, ("town.yaml", "town.csv", "grid.csv", "here.csv", "pair.json", "single.json")
+    ),
+    "campaign of pairs": Study(_PAIRS, ("pairs.yaml", "limited.yaml")),
+    "campaign of assets": Study(_ASSETS, ("assets.yaml", "assets.xml", "mapping.csv")),
+    "limits": Study(
+        [
+            ("run", "limited.yaml", "a.txt", "n.mseed", "--units", "m/s^2"),
+            ("run", "limited.yaml", "a.txt", "--report", "out/page.html"),
+        ],
+        ("limited.yaml",),
+    ),
+    "match": Study([("match", *one) for one in MATCH], ("target.csv", "suite/1.txt")),
+    "select": Study(
+        [
+            ("scale", *SELECT),
+            ("scale", *SELECT, "--events", "events.csv", "--per-event", "1"),
+            ("scale", *SELECT, "--target-std", "scatter.csv"),
+        ],
+        ("target.csv", "events.csv", "scatter.csv"),
     ),
     "inventory": Study([("inventory", "town.csv", "--units", "ft")], ("town.csv",)),
     "scale": Study(

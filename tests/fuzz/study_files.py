@@ -69,8 +69,38 @@ records: {files: [a.txt, n.mseed], units: m/s^2}
 intensity: {factors: factors.csv}
 analysis: {duration: 0.3}
 """,
+    "pairs.yaml": """\
+buildings: {models: [limited.yaml]}
+records: {files: [n.mseed], units: m/s^2, pairs: true, pair_demand: mean}
+intensity: {scales: [1, 2]}
+analysis: {duration: 0.3}
+""",
+    "assets.yaml": """\
+buildings: {inventory: assets.xml, mapping: mapping.csv, units: {length: m}}
+records: {files: [a.txt], units: m/s^2}
+analysis: {method: newmark-average, duration: 0.3}
+""",
 }
 _TABLES = {
+    "assets.xml": """\
+<?xml version="1.0" encoding="UTF-8"?>
+<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">
+<exposureModel id="e" category="buildings">
+<conversions><costTypes><costType name="structural" type="per_asset" unit="USD"/></costTypes>
+<area type="per_asset" unit="SQM"/></conversions>
+<tagNames>district</tagNames>
+<assets>
+<asset id="a1" taxonomy="MUR/H:1" number="5" area="100"><location lon="-122.27" lat="37.80"/>
+<costs><cost type="structural" value="1000"/></costs><tags district="north"/></asset>
+<asset id="a2" taxonomy="CR/H:3" number="2.5" area="300"><location lon="-122.26" lat="37.81"/>
+<costs><cost type="structural" value="900"/></costs><tags district="south"/></asset>
+</assets>
+</exposureModel>
+</nrml>
+""",
+    "mapping.csv": "taxonomy,StructureType,NumberOfStories,YearBuilt,PlanArea\nMUR/H:1,URM,1,1950,90\nCR/H:3,C1,3,1980,300\n",  # noqa: E501
+    "scatter.csv": "period_s,scatter\n0.1,0.2\n3,0.4\n",
+    "events.csv": "record,event\n" + "".join(f"suite/{i}.txt,E{i % 3}\n" for i in range(1, 6)),
     "history.csv": _history(),
     "factors.csv": "record,component,factor\na.txt,,1.5\nn.mseed,HNE,0.5\nn.mseed,HNN,0.25\nn.mseed,HNE,2\n",  # noqa: E501
     "town.csv": (
@@ -102,8 +132,20 @@ COMPARE = (
     ("linear.yaml", "--recorded", "recorded.yaml", "-o", "out/compared"),
     ("bilinear.yaml", "--recorded", "recorded.yaml", "--periods", "0.1:1:5", "-o", "out/periods"),
     ("linear.yaml", "--recorded", "sensors.yaml", "--require", "peak_ratio=0.0001"),
+    ("linear.yaml", "--recorded", "recorded.yaml", "--report", "out/page.html"),
 )
 """Arguments of `tdint compare`; a fit takes seconds."""
 
 CAMPAIGN = tuple((name, "-o", "out/c", "--jobs", "1") for name in _CAMPAIGNS)
 """Arguments of `tdint campaign`."""
+
+MATCH = (
+    ("suite/1.txt", "--target", "target.csv", "--range", "0.1:0.5", "-o", "out/matched"),
+    ("both.mseed", "--units", "m/s^2", "--pairs", "rotd100", "--target", "target.csv", "--range",
+     "0.1:0.5", "-o", "out/pairs"),
+)  # fmt: skip
+"""Arguments of `tdint match`."""
+
+SELECT = ("suite", "--target", "target.csv", "--range", "0.1:1", "--select", "3", "--factor-range",
+          "0.01:100", "-o", "out/selected.csv")  # fmt: skip
+"""Arguments of `tdint scale` that select motions."""

@@ -14,7 +14,7 @@ from fuzz.run import BITS, flipped_bits
 from fuzz.sandbox import MODELS, run, sandbox
 from tdint.ground_motion.reading import contents
 
-SLOW = {"order", "failures", "chart", "campaign", "ida", "scale", "fragility", "compare"}
+SLOW = {"order", "failures", "chart", "campaign", "ida", "scale", "fragility", "compare", "match"}
 """Commands whose seeds `run.py` alone tries."""
 
 TRIED: dict[str, tuple[int, set[str]]] = {

@@ -153,3 +153,11 @@ def test_the_check_of_a_response_is_that_of_its_peaks():
     assert response.isolator_check.demand == moved.demand
     (drift,) = response.limit_checks(0.02)
     assert drift.limit == 0.02 and drift.demand == drifts.demand
+
+
+@pytest.mark.parametrize("limit", [NAN, math.inf, 0.0, -0.02, [0.01, 0.02], True, np.ones(2), 1j])
+def test_a_limit_that_is_no_positive_number_is_refused(limit):
+    """A comparison with nan would be neither met nor exceeded."""
+    with pytest.raises(tdint.TdintError, match="must be a positive drift ratio"):
+        chosen_limits((), limit, np.array([[0.01, 0.02]]), "x")
+    assert chosen_limits((), np.float64(0.02), np.array([[0.01, NAN]]), "x")[0].values[0] == 0.02

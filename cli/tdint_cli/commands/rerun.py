@@ -286,6 +286,10 @@ class _Told:
                 raise UsageError(
                     f"{file}: `export` must be a command line of `tdint campaign export`"
                 )
+        if any("\0" in word for words in (arguments, export) for word in words):
+            raise UsageError(
+                f"{file}: the command line contains a null character, which no file name can have"
+            )
         # The file of a table has a suffix. A directory may have been given without a / at its end
         # if it existed.
         whole = Path(output).parts

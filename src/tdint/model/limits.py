@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
 
 from tdint.errors import UsageError, did_you_mean
@@ -229,13 +230,20 @@ def chosen_limits(
     Raises
     ------
     UsageError
-        No story has a drift ratio, or the model does not have the performance level.
+        The limit is not a positive number, no story has a drift ratio, or the model does not have
+        the performance level.
     """
     if requested is None:
         return limits
     if isinstance(requested, str):
         check_level(limits, requested, name)
         return tuple(limit for limit in limits if limit.level == requested)
+    is_number = isinstance(requested, Real) and not isinstance(requested, bool)
+    if not (is_number and 0.0 < requested < math.inf):
+        raise UsageError(
+            "a limit must be a positive drift ratio, such as 0.02, or the name of a performance "
+            f"level, got {requested!r:.60}"
+        )
     missing = (ratios != ratios).reshape(-1, ratios.shape[-1]).all(axis=0)  # nan
     if missing.all():
         raise UsageError(
