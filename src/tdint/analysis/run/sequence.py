@@ -14,7 +14,13 @@ from dataclasses import dataclass, replace
 from tdint.analysis.arguments import number_of
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.case import REST_PERIODS, Case, case_of, until_rest
-from tdint.analysis.run.error_estimate import factors, reference, reference_steps, story_errors
+from tdint.analysis.run.error_estimate import (
+    factors,
+    reference,
+    reference_steps,
+    start_peaks,
+    story_errors,
+)
 from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
 from tdint.analysis.time_steps import Steps, choose_steps
@@ -178,10 +184,14 @@ def event_responses(
     shocks = _parts(joined, sequence, steps)
     if not check:
         return shocks
-    others = _parts(reference(joined), sequence, reference_steps(steps))
+    others = _parts(reference(joined), sequence, reference_steps(joined, steps))
+    # Only the first event contains the start.
+    starts = (start_peaks(joined, steps), *(None for _ in shocks[1:]))
     return tuple(
-        replace(shock, errors=story_errors(shock, other, factors(joined.method)))
-        for shock, other in zip(shocks, others, strict=False)  # the second run may end earlier
+        replace(shock, errors=story_errors(shock, other, factors(joined.method), start=start))
+        for shock, other, start in zip(
+            shocks, others, starts, strict=False
+        )  # the second run may end earlier
     )
 
 

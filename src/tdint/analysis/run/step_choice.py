@@ -20,6 +20,7 @@ from tdint.analysis.run.error_estimate import (
     EstimateFactors,
     attempt,
     reference,
+    start_peaks,
     story_errors,
     with_error_estimate,
 )
@@ -253,9 +254,9 @@ class _Search:
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
             return response  # not comparable: one of the two runs ended early, by collapse
         difference = _difference(response, coarse)
-        errors = story_errors(
-            response, coarse, EstimateFactors(self._factor(difference, level - before))
-        )
+        by = EstimateFactors(self._factor(difference, level - before))
+        start = start_peaks(self.case, self.steps(level))
+        errors = story_errors(response, coarse, by, start=start, other_is_finer=False)
         self.pairs.append((difference, level - before))
         dts = (coarse.dt, response.dt)
         return replace(
