@@ -18,6 +18,11 @@ all shorter steps.
 
 separate-solver: print the table of `reliability` with the true values of `plain_solver`, which uses
 no code of tdint, for buildings with the hysteresis models that it has.
+
+no-record: print the shares of `reliability` over all columns for time steps of 1/10, 1/5 and 1/3 of
+the first period, for buildings in free vibration (even seeds) and under a harmonic force on a floor
+(odd seeds). True values are those of impulse4 with 3200 steps in the period; newmark-average is the
+second method.
 """
 
 import argparse
@@ -58,6 +63,8 @@ SURE = 0.2  # maximum difference of the two true values, divided by the true err
 # Minimum true error divided by the peak. Smaller errors include the tolerance of Newton iterations
 # and errors between time steps that both true values have in common.
 RESOLUTION = 1e-6
+PERIOD_PARTS, FINE_PARTS, PERIODS = (10, 5, 3), 3200, 9
+NO_RECORD_METHODS = ("impulse4", "moment4", "newmark-average")
 TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001, 0.0001)
 SOLVER_LAWS = plain_solver.KINDS[1:]
 
@@ -134,6 +141,20 @@ def solver_truths(model, record, duration):
     return [{name: (4.0 * fine[name] - coarse[name]) / 3.0 for name in fine}, fine]
 
 
+def judged_rows(true, response):
+    """Return true and estimated errors of a response by column, divided by the peak, as arrays of
+    two rows with one column for each error that is judged."""
+    rows = {}
+    for column in true[0]:
+        size = true[0]["peak_drift" if column == "residual_drift" else column]
+        error = np.abs(getattr(response.stories, column) - true[0][column])
+        gap = np.abs(true[0][column] - true[1][column])
+        sure = (error > RESOLUTION * size) & (gap < SURE * error) & (size > 0.0)
+        estimate = getattr(response.check.errors, column)
+        rows[column] = np.array([error, estimate])[:, sure] / size[sure]
+    return rows
+
+
 def judged(name, separate=False, samples=SAMPLES):
     """Return the name of a case, and by method, time step and column an array with the rows true
     error and estimated error, divided by the peak; one column for each story."""
@@ -147,14 +168,74 @@ def judged(name, separate=False, samples=SAMPLES):
         response = attempt(model, record, method=method, dt=length * record.dt, duration=duration)
         if response is None or response.check.drift_error is None:
             continue
-        for column in true[0]:
-            size = true[0]["peak_drift" if column == "residual_drift" else column]
-            error = np.abs(getattr(response.stories, column) - true[0][column])
-            gap = np.abs(true[0][column] - true[1][column])
-            sure = (error > RESOLUTION * size) & (gap < SURE * error) & (size > 0.0)
-            estimate = getattr(response.check.errors, column)
-            rows[method, length, column] = np.array([error, estimate])[:, sure] / size[sure]
+        for column, values in judged_rows(true, response).items():
+            rows[method, length, column] = values
     return name, rows
+
+
+def building_without_record(seed):
+    """Return a random building, free or under a harmonic force, and its first period, s."""
+    definition, _ = any_building(seed)
+    rng = np.random.default_rng(seed)
+    stories = len(definition["stories"])
+
+    def period():
+        building = prepare(load_model(definition), method="impulse4").building
+        return 2.0 * np.pi / building.modes().omega[0]
+
+    if seed % 2 == 0:
+        definition.pop("excitation", None)
+        displacement = np.cumsum(rng.uniform(-0.03, 0.03, stories)).tolist()
+        velocity = rng.uniform(-0.3, 0.3, stories).tolist()
+        definition["initial"] = {"displacement": displacement, "velocity": velocity}
+    else:
+        definition.pop("initial", None)
+        weight = 9.81 * sum(one["mass"] for one in definition["stories"])
+        force = {"floor": int(rng.integers(1, stories + 1)), "phase": "sin", "omega": 1.0}
+        force["amplitude"] = float(0.1 * weight * rng.uniform(0.5, 1.5) / stories**0.5)
+        definition["excitation"] = {"forces": [force]}
+        force["omega"] = float(rng.uniform(0.3, 1.5) * 2.0 * np.pi / period())
+    return load_model(definition), period()
+
+
+def judged_without_record(seed):
+    """Return a seed, and by method and part of the period the arrays of `judged_rows`."""
+    model, period = building_without_record(seed)
+    duration = PERIODS * period
+    fine = [
+        attempt(model, None, method=one, dt=period / FINE_PARTS, duration=duration, check=False)
+        for one in ("impulse4", "newmark-average")
+    ]
+    rows = {}
+    if None in fine:
+        return seed, rows
+    true = [{name: getattr(one.stories, name) for name in NAMES} for one in fine]
+    for method, part in product(NO_RECORD_METHODS, PERIOD_PARTS):
+        response = attempt(model, None, method=method, dt=period / part, duration=duration)
+        if response is not None and response.check.drift_error is not None:
+            rows[method, part] = list(judged_rows(true, response).values())
+    return seed, rows
+
+
+def table_without_record(found):
+    """Print the two shares over all columns by method and time step."""
+    heads = [f"{kind}, 1/{part}" for kind, part in product(("free", "force"), PERIOD_PARTS)]
+    print(f"| method | {' | '.join(heads)} |")
+    print("|---" * (len(heads) + 1) + "|")
+    for method in NO_RECORD_METHODS:
+        cells = [
+            cell(
+                [
+                    one
+                    for seed, rows in found
+                    if seed % 2 == odd
+                    for one in rows.get((method, part), ())
+                ]
+            )
+            for odd, part in product((0, 1), PERIOD_PARTS)
+        ]
+        print(f"| {method} | {' | '.join(cells)} |")
+    print(f"\n{sum(bool(rows) for _, rows in found)} of {len(found)} buildings have a true value")
 
 
 def cell(parts):
@@ -292,7 +373,7 @@ def main():
     parser.add_argument(
         "table",
         nargs="?",
-        choices=["reliability", "tolerance", "separate-solver"],
+        choices=["reliability", "tolerance", "separate-solver", "no-record"],
         default="reliability",
     )
     parser.add_argument("--seed", type=int, default=5_200_000)
@@ -309,8 +390,13 @@ def main():
         if given.table == "tolerance"
         else partial(judged, separate=given.table == "separate-solver", samples=samples)
     )
+    if given.table == "no-record":
+        work, names = judged_without_record, range(given.seed, given.seed + given.buildings)
     with ProcessPoolExecutor(given.processes) as pool:
         found = list(pool.map(work, names))
+    if given.table == "no-record":
+        table_without_record(found)
+        return
     if given.table == "tolerance":
         tolerances(found, methods)
         return

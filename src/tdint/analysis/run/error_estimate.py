@@ -19,10 +19,10 @@ which P and P1 agree by accident. It is limited by 8 |P - P1|, because the diffe
 that yields or is protected by other stories is small without an accident, and its error is small as
 well.
 
-P2 is the peak in the first two steps, with steps of `impulse4` that are sixteen times shorter than
-those of the additional run. An initial motion starts with all modes at once. If a story changes its branch
-within the first step, an acceleration can have its maximum between the start and the end of this
-step. Both runs then report the value at the start, and their difference is zero.
+P2 is the peak in the first two steps, by the method of the additional run with sixteen times
+shorter steps. An initial motion starts with all modes at once, also with those that the step does
+not resolve. An acceleration can have its maximum between the start and the end of the first step.
+Both runs then report the value at the start, and their difference is zero.
 
 B and B1 are the possible excesses of the peaks between time steps which do not resolve the motion
 (`Response.interstep_bound`), of the run and of the additional run. P1 + B1 is the largest peak that
@@ -134,9 +134,10 @@ intervals.
 
 _LONG_OF_PERIOD, _SHORT_OF_PERIOD, _MOST_PARTS = 20, 50, 50
 """Without a record: time steps in the first period below which the additional run uses steps of its
-own, the number of these steps in the first period, and their maximum number in a step. With half of
-the step, 5 % of the true errors of `impulse4` in free vibration exceed twice the estimate for a
-fifth or a tenth of the period (59 random buildings). The reason is that for `_LONG_STEP`.
+own, the number of these steps in the first period, and their maximum number in a step. The reason
+is that for `_LONG_STEP`: with half of the step, 5 % of the true errors of `impulse4` in free
+vibration exceed twice the estimate if the step is a fifth or a tenth of the period (59 random
+buildings).
 """
 
 _SAME = 1e-9
