@@ -99,17 +99,20 @@ class EstimateFactors:
         Minimum relative error of a story divided by the root mean square of all stories.
     most : float
         Maximum of this minimum error divided by the difference of the peaks.
+    derivative_common : float
+        The same as `common` for derivatives of peaks, for which there is no maximum.
     """
 
     difference: float
     common: float = COMMON
     most: float = math.inf
+    derivative_common: float = COMMON
 
 
 _LOW_ORDER = EstimateFactors(OF_DIFFERENCE, COMMON, _MOST)
 """Factors for methods of order 1 and 2."""
 
-_HIGH_ORDER = EstimateFactors(3.0, COMMON, _MOST)
+_HIGH_ORDER = EstimateFactors(3.0, COMMON, _MOST, 0.5)
 """Factors for methods of order 3 and more. With those of order 2, 0.6 % of the true errors of
 `impulse4` and `moment4` exceed twice the estimate, with these 0.3 % (104 random buildings). With
 half of the root mean square instead of a fifth, 7 % of the estimates of accelerations and total
@@ -193,9 +196,9 @@ def reference(case: Case) -> Case:
 def reference_steps(case: Case, steps: Steps) -> Steps:
     """Return the time steps of the run that estimates the errors of a run over `steps`.
 
-    They are half as long. If a step covers at least `_LONG_STEP` sampling intervals, they are one
-    sampling interval long. If there is no record and a step is longer than 1/`_LONG_OF_PERIOD` of
-    the first period, they are about 1/`_SHORT_OF_PERIOD` of this period long.
+    With a record they are those of `shorter_steps`. Without a record they are half as long, or
+    about 1/`_SHORT_OF_PERIOD` of the first period if a step is longer than 1/`_LONG_OF_PERIOD` of
+    this period.
 
     Parameters
     ----------
@@ -204,17 +207,23 @@ def reference_steps(case: Case, steps: Steps) -> Steps:
     steps : Steps
         Time steps of the run.
     """
-    if case.record is None:
-        periods = steps.h * case.building.vibration.frequency(1) / (2.0 * math.pi)
-        if periods > (1.0 + _SAME) / _LONG_OF_PERIOD:
-            parts = min(math.ceil(_SHORT_OF_PERIOD * periods), _MOST_PARTS)
-            return replace(
-                steps,
-                h=steps.h / parts,
-                count=steps.count * parts,
-                per_sample=steps.per_sample * parts,
-            )
-    elif steps.per_sample == 1 and steps.stride >= _LONG_STEP:
+    if case.record is not None:
+        return shorter_steps(steps)
+    periods = steps.h * case.building.vibration.frequency(1) / (2.0 * math.pi)
+    if periods <= (1.0 + _SAME) / _LONG_OF_PERIOD:
+        return finer(steps)
+    parts = min(math.ceil(_SHORT_OF_PERIOD * periods), _MOST_PARTS)
+    return replace(
+        steps, h=steps.h / parts, count=steps.count * parts, per_sample=steps.per_sample * parts
+    )
+
+
+def shorter_steps(steps: Steps) -> Steps:
+    """Return time steps under a record that are half as long.
+
+    If a step covers at least `_LONG_STEP` sampling intervals, they are one sampling interval long.
+    """
+    if steps.per_sample == 1 and steps.stride >= _LONG_STEP:
         return replace(steps, h=steps.h / steps.stride, count=steps.count * steps.stride, stride=1)
     return finer(steps)
 

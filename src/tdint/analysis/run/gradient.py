@@ -80,7 +80,7 @@ def slope_errors(derivatives: Array, others: Array, by: EstimateFactors) -> Arra
     common = np.sqrt(squares / np.maximum(np.sum(known, axis=-1, keepdims=True), 1))
     return np.where(
         known,
-        np.maximum(errors, np.maximum(by.common * common, FLOOR * np.abs(derivatives))),
+        np.maximum(errors, np.maximum(by.derivative_common * common, FLOOR * np.abs(derivatives))),
         math.nan,
     )
 

@@ -28,7 +28,7 @@ from tdint.analysis.arguments import (
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.batch import Subject, run_batch, run_sampled, samples_of
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import factors, reference, reference_steps
+from tdint.analysis.run.error_estimate import factors, reference, shorter_steps
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
 from tdint.analysis.run.many_results import (
     KEPT,
@@ -732,9 +732,7 @@ def _gradient(
     )
     labels = tuple(subject.method for subject in subjects)
     other_work = replace(work, subjects=subjects, methods=labels, check=False)
-    others = [
-        run._replace(number=i, steps=reference_steps(run.steps)) for i, run in enumerate(plan)
-    ]
+    others = [run._replace(number=i, steps=shorter_steps(run.steps)) for i, run in enumerate(plan)]
     base = _unfilled(other_work, others, 1, {})
     _march_all(other_work, base, others, threads)
     other = _differentiated(other_work, others, base.stories, {}, 1, names, threads)
