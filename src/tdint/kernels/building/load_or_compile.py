@@ -480,7 +480,20 @@ def compile_ahead(
 def _objects(
     requested: Iterable[tuple[Compilable, Variant, str]],
 ) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
-    """Yield object files of kernels for targets: copies of existing files, and compiled files."""
+    """Yield the object files of kernels for other processors and systems (targets).
+
+    An existing object file is read. The other kernels are compiled.
+
+    Parameters
+    ----------
+    requested : iterable of tuple
+        Kernel, variant and name of the target of each object file.
+
+    Yields
+    ------
+    tuple
+        Kernel, variant, target and contents of the object file.
+    """
     from tdint.kernels.building import store
     from tdint.kernels.building.process import compilations, run_all
     from tdint.kernels.building.target import named

@@ -103,8 +103,23 @@ class Loaded:
 def _parts(
     arguments: Sequence[Argument],
 ) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
-    """Return the C types of the flat arguments, and for each argument a function that appends its
-    parts to a list."""
+    """Return the C types of the arguments of a kernel, and functions that convert them.
+
+    In the calling convention of numba, an array is passed as several numbers and addresses, its
+    parts. A kernel is passed by its address.
+
+    Parameters
+    ----------
+    arguments : sequence of Argument
+        Arguments of the signature.
+
+    Returns
+    -------
+    types : list
+        C types of all parts, in order.
+    parts : list of function
+        For each argument, a function (value, flat) that appends its parts to the list `flat`.
+    """
     types: list[Any] = []
     parts: list[Callable[[Any, list[Any]], None]] = []
     for argument in arguments:
@@ -125,7 +140,11 @@ def _parts(
 
 
 def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
-    """Return a function that appends the parts of an array to a list."""
+    """Return a function that converts an array argument to the parts that numba expects.
+
+    The function (array, flat) appends the parts to the list `flat`: number of items, bytes per
+    item, address of the data, shape and strides.
+    """
     number = np.dtype(np.float64)
 
     def append_parts(array: Any, flat: list[Any]) -> None:
@@ -144,5 +163,8 @@ def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
 
 
 def _number(convert: Callable[[Any], Any]) -> Callable[[Any, list[Any]], None]:
-    """Return a function that appends a number to a list."""
+    """Return a function that converts a number argument to the type that numba expects.
+
+    The function (value, flat) appends `convert(value)` to the list `flat`.
+    """
     return lambda value, flat: flat.append(convert(value))

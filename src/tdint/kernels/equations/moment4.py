@@ -72,9 +72,8 @@ class _Rows(NamedTuple):
     X: int = 2  # residuals, then corrections, of the rises and of the bends
     CORRECTION: int = 2  # last corrections
     ROUNDING_FORCE: int = 1  # rounding errors of the displacements, as a force, N
-    LEAVES_BRANCH: int = (
-        1  # 1 if the story leaves its branch; the last column is 1 if any story does
-    )
+    # 1 if the story leaves its branch; the last column is 1 if any story does
+    LEAVES_BRANCH: int = 1
     NO_REVERSAL: int = 1  # 1 if the story has no reversal in the step, even if its parabola has one
     PATH: int = path.PATH_ROWS  # means and moments of the story forces, and their derivatives
     DASHPOT: int = 2  # mean and first moment of the force of the power-law dashpot, N
@@ -601,7 +600,12 @@ def _correct(state, scratch, n):
 def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     """Assemble and factorize the matrix of Newton's method for the current paths of the stories.
 
-    The derivatives of the means and moments of the story forces are in the rows PATH.
+    The unknowns of a floor are its rise D0 and bend D1. With the derivatives of mean F0 and first
+    moment F1 of the story forces (rows PATH), the 2 x 2 block of a floor contains the derivatives
+    of the two equations
+
+        M a0 + h C D0 + h^2 (F0 - P0) = 0,   M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0
+        a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
     Parameters
     ----------

@@ -70,9 +70,8 @@ _SOFTENING = 6.0
 _RESIDUAL = 7.0
 _FAILED = 8.0  # positive for both sides
 
-_REACHED_TOLERANCE = (
-    1e-12  # Relative to a drift. A point within this distance ahead is regarded as reached.
-)
+# Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
+_REACHED_TOLERANCE = 1e-12
 # Relative to the maximum drift. A reversal within this distance of the last reversal is regarded as
 # the same reversal, which a time step did not locate exactly.
 _SAME_REVERSAL_TOLERANCE = 1e-6

@@ -46,11 +46,9 @@ _CAPACITY = rows.FIRST_PARAMETER + 38
 _PATH_POINTS = 0
 _STRENGTH_LOSS = 6  # fractions of strength and stiffness that were lost at the last reversal
 _STIFFNESS_LOSS = 7
-_LAST_LOSSES = (
-    # losses of stiffness, drift and strength at the moment at which the last drift of the backbone
-    # curve was exceeded
-    8
-)
+# Losses of stiffness, drift and strength at the moment at which the last drift of the backbone
+# curve was exceeded
+_LAST_LOSSES = 8
 _EXTRA_ROWS = _LAST_LOSSES + 3
 
 # Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
@@ -59,9 +57,8 @@ _ON_PATH = 1.0
 _ON_BACKBONE = 2.0
 _FAILED = 3.0  # positive for both sides
 
-_REACHED_TOLERANCE = (
-    1e-12  # relative to a drift; a point within this distance ahead is regarded as reached
-)
+# Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
+_REACHED_TOLERANCE = 1e-12
 # Relative to the first drift of the backbone curve. A reversal within this drift is not counted. An
 # upper story of a building at rest reverses at about 1e-10 m because of the time discretization,
 # and would lose up to a fifth of its stiffness. The value is a tenth of the limit in OpenSees.

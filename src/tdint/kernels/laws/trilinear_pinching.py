@@ -36,9 +36,8 @@ _PINCHED = 2.0  # first part of the reloading
 _RELOADING = 3.0  # second part of the reloading
 _UNLOADING_LINE = 4.0  # branch with the unloading stiffness, valid in both directions
 
-_REACHED_TOLERANCE = (
-    1e-12  # relative to a drift; a point within this distance ahead is regarded as reached
-)
+# Fraction of a drift. A point is regarded as reached if the drift is closer to it than this.
+_REACHED_TOLERANCE = 1e-12
 
 
 def _functions() -> LawFunctions:

@@ -35,9 +35,8 @@ _TRUNCATION = 2e-10  # maximum neglected term relative to the cubic term
 # maximum number of Newton iterations; the iteration is bracketed and therefore always ends
 _MAX_ITERATIONS = 30
 _NEWTON_TOLERANCE = 1e-4  # fraction of the step; maximum last correction of Newton's method
-_BISECTION_TOLERANCE = (
-    1e-5  # fraction of the step; error of the time, and the error of the maximum is its square
-)
+# Fraction of the step; error of the time, and the error of the maximum is its square
+_BISECTION_TOLERANCE = 1e-5
 _INVERSE = tuple(1.0 / max(k, 1) for k in range(TERMS + 1))
 
 

@@ -40,16 +40,26 @@ TOO_MANY_EVENTS = -1
 
 NEVER = -1.0  # time of an event that does not occur; times are not negative
 
-_MAX_TERMS = (
-    44  # maximum number of terms; the remainder is below 1e-18 with fewer terms for any step
-)
+# Maximum number of terms; the remainder is below 1e-18 with fewer terms for any step
+_MAX_TERMS = 44
 _MAX_EVENTS = 60  # maximum number of changes of branch within a step
 _FREE_VIBRATION = 600  # maximum length of the free vibration after the ground motion, rad
 
 
 class _Hysteretic(NamedTuple):
-    """Properties of the oscillator, divided by the mass: stiffness, damping, hardening ratio and
-    strength."""
+    """Properties of a bilinear oscillator, divided by its mass.
+
+    Attributes
+    ----------
+    k : float
+        Initial stiffness over mass, 1/s^2.
+    c : float
+        Damping coefficient over mass, 1/s.
+    hardening : float
+        Ratio of the stiffness after yielding to the initial stiffness.
+    strength : float
+        Yield force over mass times (1 - hardening), m/s^2: the strength of the plastic part.
+    """
 
     k: float
     c: float
@@ -209,7 +219,9 @@ def _velocity_zero(series, terms, start, end):
 
 @outlined
 def _end_of_yielding(series, terms, side, middle, remaining):
-    """Return the time at which the velocity changes to the sign opposite to the yielding, or NEVER.
+    """Return the time at which yielding ends within a step, s, or NEVER.
+
+    Yielding ends when the velocity changes to the sign opposite to the direction of yielding.
 
     Parameters
     ----------
@@ -237,8 +249,9 @@ def _end_of_yielding(series, terms, side, middle, remaining):
 
 @outlined
 def _end_of_elastic_branch(series, terms, state, middle, remaining):
-    """Return the time at which u exceeds a limit of the elastic branch, or NEVER. Peaks before this
-    time are included in the state.
+    """Return the time at which the displacement exceeds a limit of the elastic branch, s, or NEVER.
+
+    The peak displacement in the state is updated by the extrema before this time.
 
     Parameters
     ----------
@@ -272,7 +285,18 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
 
 @outlined
 def _end_yielding(state, oscillator):
-    """Set the elastic branch after yielding. Its range is twice the yield displacement."""
+    """Set the elastic branch that follows yielding, at a reversal of the velocity.
+
+    The oscillator yields again at the current displacement, or on the other side after a change of
+    displacement of twice the yield displacement.
+
+    Parameters
+    ----------
+    state : ndarray
+        State with the displacement at the reversal; SIDE, V, OFFSET, UPPER and LOWER are set.
+    oscillator : _Hysteretic
+        Properties of the oscillator.
+    """
     k, _, hardening, strength = oscillator
     u, side = state[U], state[SIDE]
     opposite_limit = u - side * 2.0 * strength / ((1.0 - hardening) * k)
@@ -284,7 +308,16 @@ def _end_yielding(state, oscillator):
 
 @outlined
 def _start_yielding(state, strength):
-    """Set the yielding branch at the limit of the elastic branch that was reached."""
+    """Set the yielding branch that follows the elastic branch at one of its limits.
+
+    Parameters
+    ----------
+    state : ndarray
+        State near the limit. The displacement is set to the limit; SIDE (1 at the upper limit, -1
+        at the lower limit), V and OFFSET are set.
+    strength : float
+        Strength of the plastic part over mass, m/s^2.
+    """
     side = 1.0 if 2.0 * state[U] > state[UPPER] + state[LOWER] else -1.0
     state[SIDE] = side
     state[U] = state[UPPER] if side > 0.0 else state[LOWER]
@@ -294,12 +327,16 @@ def _start_yielding(state, strength):
 
 @outlined
 def _integrate_step(state, series, oscillator, g, slope, h):
-    """Integrate a step of length `h` through all branches.
+    """Integrate a bilinear oscillator over one step and through all branch changes within it.
+
+    On each branch, the response is the Taylor series of the exact solution. If the oscillator
+    yields or unloads within the step, the time of this event is computed, the branch is changed,
+    and the integration continues from this time.
 
     Parameters
     ----------
     state : ndarray
-        State, which is updated.
+        State (U, V, SIDE, OFFSET, UPPER, LOWER, PEAK), which is updated.
     series : ndarray
         Scratch array for the Taylor coefficients.
     oscillator : _Hysteretic

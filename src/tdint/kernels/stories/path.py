@@ -65,11 +65,9 @@ _MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations
 # acceleration has a rounding error of about 1e-16 of the floor loads, and the drifts of upper
 # stories are only 1e-6 of the floor displacements.
 _RATE_ROUNDING = 1e-9
-_OPPOSITE_RATE = (
-    # Rate opposite to the direction of the path, relative to the rate that it reaches. Larger
-    # values are not rounding errors of a path that starts at a reversal.
-    1e-12
-)
+# Rate opposite to the direction of the path, relative to the rate that it reaches. Larger
+# values are not rounding errors of a path that starts at a reversal.
+_OPPOSITE_RATE = 1e-12
 # Shift of the drift at a reversal for the numerical derivative of the integrals with respect to
 # this drift, as a fraction of |rise| + |bend|
 _SHIFT = 1e-6
