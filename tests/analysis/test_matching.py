@@ -284,6 +284,23 @@ def test_a_match_reports_its_progress(motion):
     assert calls[0] == (0, calls[-1][1]) and calls[-1][0] == calls[-1][1]
 
 
+def test_the_number_of_controlled_extremes_is_limited(motion):
+    """Stationary noise has many extremes above a target of a quarter of its spectrum; the largest
+    are controlled, with the maximum at each period among them."""
+    noisy = replace(motion, acceleration=np.random.default_rng(5).normal(size=4000))
+    periods = np.geomspace(0.1, 1.0, 20)
+    problem, samples = problem_of(noisy, periods)
+    problem.wanted = 0.25 * problem.wanted
+    found, largest = problem.extremes(samples, 0.8 * problem.wanted)
+    assert found.shape[1] > 20 * periods.size
+    oscillators, times, _, _, equal = problem.equations(found, largest)
+    assert oscillators.size == 6 * periods.size
+    assert np.sum(equal) == periods.size and set(oscillators[equal]) == set(range(periods.size))
+    sizes = np.abs(found[VALUE]) / problem.wanted[found[OSCILLATOR].astype(int)]
+    smallest = np.min(sizes[np.isin(found[TIME], times[~equal])])
+    assert np.sum(sizes > smallest) <= 6 * periods.size
+
+
 def test_a_motion_without_peaks_is_refused(motion):
     ramp = replace(motion, acceleration=np.linspace(0.0, 3.0, 800), source="ramp.csv")
     with pytest.raises(RecordError, match=r"ramp\.csv HN1: cannot be matched: .*has no peak"):

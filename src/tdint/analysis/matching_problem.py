@@ -28,7 +28,12 @@ SMALL_MISFIT = 0.008
 
 _NEAR, _MOST = 0.8, 3.0
 """Fraction of the target above which extremes are controlled, and maximum mean number of controlled
-extremes per period."""
+extremes per period. Extremes above the target are controlled beyond this number."""
+
+_MOST_ABOVE = 6.0
+"""Maximum mean number of controlled extremes per period, those above the target included; the
+largest are controlled. Long stationary motions have more than 30 per period above the target at
+first, and the matrix of their products would need gigabytes."""
 
 _CLIP, _STEPWISE = 0.3, 0.1
 """Maximum relative change of a response in a round, and misfit below which rounds add to the
@@ -346,8 +351,13 @@ class MatchingProblem:
         moved = largest[1] >= 0.0  # an oscillator at rest has no maximum
         equal[largest[1, moved].astype(int)] = True
         relative = np.where(equal, np.inf, size / self.wanted[oscillator])
-        cut = max(_NEAR, np.sort(relative)[-min(int(_MOST * self.omega.size), relative.size)])
-        controlled = np.flatnonzero(equal | (relative >= min(cut, 1.0)))
+        ordered = np.sort(relative)
+        cut, cut_above = (
+            ordered[-min(int(count * self.omega.size), relative.size)]
+            for count in (_MOST, _MOST_ABOVE)
+        )
+        cut = max(min(max(cut, _NEAR), 1.0), cut_above)
+        controlled = np.flatnonzero(equal | (relative >= cut))
         oscillator, equal = oscillator[controlled], equal[controlled]
         shortfall = 1.0 - size[controlled] / self.wanted[oscillator]
         shortfall = np.where(
