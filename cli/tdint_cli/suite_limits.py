@@ -3,7 +3,7 @@ summary.json."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -89,11 +89,11 @@ class SuiteLimits:
         )
 
     def table(self, units: OutputUnits) -> Table | None:
-        """Return the comparisons with several limits as a table of the report, or None."""
+        """Return the comparisons with the limits as a table of the report; None without limits."""
         from tdint.output.verdicts import limit_table
 
         listed = {self.building(profile): checks for profile, checks in self.checks if checks}
-        return limit_table(listed, units, mean=True) if _several(listed.values()) else None
+        return limit_table(listed, units, mean=True) if listed else None
 
     def summary(self) -> dict[str, Any]:
         """Return the comparisons for summary.json; empty without limits."""
@@ -143,11 +143,6 @@ class SuiteLimits:
 
 _PLAIN, _ISOLATOR = ("Mean drift", "No motion"), "Mean isolator"
 """First words of sentences on a drift limit alone, and of a sentence without a limit."""
-
-
-def _several(checks: Iterable[Sequence[LimitCheck]]) -> bool:
-    """Return True if a building has more than one limit; a single one is in the verdict."""
-    return any(len(of_building) > 1 for of_building in checks)
 
 
 def profile_name(profile: Profile, among: list[Profile]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -12,7 +13,7 @@ import click
 
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
-from tdint.number_parsing import abbreviate, pluralize
+from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
@@ -296,6 +297,7 @@ def _page(
         verdict = [
             (not failures, f"Required of every floor: {limits}. {'; '.join(failures) or 'Met'}.")
         ]
+    verdict.append((None, _least_agreement(comparisons)))
     sentences = [_driven(item, units) for item in comparisons]
     sentences += [f"The values were fitted in {pluralize(fitted.runs, 'run')}."] if fitted else []
     # The notes of the terminal: removed offsets, disabled checks.
@@ -314,6 +316,27 @@ def _page(
     return comparison_page(
         comparisons, draw, told, fitted_table(fitted.values, units) if fitted else None, units
     )
+
+
+def _least_agreement(comparisons: Sequence[Comparison]) -> str:
+    """Return a sentence on the floors with the least agreement.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        Comparisons of the computed response with the recordings.
+    """
+    floors = [floor for item in comparisons for floor in item.floors]
+    least = min(floors, key=lambda floor: floor.correlation)
+    farthest = max(floors, key=lambda floor: abs(math.log(abs(floor.peak_ratio))))
+    largest = max(floors, key=lambda floor: floor.rms_difference)
+    parts = [
+        f"lowest correlation {number_text(least.correlation)} (floor {least.floor})",
+        f"peak ratio farthest from 1: {number_text(farthest.peak_ratio)} (floor {farthest.floor})",
+        f"largest rms difference {number_text(largest.rms_difference)} (floor {largest.floor})",
+    ]
+    sentence = ", ".join(parts)
+    return f"{sentence[0].upper()}{sentence[1:]}."
 
 
 def _driven(item: Comparison, units: OutputUnits) -> str:

@@ -301,7 +301,7 @@ def _page(
         warnings=[*result.warnings, *result.disagreements, *map(str, result.failures)],
         inputs=files_read(),
     )
-    return fragility_page(functions, lambda: draw(functions), request.table, told)
+    return fragility_page(functions, draw, request.table, told)
 
 
 def _in_g(function: Fragility) -> Fragility:

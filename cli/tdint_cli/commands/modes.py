@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tdint.errors import TdintError
 from tdint.output import figures, tables
 from tdint.output.spectrum_text import spectrum_text
 from tdint_cli import options
@@ -14,6 +15,7 @@ from tdint_cli.terminal import note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.ground_motion.record import Record
     from tdint.model.definition import Model
     from tdint.output.figures.style import Figure
     from tdint.units import OutputUnits
@@ -90,14 +92,43 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
         from tdint.output.report import mode_page
         from tdint.output.summary import files_read
 
-        said = [f"{text[0].upper()}{text[1:]}." for text in notes]
+        record, unread = _record(loaded)
+        said = [f"{text[0].upper()}{text[1:]}." for text in (*notes, *unread)]
         told = Told(said=said, head=loaded.page_head, inputs=files_read())
         # The shapes are in the figure.
         listed = tables.buildings.mode_table(modes, modes.own_damping(matrix))
-        return mode_page(loaded, listed, draw, told, of_page)
+        return mode_page(loaded, listed, draw, told, of_page, record)
 
     outputs.deliver(table, draw, page=page)
     note(*notes)
+
+
+def _record(model: Model) -> tuple[Record | None, list[str]]:
+    """Return the ground motion of a model for the figure of the report.
+
+    The modes do not depend on it: a record that cannot be read is a note of the report.
+
+    Parameters
+    ----------
+    model : Model
+        Building.
+
+    Returns
+    -------
+    record : Record or None
+        Ground motion; None if the model has none, or if it cannot be read.
+    notes : list of str
+        Reason for a missing record.
+    """
+    from tdint.analysis.arguments import model_record
+
+    source = model.excitation.record
+    if source is None or source.file == "-":
+        return None, []
+    try:
+        return model_record(model), []
+    except TdintError as error:
+        return None, [f"the spectrum of the ground motion is not drawn: {error}"]
 
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:

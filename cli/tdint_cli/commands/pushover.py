@@ -115,22 +115,19 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
         The units of the values.
     """
     from tdint.output.page import Told, page_units
-    from tdint.output.report import pushover_page
+    from tdint.output.report import method_name, pushover_page
     from tdint.output.summary import files_read
 
     shown = page_units(units)
     verdict: list[tuple[bool | None, str]] = []
     for made in reached:
         roof = (
-            f"{made.method}: target displacement of the roof "
+            f"{method_name(made.method)}: target displacement of the roof "
             f"{shown.text(made.roof_displacement, 'm')}"
         )
-        verdict.append(
-            (
-                False if made.notes else None,
-                ". ".join([roof, *(note.partition(": ")[2] for note in made.notes)]),
-            )
-        )
+        reasons = (note.partition(": ")[2] for note in made.notes)
+        parts = [roof, *(f"{reason[:1].upper()}{reason[1:]}" for reason in reasons)]
+        verdict.append((False if made.notes else None, f"{'. '.join(parts)}."))
     said = [*_words(result, shown).splitlines(), *(_reached(made, shown) for made in reached)]
     told = Told(said, (), result.model.page_head, files_read(), verdict)
     return pushover_page(result, reached, told, units)

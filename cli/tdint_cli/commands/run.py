@@ -418,7 +418,7 @@ def _files(
         warnings = []
         if response.record is not None:
             warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
-        table = limit_table({"": checks}, page, mean=False) if len(checks) > 1 else None
+        table = limit_table({"": checks}, page, mean=False) if checks else None
         told = Told(
             # The verdict is not repeated below itself.
             said=[
@@ -683,7 +683,8 @@ def _collapsed(response: Response, collapse: Collapse) -> str:
     """
     end = "; analysis stopped: drift grew without bound" if collapse.ended else ""
     cause = (
-        f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
+        f"the drift ratio of story {collapse.story} exceeds "
+        f"{100.0 * response.model.collapse_drift:g} % at"
     )
     if collapse.failed:
         cause = f"story {collapse.story} has no remaining resistance from"

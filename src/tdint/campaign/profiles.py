@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import partial
 
 import numpy as np
@@ -31,7 +31,7 @@ from tdint.campaign.store import Store
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import motion_names
 from tdint.model.damage_states import DONE, FALLEN
-from tdint.model.limits import Limit, LimitCheck, check_limits, chosen_limits, isolator_limits
+from tdint.model.limits import Limit, LimitCheck, check_demands, check_limits, isolator_limits
 from tdint.number_parsing import abbreviate
 from tdint.system import on_threads
 from tdint.units import Quantity
@@ -193,14 +193,15 @@ class Profile(SuiteLevel):
         UsageError
             No story has a height, or the model does not have the performance level.
         """
-        if not self.motions:
-            return ()
-        ratios = self.peaks[DRIFT_RATIO]
-        limits = chosen_limits(self.limits, limit, ratios, self.building)
-        checks = check_limits(limits, self.peaks, self.height, self.motions)
-        if self.collapsed or self.failed:
-            return tuple(replace(check, within=False) for check in checks)
-        return checks
+        return check_demands(
+            self.limits,
+            limit,
+            self.peaks,
+            self.height,
+            self.motions,
+            name=self.building,
+            lost=bool(self.collapsed or self.failed),
+        )
 
     @property
     def isolator_check(self) -> LimitCheck | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
 
@@ -193,6 +193,43 @@ def check_limits(
             )
         )
     return tuple(checks)
+
+
+def check_demands(
+    limits: tuple[Limit, ...],
+    requested: float | str | None,
+    peaks: Mapping[str, Array],
+    height: Array,
+    motions: Sequence[str],
+    *,
+    name: str,
+    lost: bool,
+) -> tuple[LimitCheck, ...]:
+    """Compare the demands of a run or the mean demands of a suite with the limits that apply.
+
+    Parameters
+    ----------
+    limits : tuple of Limit
+        Limits of the model.
+    requested : float, str or None
+        Drift limit or name of a performance level, as in `chosen_limits`.
+    peaks, height, motions
+        As in `check_limits`.
+    name : str
+        Name of the building, for messages.
+    lost : bool
+        True if the building collapsed, or has no result, under a motion: no limit is then met.
+
+    Raises
+    ------
+    UsageError
+        As in `chosen_limits`.
+    """
+    if not motions:
+        return ()
+    limits = chosen_limits(limits, requested, peaks["peak_drift_ratio"], name)
+    checks = check_limits(limits, peaks, height, motions)
+    return tuple(replace(check, within=False) for check in checks) if lost else checks
 
 
 def by_level(checks: Iterable[LimitCheck]) -> dict[str, list[LimitCheck]]:

@@ -129,13 +129,36 @@ DUCTILITY = Usual(
 that is wrong by a factor of 1000."""
 
 
-def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str, ...]:
-    """Return all warnings on a building, and on the peak ground acceleration `pga`, m/s^2.
+UNDAMPED = (
+    "the first mode is undamped: its response to a ground motion grows with the duration, and the "
+    "vibration does not decay after yield; add `damping` or dashpots, or give the reason with "
+    "`plausibility: off, REASON`"
+)
+
+
+def doubts(
+    model: Model, building: Building, pga: float = math.nan, *, shaken: bool = False
+) -> tuple[str, ...]:
+    """Return all warnings on a building, and on the peak ground acceleration.
 
     In addition to unusual values, these are stories with P-delta larger than the stiffness after
-    yield, and isolators without restoring stiffness.
+    yield, isolators without restoring stiffness, and an undamped model under a ground motion.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    building : Building
+        The same as arrays.
+    pga : float
+        Peak ground acceleration, m/s^2; nan by default, if unknown.
+    shaken : bool
+        True if the building is under a ground motion. Free vibration and forces on floors are
+        often studied without damping.
     """
     warnings = unusual_values(model, building, pga)
+    if shaken and not model.plausibility_off and building.first_mode()[1] <= 0.0:
+        warnings.append(UNDAMPED)
     # The residual drift of an isolator without restoring stiffness is arbitrary.
     loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
     if loose:
@@ -237,7 +260,7 @@ def on_plausibility(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]
     """
     sources: dict[str, list[str]] = {}
     for model, building in models:
-        for text in doubts(model, building):
+        for text in doubts(model, building, shaken=True):
             sources.setdefault(text, []).append(model.source)
     lines = []
     for text, named in sources.items():

@@ -38,7 +38,7 @@ h1 { font-size: 16pt; margin: 0 0 2mm } h2 { font-size: 12pt; margin: 6mm 0 2mm;
 p { margin: 0 0 2.5mm } table { border-collapse: collapse; font-size: 8.5pt; margin: 2mm 0 3mm; width: 100% }
 th, td { border-bottom: 1px solid #ddd; padding: 0.5mm 1.2mm; text-align: right; vertical-align: top }
 td { white-space: nowrap } td.t { white-space: normal } p.h { margin: 0 0 3mm }
-td.d { font: 6.5pt monospace; text-align: left }
+td.d { font: 6.5pt monospace; text-align: left } th.d { text-align: left }
 th { border-bottom-color: #888; font-weight: 600 } th.t, td.t { text-align: left; overflow-wrap: anywhere }
 thead { display: table-header-group } tr, figure, p.w, p.v { break-inside: avoid } h2, p.k { break-after: avoid }
 figure { margin: 2mm 0 3mm } img { max-width: 100%; display: block; margin: 0 auto }
@@ -54,12 +54,10 @@ code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; paddi
 _PAGE, _WIDTH = 262.0, 180.0
 _LINE, _LETTERS = 4.94, 96  # line height (10 pt times 1.4), characters per line (1.87 mm each)
 _TABLE_LINE, _TABLE_LETTER = 4.2, 1.65
-_PARAGRAPH, _HEADING, _ROW, _FIGURE = (
-    2.5,
-    12.0,
-    1.3,
-    9.5,
-)  # vertical margins; the figure margin includes the caption
+# Vertical margins, as far as they do not collapse with the margin above. The margin of a figure
+# includes its caption, the margin of a table row its border.
+_PARAGRAPH, _HEADING, _ROW, _FIGURE, _TABLE = 2.5, 11.4, 1.3, 7.4, 3.0
+_FIRST_ROWS = 33.0  # height of a heading of three lines and of three rows of a table
 _KEPT = 34.0  # minimum height below a heading; otherwise the heading moves to the next page
 _WHITE = 52.0  # maximum height left blank before a figure; less than a quarter of a page
 _LEAST_PART = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
@@ -139,8 +137,9 @@ class _Flow:
     blank areas and to reduce figures to the available space.
     """
 
-    def __init__(self, scale: float = 1.0) -> None:
+    def __init__(self, scale: float = 1.0, fresh: int = 0) -> None:
         self.scale = scale  # factor of the heights of figures
+        self.fresh = fresh  # number of chapters from the end, of which the first begins a page
         self.blank = 0.0  # largest blank area at the end of a page, mm
         self.body: list[str] = []
         self.down = 0.0
@@ -186,13 +185,26 @@ class _Flow:
         if _PAGE - self.down >= height:
             return ""
         self.blank = max(self.blank, _PAGE - self.down)
-        sure, self.down = self.since < _SURE, 0.0
+        # A break before a chapter that begins a page is certain, wherever the page ends.
+        sure, self.down = self.since < _SURE or math.isinf(height), 0.0
         self.since = 0.0 if sure else self.since
         return ' class="n"' if sure else ""
 
-    def heading(self, title: str) -> None:
-        """Add the heading of a chapter; it remains on the page of the content that follows."""
-        self.body.append(f"<h2{self.kept(_KEPT)}>{escape(title)}</h2>")
+    def heading(self, title: str, part: Part = "", *, fresh: bool = False) -> None:
+        """Add the heading of a chapter; it remains on the page of the content that follows.
+
+        Parameters
+        ----------
+        title : str
+            Heading.
+        part : Part
+            First part of the chapter; the first rows of a table remain below its heading.
+        fresh : bool
+            True to begin a new page; false by default.
+        """
+        rows = _HEADING + _FIRST_ROWS if isinstance(part, Table) else _KEPT
+        needed = math.inf if fresh and self.down > 0.0 else rows
+        self.body.append(f"<h2{self.kept(needed)}>{escape(title)}</h2>")
         self.go(_HEADING)
 
     def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
@@ -260,12 +272,16 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     title_text, listed = title, list(chapters)
     drawn: dict[int, tuple[str, float]] = {}
 
-    def laid_out(scale: float) -> _Flow:
-        """Return all parts with figures of this scale."""
-        return _laid_out(title_text, about, listed, told, made, _Flow(scale), drawn)
+    def laid_out(scale: float, fresh: int = 0) -> _Flow:
+        """Return all parts with figures of this scale; the last `fresh` chapters begin a page."""
+        return _laid_out(title_text, about, listed, told, made, _Flow(scale, fresh), drawn)
 
-    # Figures are reduced until neither the last page nor another page is nearly blank.
+    # Figures are reduced until neither the last page nor another page is nearly blank. If that is
+    # not sufficient, one of the last chapters begins on the last page.
     flow = min(map(laid_out, _SCALES), key=lambda found: found.cost)
+    if flow.cost > 1.0 - _SCALES[-1]:
+        broken = (laid_out(scale, fresh) for fresh in _FRESH for scale in _SCALES)
+        flow = min(flow, *broken, key=lambda found: found.cost)
     text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -277,6 +293,9 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
 
 _SCALES = tuple(1.0 - 0.04 * step for step in range(9))
 """Factors of the heights of figures that are tried; smaller figures are hard to read."""
+
+_FRESH = (1, 2, 3)
+"""Numbers of chapters from the end that begin on a new page, if the last page is nearly blank."""
 
 
 def _laid_out(
@@ -313,7 +332,7 @@ def _laid_out(
     # The verdict comes first; warnings precede all numbers.
     for kept, text in told.verdict:
         kind = "" if kept is None else " kept" if kept else " broken"
-        flow.text("p", _said(text), more=f' class="v{kind}"', height=7.0)
+        flow.text("p", _said(text), more=f' class="v{kind}"', height=6.3)
     flow.text("p", _said(about))
     for text in once(told.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_said(text)}", more=' class="w"')
@@ -321,13 +340,17 @@ def _laid_out(
     files: list[tuple[Cell, ...]] = list(
         dict.fromkeys((item["file"], item["sha256"]) for item in told.inputs)
     )
-    for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
-        # A chapter without content has no heading.
-        if parts := [part for part in chapter.parts if _has(part)]:
-            flow.place()
-            flow.heading(chapter.title)
-            for part in parts:
-                _add(flow, part, drawn)
+    written = (
+        (chapter.title, [part for part in chapter.parts if _has(part)])
+        for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),)))
+    )
+    # A chapter without content has no heading.
+    shown = [(title, parts) for title, parts in written if parts]
+    for left, (title, parts) in zip(range(len(shown), 0, -1), shown, strict=True):
+        flow.place()
+        flow.heading(title, parts[0], fresh=left == flow.fresh)
+        for part in parts:
+            _add(flow, part, drawn)
     flow.place(last=True)
     flow.text("p", f"Made by {escape(made)}.")
     return flow
@@ -448,7 +471,7 @@ def _add_table(flow: _Flow, table: Table) -> None:
             1 if one_line else max(-(-len(heads[i]) // 15) for i in columns)
         ) * _TABLE_LINE + _ROW
         page_class = flow.kept(high + 3.0 * (_TABLE_LINE + _ROW))
-        flow.go(high + 1.0)
+        flow.go(high + _TABLE)
         lines = []
         for number in range(len(table.rows)):
             row = "".join(f"<td{sides[i]}>{escape(cells[i][number])}</td>" for i in columns)

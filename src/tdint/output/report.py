@@ -25,7 +25,7 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.number_parsing import number_text, pluralize
+from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint.output import figures
 from tdint.output.page import Chapter, Part, Picture, Told, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import FloorSuite, Profile
     from tdint.campaign.store import Store
+    from tdint.output.figures.style import FirstPeriods
 
 MODEL_LIMITS = (
     "Each floor is one mass that moves horizontally in one direction. Torsion, floor flexibility, "
@@ -137,9 +138,6 @@ def damping_text(model: Model) -> str:
 _MOST_MOTIONS = 60
 """Maximum number of ground motions in the table of runs and in the figure of spectra."""
 
-_NAMED_SPECTRA = 6
-"""Maximum number of spectra in a low figure, which labels each spectrum."""
-
 _MOST_LEVELS = 4
 """Maximum number of intensity levels that list their ground motions."""
 
@@ -224,7 +222,10 @@ def run_page(
             )
         ]
     spectra = Picture(
-        lambda: figures.suites.floor_picture(floors, units, title=model.name), "Floor spectra"
+        lambda: figures.suites.floor_picture(
+            floors, units, title=model.name, period=first_period(model)
+        ),
+        "Floor spectra",
     )
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
@@ -238,7 +239,7 @@ def run_page(
         motion_chapter(
             [[(response.record, 1.0)]] if response.record else [],
             units,
-            period=first_period(model),
+            periods=[(model.name, first_period(model))],
         ),
         _assumptions(
             f"{method_text(response.method)}, {pluralize(response.steps, 'time step')} of "
@@ -358,8 +359,10 @@ def suite_page(
         lambda: figures.suites.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{line}",
     )
+    periods = _first_periods(store)
     spectra = Picture(
-        lambda: figures.suites.floor_suite_picture(floors, units), "Floor spectra: mean, envelope"
+        lambda: figures.suites.floor_suite_picture(floors, units, periods),
+        "Floor spectra: mean, envelope",
     )
     # Only the first buildings are described, because the report must remain readable.
     models = [
@@ -367,19 +370,14 @@ def suite_page(
         for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()
     ]
     methods = ", ".join(dict.fromkeys(method_text(item.method) for item in models))
-    fixed_step = plan.settings.dt
-    step = (
-        f"{methods}, time step {fixed_step:g} s"
-        if fixed_step
-        else f"{methods}, time steps of the models or the records"
-    )
+    step, accuracy = _steps_and_errors(store)
     free_vibration = (
         ("runs continue after the end of the record until free vibration has decayed",)
         if plan.settings.until_rest
         else ()
     )
     # Doubts about the scaling and the records are printed as warnings at the top.
-    scaled, doubts = _scaling(plan, units)
+    scaled, doubts = _scaling(plan, units, periods)
     of_records = [
         f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings
     ]
@@ -397,19 +395,91 @@ def suite_page(
             _as_run(plan, store),
             units,
             scaled,
-            first_period(models[0].model) if len(models) == 1 else math.nan,
+            periods,
         ),
-        _assumptions(step, [*free_vibration, *_of_pairs(store), _SUITE]),
+        _assumptions(f"{methods}, {step}", [accuracy, *free_vibration, *_of_pairs(store), _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
     inputs = [*(told.inputs or content["inputs"]), campaign]
     told = replace(
-        told, warnings=[*plan.warnings, *told.warnings, *doubts, *of_records], inputs=inputs
+        told,
+        warnings=[*plan.warnings, *told.warnings, *doubts, *of_records],
+        inputs=inputs,
+        verdict=[*told.verdict, *(() if told.verdict else _largest(store, profiles))],
     )
     return page(
         plan.name, f"{runs['done']} of {pluralize(runs['all'], 'run')}: {about}.", chapters, told
     )
+
+
+def _largest(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:
+    """Return the headlines of a campaign without limits: lost runs and the largest drift ratio.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    profiles : sequence of Profile
+        Statistics over the ground motions; their headlines already state lost motions.
+    """
+    headlines: list[tuple[bool | None, str]] = []
+    statuses = store.statuses()
+    lost = {status: count for status, count in statuses.items() if status != "done"}
+    if lost and not profiles:
+        listed = ", ".join(f"{count} {status}" for status, count in lost.items())
+        runs = pluralize(sum(statuses.values()), "run")
+        headlines.append((False, f"{sum(lost.values())} of {runs} collapsed or failed: {listed}."))
+    query = (
+        "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_story, "
+        "u.status FROM run_rows u JOIN buildings b ON b.id = u.building JOIN records r ON r.id = "
+        "u.record WHERE u.peak_drift_ratio IS NOT NULL ORDER BY u.peak_drift_ratio DESC LIMIT 1"
+    )
+    for building, record, component, scale, ratio, story, status in store.connection.execute(query):
+        under = f"{figures.style.record_name(record)} {component}".strip()
+        ended = "" if status == "done" else f", status {status}"
+        headlines.append(
+            (
+                None,
+                f"Largest drift ratio {number_text(100.0 * ratio)} % ({building}, story {story}, "
+                f"{under} times {number_text(scale)}{ended}).",
+            )
+        )
+    return headlines
+
+
+def _steps_and_errors(store: Store) -> tuple[str, str]:
+    """Return the time steps of a campaign, and what is known about the errors of its runs."""
+    query = "SELECT min(dt_s), max(dt_s), max(abs(energy_error)) FROM run_rows"
+    low, high, energy = store.connection.execute(query).fetchone()
+    step = (
+        f"time steps of {low:.6g} s" if low == high else f"time steps of {low:.6g} to {high:.6g} s"
+    )
+    imbalance = ""
+    if energy is not None:
+        imbalance = (
+            f"the largest energy imbalance of a run is {number_text(100.0 * energy, 2)} % of its "
+            "input energy"
+        )
+    if not store.checked:
+        not_estimated = "the error of the time integration was not estimated (--check)"
+        return step, "; ".join(filter(None, (not_estimated, imbalance)))
+    largest = store.connection.execute(
+        "SELECT max(peak_drift_m_error / peak_drift_m) FROM run_rows"
+    )
+    (error,) = largest.fetchone()
+    estimated = ""
+    if error is not None:
+        estimated = (
+            f"the largest estimated error of a maximum drift is {number_text(100.0 * error, 2)} %"
+        )
+    return step, "; ".join(filter(None, (estimated, imbalance)))
+
+
+def _first_periods(store: Store) -> list[tuple[str, float]]:
+    """Return the names and the first periods, s, of the buildings of a campaign."""
+    periods = [(name, store.period(number)) for number, (name, _) in store.buildings().items()]
+    return [(name, period) for name, period in periods if period is not None]
 
 
 def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
@@ -477,10 +547,38 @@ def _damage(store: Store) -> tuple[Part, ...]:
         return ()
     from tdint.output.tables.damage_states import loss_table, type_table
 
-    tables = [type_table(store), loss_table(store)]
-    more = any(len(table.rows) > _MOST_DAMAGE for table in tables)
-    short = [replace(table, rows=table.rows[:_MOST_DAMAGE]) for table in tables]
-    return *short, "The first rows; damage-types.csv and losses.csv list all." if more else ""
+    # The rule for pairs is one of the assumptions.
+    losses = loss_table(store)
+    losses = losses.chosen([name for name in losses.columns if name != "pair_demand"])
+    states, losses = (
+        replace(table, rows=table.rows[:_MOST_DAMAGE])
+        for table in (_by_state(type_table(store)), losses)
+    )
+    more = _MOST_DAMAGE in (len(states.rows), len(losses.rows))
+    return (
+        "Mean probabilities of the damage states, by building type and level:",
+        states,
+        "Mean loss ratios with their standard errors, and standard deviations of the loss:"
+        * bool(losses.rows),
+        losses,
+        "The first rows; damage-types.csv and losses.csv list all." if more else "",
+    )
+
+
+def _by_state(table: Table) -> Table:
+    """Return damage-types.csv with one row per type, level and event, and a column per state."""
+    keys: list[str] = [name for name in ("type", "level", "event") if name in table.columns]
+    places = [table.columns.index(name) for name in (*keys, "state", "probability")]
+    rows: dict[tuple[Cell, ...], dict[str, Cell]] = {}
+    states: dict[str, None] = {}
+    for row in table.rows:
+        *key, state, probability = (row[place] for place in places)
+        states[str(state)] = None
+        rows.setdefault(tuple(key), {})[str(state)] = probability
+    meanings = {name: table.meanings[name] for name in keys}
+    meanings |= dict.fromkeys(states, table.meanings["probability"])
+    cells = [(*key, *(of.get(state) for state in states)) for key, of in rows.items()]
+    return Table((*keys, *states), cells, meanings)
 
 
 def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
@@ -511,10 +609,13 @@ _RULES = {
 }
 
 
-def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str]]:
+def _scaling(
+    plan: Plan, units: OutputUnits, periods: FirstPeriods
+) -> tuple[tuple[Part, ...], list[str]]:
     """Return the description of the scaling, with a figure for a target spectrum, and warnings.
 
-    The data are read from the JSON file that `tdint scale` writes next to the scale factors.
+    The data are read from the JSON file that `tdint scale` writes next to the scale factors. The
+    figure marks the first periods of the buildings.
     """
     if not plan.factors:
         return (), []
@@ -538,7 +639,11 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
     if settings["periods_s"]:
         facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
     facts.append(f"{100.0 * settings['damping']:g} % damping")
-    facts += [f"pairs represented by {settings['pairs']}"] if settings["pairs"] else []
+    facts += (
+        [f"pairs represented by {figures.collapse.pair_text(settings['pairs'])}"]
+        if settings["pairs"]
+        else []
+    )
     if settings["least_average_over_target"] is not None:
         least_ratio = 100.0 * settings["least_average_over_target"]
         facts.append(f"the minimum ratio of average to target is {least_ratio:.3g} %")
@@ -565,7 +670,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
             )
             parts.append(
                 Picture(
-                    partial(figures.collapse.suite_picture, scaling, units),
+                    partial(figures.collapse.suite_picture, scaling, units, periods),
                     "Scaled ground motions and target spectrum",
                 )
             )
@@ -598,7 +703,9 @@ def motion_chapter(
     levels: Sequence[Sequence[tuple[Record, float]]],
     units: OutputUnits,
     scaled: Sequence[Part] = (),
-    period: float = math.nan,
+    periods: FirstPeriods = (),
+    *,
+    drawn: bool = False,
 ) -> Chapter:
     """Return the chapter of the ground motions of each level, with their response spectra.
 
@@ -610,11 +717,13 @@ def motion_chapter(
         Units of the report.
     scaled : sequence of Part
         Description of the scaling. If it contains a figure, the spectra are not drawn again.
-    period : float
-        First period of the building, s, which the spectra mark; nan by default for no mark.
+    periods : sequence of (str, float)
+        Names and first periods of the buildings, s, which the spectra mark; none by default.
+    drawn : bool
+        True if the report already has the spectra; false by default.
     """
     parts: list[Part] = list(scaled)
-    drawn = any(isinstance(part, Picture) for part in scaled)
+    drawn = drawn or any(isinstance(part, Picture) for part in scaled)
     for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
         # A factor that all ground motions share is stated once.
         records = [record.scaled(factor) for record, factor in level]
@@ -625,11 +734,9 @@ def motion_chapter(
         parts.append(motion_table(records, component_names(records)).in_units(units))
         # A figure of more spectra would be a gray area.
         if len(records) <= _MOST_MOTIONS and not drawn:
-            periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
-            spectra = [spectrum(record, periods) for record in records]
-            draw = partial(figures.spectrum_curves.low_picture, spectra, units, period)
-            if len(spectra) > _NAMED_SPECTRA:
-                draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
+            grid = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
+            spectra = [spectrum(record, grid) for record in records]
+            draw = partial(figures.spectrum_curves.low_picture, spectra, units, periods)
             parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))
     return Chapter("Ground motions", parts)
 
@@ -711,9 +818,14 @@ def _with_method_names(table: Table) -> Table:
     return replace(
         table,
         rows=[
-            (*row[:column], _METHODS[str(row[column])], *row[column + 1 :]) for row in table.rows
+            (*row[:column], method_name(str(row[column])), *row[column + 1 :]) for row in table.rows
         ],
     )
+
+
+def method_name(key: str) -> str:
+    """Return the name of a method for target displacements, with its clause."""
+    return _METHODS[key]
 
 
 _METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
@@ -750,7 +862,16 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
             (list(told.said), Picture(drawn, f"Peaks of the stories under {target}")),
         ),
         Chapter("Peaks of the stories", (table.in_units(units),)),
-        Chapter("Modes", (buildings.modal_share_table(result).in_units(units),)),
+        Chapter(
+            "Modes",
+            (
+                buildings.modal_share_table(result).in_units(units),
+                Picture(
+                    partial(_modes_on_target, result, units),
+                    "Target spectrum with the modes, and effective modal masses",
+                ),
+            ),
+        ),
         model_chapter(model, units),
         Chapter("Assumptions", ((*_MODAL, *MODEL_LIMITS),)),
     ]
@@ -762,12 +883,42 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
     )
 
 
+def _modes_on_target(result: ModalResponse, units: OutputUnits) -> Figure:
+    """Return the figure of the target spectrum with the modes of the building."""
+    target, low = result.target, 0.9 * float(result.period[-1])
+    high = max(_PERIODS[1], 1.3 * float(result.period[0]))
+    shown = (target.periods >= min(low, _PERIODS[0])) & (target.periods <= high)
+    # Omitted modes have no spectral acceleration.
+    values = np.where(result.spectral_acceleration > 0.0, result.spectral_acceleration, math.nan)
+    curve = figures.comparison.SpectrumAtModes(
+        spectrum_text(target.source), target.periods[shown], target.psa[shown], values
+    )
+    return figures.comparison.mode_spectrum_picture(result.period, result.mass_ratio, curve, units)
+
+
 _MOST_MODES = 20
 """Maximum number of modes in a report; the table of the command lists all."""
 
+_ENOUGH_MASS = 0.9
+"""Fraction of the mass that the modes of an analysis must contain (EN 1998-1, 4.3.3.3.1)."""
+
+
+def _low(draw: Callable[[], Figure]) -> Figure:
+    """Return a low figure with its legend at the right, which leaves space for other figures."""
+    figure = draw()
+    figure.set_size_inches(8.0, 3.2)
+    for axes in figure.axes:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    return figure
+
 
 def mode_page(
-    model: Model, table: Table, draw: Callable[[], Figure], told: Told, units: OutputUnits = SI
+    model: Model,
+    table: Table,
+    draw: Callable[[], Figure],
+    told: Told,
+    units: OutputUnits = SI,
+    record: Record | None = None,
 ) -> bytes:
     """Return the report of the natural modes of a building.
 
@@ -783,20 +934,63 @@ def mode_page(
         Notes and inputs of the report.
     units : OutputUnits
         Units of the report; SI by default.
+    record : Record, optional
+        Ground motion of the model, whose response spectrum shows the modes.
     """
+    units = page_units(units)
     period, damping = first_period(model), assemble(model).first_mode()[1]
-    verdict = (
-        f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping."
+    building = {name: [row[i] for row in table.rows] for i, name in enumerate(table.columns)}
+    periods, masses, sums = (
+        np.array(building[name], dtype=float)
+        for name in ("period_s", "mass_ratio", "cumulative_mass_ratio")
     )
-    shown = replace(table, rows=table.rows[:_MOST_MODES])
+    enough = int(np.argmax(sums >= _ENOUGH_MASS)) + 1
+    verdict = (
+        f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping, "
+        f"{number_text(100.0 * float(masses[0]))} % of the mass; {pluralize(enough, 'mode')} "
+        f"{'contains' if enough == 1 else 'contain'} "
+        f"{number_text(100.0 * float(sums[enough - 1]))} % of the mass."
+    )
+    # Damping ratios are in percent, as in the sentences of the report.
+    place = table.columns.index("damping")
+    rows = [
+        (*row[:place], 100.0 * float(str(row[place])), *row[place + 1 :])
+        for row in table.rows[:_MOST_MODES]
+    ]
+    meanings = {**table.meanings, "damping": {**table.meanings["damping"], "unit": "%"}}
+    shown = replace(table, rows=rows, meanings=meanings)
     more = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
+    curve, caption = None, "Effective modal masses"
+    if record is not None:
+        grid = np.geomspace(_PERIODS[0], max(_PERIODS[1], 1.3 * period), int(_PERIODS[2]))
+        name = f"{figures.style.record_name(record.source)} {record.component}".strip()
+        values = spectrum(record, grid).psa, spectrum(record, periods).psa
+        curve = figures.comparison.SpectrumAtModes(name, grid, *values)
+        caption = f"Response spectrum of {name}, 5 % damping, and effective modal masses"
     chapters = [
-        Chapter("Modes", (list(told.said), Picture(draw, "Shapes of the first modes"), shown)),
+        Chapter("Modes", (list(told.said), shown)),
         Chapter("Further modes", (more,) if len(table.rows) > _MOST_MODES else ()),
-        model_chapter(model, page_units(units)),
+        Chapter(
+            "Modes and spectrum",
+            (
+                Picture(
+                    lambda: figures.comparison.mode_spectrum_picture(periods, masses, curve, units),
+                    caption,
+                ),
+            ),
+        ),
+        Chapter("Shapes", (Picture(partial(_low, draw), "Shapes of the first modes"),)),
+        model_chapter(model, units),
+        *([motion_chapter([[(record, 1.0)]], units, drawn=True)] if record is not None else []),
         Chapter(
             "Assumptions",
-            (("Undamped modes with the initial stiffness.", *simplifications()),),
+            (
+                (
+                    "Undamped modes with the initial stiffness; damping ratios without the "
+                    "coupling of modes.",
+                    *simplifications(),
+                ),
+            ),
         ),
     ]
     told = replace(told, verdict=[(None, verdict)])
@@ -809,6 +1003,34 @@ _MODAL = (
     "combination (CQC).",
     "The same target spectrum applies to all modes, independently of the damping of the model.",
 )
+
+
+def _sensors(comparisons: Sequence[Comparison]) -> str:
+    """Return the recordings at the base, as file and component or column."""
+    sensors = [sensor for item in comparisons for sensor in item.event.recording.base]
+    names = (
+        " ".join(filter(None, (figures.style.record_name(one.file), one.component or one.column)))
+        for one in sensors
+    )
+    return abbreviate(list(dict.fromkeys(names)), _MOST_SENSORS)
+
+
+_MOST_SENSORS = 6
+"""Maximum number of sensors at the base that a report lists."""
+
+
+def _comparison_error(response: Response) -> str:
+    """Return what is known about the error of the time integration of a comparison."""
+    imbalance = (
+        f"the energy imbalance is {number_text(100.0 * abs(response.energy.error), 2)} % of the "
+        "input energy"
+    )
+    if response.check is None or response.check.drift_error is None:
+        return f"the error of the time integration was not estimated; {imbalance}"
+    return (
+        "the largest estimated error of a peak drift is "
+        f"{number_text(100.0 * response.check.drift_error, 2)} %; {imbalance}"
+    )
 
 
 def comparison_page(
@@ -835,6 +1057,8 @@ def comparison_page(
     """
     response, units = comparisons[0].response, page_units(units)
     integration = f"{method_text(response.method)}, time step {response.dt:.6g} s"
+    band = comparisons[0].event.recording.band
+    motions = [item.event.base for item in comparisons]
     chapters = [
         Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
         Chapter(
@@ -843,9 +1067,23 @@ def comparison_page(
         ),
         Chapter("Fitted", (fitted,) if fitted else ()),
         model_chapter(response.model, units),
+        motion_chapter(
+            [[(motion, 1.0) for motion in motions]],
+            units,
+            periods=[(response.model.name, first_period(response.model))],
+        ),
         _assumptions(
             integration,
-            ("recorded and computed responses are filtered to the same band (zero phase)",),
+            (
+                _comparison_error(response),
+                f"the ground motion is that of the base, unscaled: {_sensors(comparisons)}",
+                f"recorded and computed responses are filtered from {band[0]:g} to {band[1]:g} Hz "
+                "(zero phase)"
+                if band
+                else "recorded and computed responses are not filtered",
+                "correlation, peak ratio (computed over recorded) and rms difference (over the "
+                "rms of the recording) are those of the compared histories",
+            ),
         ),
     ]
     return page(

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +16,8 @@ import numpy as np
 from tdint.campaign.fragility.fits import CLOUD, IDA, STRIPES, Fragility, fit_capacities
 from tdint.campaign.ida_curve import IdaCurve, PairCurve, fractiles
 from tdint.campaign.pairs import SEPARATE, describe_demand, motions_text
-from tdint.errors import AnalysisError
+from tdint.errors import AnalysisError, TdintError
+from tdint.model.config.model_file import load_model
 from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.figures.collapse import measure_words
@@ -56,6 +60,9 @@ _SOURCES = {
     "Structural Dynamics 38, 951-972)",
 }
 """Descriptions of the fits with their publications."""
+
+_NAMES = {IDA: "capacities"}
+"""Names of fits in sentences, if they differ from the key."""
 
 _LOGNORMAL = (
     "A fragility function is the probability of exceedance over the intensity: the lognormal "
@@ -118,7 +125,7 @@ def ida_page(
         motion_chapter(
             [[(curve.record, 1.0) for curve in states[0].curves]],
             units,
-            period=first_period(study.model),
+            periods=[(study.model.name, first_period(study.model))],
         ),
         Chapter("Methods and assumptions", (_ida_points(study, settings, damping),)),
     ]
@@ -249,7 +256,7 @@ def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
                 failures.append(f"Drift ratio {100.0 * threshold:g} %: {error}.")
                 continue
             named = fitted.named(threshold, study.im_name, study.measure.unit)
-            functions.append(replace(named, damage=curves[0].damage))
+            functions.append(replace(named, damage=curves[0].damage, of_drift=True))
     return functions, failures
 
 
@@ -320,7 +327,7 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
             (
                 *((function.type, function.state) * typed),
                 *((_state(function.damage),) * damaged),
-                number_text(function.threshold) if math.isfinite(function.threshold) else "",
+                function.threshold_text,
                 function.theta,
                 function.theta / factor,
                 function.theta * factor,
@@ -339,7 +346,10 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
 
 
 def fragility_page(
-    functions: Sequence[Fragility], draw: Callable[[], Figure], source: str, told: Told
+    functions: Sequence[Fragility],
+    draw: Callable[[Sequence[Fragility]], Figure],
+    source: str,
+    told: Told,
 ) -> bytes:
     """Return the report of fragility functions.
 
@@ -348,12 +358,15 @@ def fragility_page(
     functions : sequence of Fragility
         Functions of one fit; at least one.
     draw : callable
-        Function that draws the figure.
+        Function that draws the figure of functions.
     source : str
         Table or directory with the observations.
     told : Told
         Warnings, notes (`said`), inputs and head of the report.
     """
+    study = _summary(Path(source))
+    # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
+    functions = [replace(function, of_drift=bool(study)) for function in functions]
     measure = measure_words(functions[0].im) or "intensity measure"
     fits = list(dict.fromkeys(function.fit for function in functions))
     pairs = functions[0].pair_demand
@@ -366,11 +379,14 @@ def fragility_page(
     chapters = [
         Chapter(
             "Result",
-            (list(told.said), Picture(draw, f"Probability of exceedance over {measure}")),
+            (
+                list(told.said),
+                Picture(partial(draw, functions), f"Probability of exceedance over {measure}"),
+            ),
         ),
         Chapter("Fitted parameters", (_LOGNORMAL, fitted)),
         Chapter("Numbers of exceedances and fitted function", _counts(functions)),
-        Chapter("Observations", (*_observations(functions), *_study(Path(source)))),
+        Chapter("Observations", (*_observations(functions), *_study(source, study))),
         Chapter(
             "Methods and assumptions",
             (
@@ -379,6 +395,7 @@ def fragility_page(
                     _INTERVALS,
                     f"Intensity measure: {measure}.{counted}",
                     *_dispersion(functions),
+                    *(simplifications() if study else ()),
                 ],
             ),
         ),
@@ -396,7 +413,8 @@ def _median_text(function: Fragility) -> str:
     """Return a sentence on the median and the dispersion of a function."""
     parts = [f"{function.type}, {function.state}"] if function.type else []
     if math.isfinite(function.threshold):
-        parts.append(f"threshold {number_text(function.threshold)}")
+        demand = "drift ratio" if function.of_drift else "threshold"
+        parts.append(f"{demand} {function.threshold_text}")
     if function.damage >= 0.0:
         parts.append(_state(function.damage))
     name = f"{', '.join(parts)}: " if parts else ""
@@ -448,21 +466,54 @@ _SUMMARIES = ("ida.json", "summary.json")
 """Names of the summaries in the directory of a study and of a campaign."""
 
 
-def _study(source: Path) -> tuple[Part, ...]:
-    """Return building, method and records of a study; empty for a table outside of a study."""
+def _summary(source: Path) -> dict[str, Any]:
+    """Return the summary of the study that wrote a table; empty for a table from elsewhere."""
     folder = source if source.is_dir() else source.parent
+    if not source.is_dir() and source.name not in _TABLES:
+        return {}
     summaries = (told_of(folder / name) for name in _SUMMARIES)
     content: dict[str, Any] = next(filter(None, summaries), {})
-    if not content.get("records"):
-        return ()
+    return content if content.get("records") else {}
+
+
+_TABLES = ("capacities.csv", "ida.csv", "runs.csv")
+"""Tables of studies that contain observations."""
+
+
+def _study(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
+    """Return building, method, errors and records of a study.
+
+    Parameters
+    ----------
+    source : str
+        Table or directory with the observations.
+    content : dict
+        Summary of the study; empty for a table from elsewhere.
+    """
+    if not content:
+        return (
+            [
+                f"{source} is not a table of a study of tdint: building, ground motions, scale "
+                "factors, method of the analyses and their errors are not known to this report."
+            ],
+        )
     settings = content.get("settings", {})
     facts = []
     if isinstance(model := settings.get("model"), dict):
-        facts.append(f"Building: {model['file']} (SHA-256 {model['sha256'][:16]}...).")
+        facts.append(f"Building: {_building(model)} (SHA-256 {model['sha256'][:16]}...).")
     elif content.get("name"):
         facts.append(f"Campaign: {content['name']}.")
     if isinstance(method := settings.get("method"), str):
         facts.append(f"Time integration: {method_text(method)}.")
+    facts.append(
+        "The errors of the time integration were estimated."
+        if settings.get("check")
+        else "The error of the time integration was not estimated (--check)."
+    )
+    if scales := settings.get("scales"):
+        facts.append(f"Scale factors: {', '.join(f'{scale:g}' for scale in scales)}.")
+    else:
+        facts.append("Each record was scaled to the levels of its runs by one factor per level.")
     columns = ("record", "component", "dt_s", "samples", "pga_m_s2")
     rows = [
         tuple(record["file" if name == "record" else name] for name in columns)
@@ -475,6 +526,22 @@ def _study(source: Path) -> tuple[Part, ...]:
     return (facts, "Records of the study, unscaled:", table, more)
 
 
+def _building(model: Mapping[str, Any]) -> str:
+    """Return the name, the file and the first period of the building of a study.
+
+    A model file that changed since the study, or that is missing, is stated by its name only.
+    """
+    file = Path(model["file"])
+    with suppress(OSError, TdintError):
+        if hashlib.sha256(file.read_bytes()).hexdigest() == model["sha256"]:
+            building = load_model(file)
+            return (
+                f"{building.name}, {pluralize(len(building.stories), 'story')}, first period "
+                f"{number_text(first_period(building))} s, {file.name}"
+            )
+    return str(model["file"])
+
+
 def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     """Return the number and the range of the observations of each fit."""
     points = []
@@ -482,7 +549,9 @@ def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
         (one.fit, one.runs, one.motions, one.censored) for one in functions
     ):
         under = f" under {pluralize(motions, 'ground motion')}" if motions else ""
-        points.append(f"{fit}: {pluralize(runs, 'observation')}{under}, {censored} censored")
+        points.append(
+            f"{_NAMES.get(fit, fit)}: {pluralize(runs, 'observation')}{under}, {censored} censored"
+        )
     failed = max(function.failed for function in functions)
     if failed:
         points.append(f"{pluralize(failed, 'run')} without a result are omitted")

@@ -328,7 +328,7 @@ class Case:
         # Warnings of the record are not repeated.
         told = self.record.warnings if self.record else ()
         pga = self.record.pga if self.record else math.nan
-        unusual = doubts(self.model, self.building, pga)
+        unusual = doubts(self.model, self.building, pga, shaken=self.record is not None)
         return tuple(text for text in unusual if text not in told)
 
     def _long_step(self, steps: Steps) -> list[str]:

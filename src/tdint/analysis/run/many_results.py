@@ -31,6 +31,8 @@ from tdint.units import quantities
 if TYPE_CHECKING:
     from xarray import Dataset
 
+    from tdint.model.limits import LimitCheck
+
 KEPT = {
     one.called or one.name: one.name
     for one in quantities(History)
@@ -144,6 +146,74 @@ class Runs(Tabular):
             quantity.name: getattr(self.stories, quantity.name)[runs, :n] for quantity in STORY
         }
         return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
+
+    def limit_checks(
+        self, limit: float | str | None = None
+    ) -> dict[tuple[str, str], tuple[LimitCheck, ...]]:
+        """Compare the mean demands over the records with limits, as `tdint run` and campaigns do.
+
+        The records of a building with equal varied parameters are a suite. If a record has several
+        factors, its smallest factor belongs to the first suite, and so on. The mean is computed in
+        each story, over the records without collapse; a building that collapsed or failed under a
+        record does not meet any limit. Each record is one ground motion, also if it is a component
+        of a pair.
+
+        Parameters
+        ----------
+        limit : float or str, optional
+            Drift limit that is used instead of the limits of the models, or the name of a
+            performance level of the models. By default, all limits of the models.
+
+        Returns
+        -------
+        dict of tuple of str to tuple of LimitCheck
+            Comparisons by the name of the building and the text of the level (`scale 0.5`, followed
+            by the varied parameters); empty tuples without a completed run.
+
+        Raises
+        ------
+        UsageError
+            A building has no story with a height, or no such performance level.
+        """
+        from tdint.model.limits import check_demands
+
+        checks = {}
+        for (model, level), runs in self._suites().items():
+            building = self.models[model]
+            n = len(building.stories)
+            standing = runs[self.status[runs] == "done"]
+            peaks = {peak.name: getattr(self.stories, peak.name)[standing, :n] for peak in STORY}
+            checks[building.name, level] = check_demands(
+                building.limits,
+                limit,
+                peaks,
+                np.array([story.height or math.nan for story in building.stories]),
+                [self.records[record].name for record in self.record[standing]],
+                name=building.name,
+                lost=standing.size < runs.size,
+            )
+        return checks
+
+    def _suites(self) -> dict[tuple[int, str], NDArray[np.int64]]:
+        """Return the runs of each suite by the index of the building and the text of the level."""
+        varied = {name: values for name, values in self.varied.items() if name != "scale"}
+        runs_of: dict[tuple[Any, ...], list[int]] = {}
+        for run in sorted(range(len(self.model)), key=lambda run: abs(self.scale[run])):
+            values = tuple(float(of_runs[run]) for of_runs in varied.values())
+            runs_of.setdefault((int(self.model[run]), values, int(self.record[run])), []).append(
+                run
+            )
+        suites: dict[tuple[int, tuple[float, ...], int], list[int]] = {}
+        for (model, values, _), runs in runs_of.items():
+            for rank, run in enumerate(runs, start=1):
+                suites.setdefault((model, values, rank), []).append(run)
+        named = {}
+        for (model, values, rank), runs in sorted(suites.items()):
+            scales = set(self.scale[runs].tolist())
+            level = f"scale {scales.pop():g}" if len(scales) == 1 else f"level {rank}"
+            parts = [f"{name} {value:g}" for name, value in zip(varied, values, strict=True)]
+            named[model, ", ".join([level, *parts])] = np.array(sorted(runs))
+        return named
 
     def _headline(self) -> str:
         buildings, records = (

@@ -663,17 +663,19 @@ class Response(Tabular):
         if limit is None and not self.model.limits:
             return ()
         # Imported here, because most models have no limits.
-        from tdint.model.limits import check_limits, chosen_limits
+        from tdint.model.limits import check_demands
 
         stories = self.stories
-        ratios = stories.peak_drift_ratio
         peaks = {quantity.name: getattr(stories, quantity.name)[np.newaxis] for quantity in STORY}
-        name = self.record.name if self.record else ""
-        limits = chosen_limits(self.model.limits, limit, ratios, self.model.name)
-        checks = check_limits(limits, peaks, stories.height, [name])
-        if self.collapse:
-            return tuple(replace(check, within=False) for check in checks)
-        return checks
+        return check_demands(
+            self.model.limits,
+            limit,
+            peaks,
+            stories.height,
+            [self.record.name if self.record else ""],
+            name=self.model.name,
+            lost=self.collapse is not None,
+        )
 
     @property
     def isolator_check(self) -> LimitCheck | None:

@@ -117,7 +117,7 @@ def overview(source: str | Path) -> Overview:
         pga, interval = record.pga, record.dt
     period = 2.0 * math.pi / omega
     warnings = (
-        *doubts(model, building, pga),
+        *doubts(model, building, pga, shaken=source_of_record is not None),
         *long_step(building, model.analysis.dt, interval),
     )
     return Overview(

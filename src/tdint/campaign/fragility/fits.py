@@ -275,6 +275,8 @@ class Fragility:
         Number of runs with a value that is known only to be above a limit.
     threshold : float
         Demand that is exceeded; nan if the observations do not specify it.
+    of_drift : bool
+        True if the demand is known to be a drift ratio, which is written in percent.
     im, unit : str
         Intensity measure and its unit, if known.
     damage : float
@@ -327,6 +329,7 @@ class Fragility:
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)
+    of_drift: bool = False
 
     @property
     def theta_error(self) -> float:
@@ -447,9 +450,16 @@ class Fragility:
         )
 
     @property
+    def threshold_text(self) -> str:
+        """Text of the threshold: drift ratios in percent; empty if unknown."""
+        if math.isnan(self.threshold):
+            return ""
+        return f"{100.0 * self.threshold:g} %" if self.of_drift else f"{self.threshold:g}"
+
+    @property
     def exceeded(self) -> str:
         """Text that names the exceeded state of a type, or the threshold; empty if unknown."""
-        of_demand = f"threshold {self.threshold:g}" if self.threshold == self.threshold else ""
+        of_demand = f"threshold {self.threshold_text}" if self.threshold_text else ""
         return f"{self.type}, {self.state}" if self.type else of_demand
 
     @property

@@ -25,10 +25,12 @@ from tdint.output.figures.style import (
     COLORS,
     DASHES,
     MARKERS,
+    FirstPeriods,
     changed,
     is_narrow,
     legend_columns,
     line_look,
+    mark_first_periods,
     minor_ticks,
     plain_logarithmic,
     plain_numbers,
@@ -67,6 +69,11 @@ _PAIR = {
     "rotd50": "RotD50",
     "rotd100": "RotD100",
 }
+
+
+def pair_text(demand: str) -> str:
+    """Return the printed form of a spectrum of both components, such as RotD50."""
+    return _PAIR.get(demand, demand)
 
 
 def single_look(several: bool) -> dict[str, Any]:
@@ -126,10 +133,24 @@ def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: floa
     return axes.plot(x, high, color=color, linestyle=DASHES[1], zorder=zorder)[0]
 
 
-def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
-    """Draw a scaled suite."""
+def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPeriods = ()) -> Figure:
+    """Draw a scaled suite.
+
+    Parameters
+    ----------
+    scaling : Scaling
+        Scaled ground motions.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    periods : sequence of (str, float)
+        Names and first periods of the buildings, s, which are marked; none by default.
+    """
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
-    draw_suite(figure.subplots(), scaling, units)
+    axes = figure.subplots()
+    draw_suite(axes, scaling, units)
+    if periods:
+        mark_first_periods(axes, periods)
+        axes.legend(loc="lower left")
     # Description of the target.
     aim = scaling.target
     target = (
@@ -653,7 +674,7 @@ def _im_label(function: Fragility) -> str:
 
 def _label(function: Fragility, beta_total: float | None = None) -> str:
     """Return demand, median and dispersion of a function, with `beta_total` instead of beta."""
-    threshold = "" if math.isnan(function.threshold) else f"{function.threshold:g}: "
+    threshold = f"{function.threshold_text}: " if function.threshold_text else ""
     if function.damage == function.damage:
         state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
         threshold += f"{state}, "

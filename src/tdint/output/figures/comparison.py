@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,6 +16,7 @@ from tdint.analysis.defaults import PEAKS
 from tdint.arrays import Array
 from tdint.ground_motion.measures import cumulative_energy, integrate, time_of_energy
 from tdint.ground_motion.record import Record, component_names
+from tdint.model.building import assemble
 from tdint.number_parsing import pluralize
 from tdint.output.figures.spectrum_curves import log_periods
 from tdint.output.figures.style import (
@@ -30,6 +31,7 @@ from tdint.output.figures.style import (
     changed,
     is_narrow,
     line_look,
+    mark_first_periods,
     method_looks,
     over_stories,
     plain_logarithmic,
@@ -81,6 +83,7 @@ def comparison_picture(
         Units of lengths and accelerations; SI by default.
     """
     units = units.in_figures
+    period = 2.0 * math.pi / assemble(comparisons[0].response.model).first_mode()[0]
     # Of many floors, those with the least agreement have a row; the overview below shows all
     # floors.
     rows = [
@@ -127,13 +130,14 @@ def comparison_picture(
         spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
         spectrum.tick_params(axis="x", which="both", labelsize=7.0)
         log_periods(spectrum, spectra.periods)
+        mark_first_periods(spectrum, [("", period)], color="black")
     for axes, label in zip(panels[-1], ("time (s)", "time (s)", "period (s)"), strict=True):
         axes.set_xlabel(label)
     panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
-    lines = panels[0, 0].get_lines()
-    figure.legend(
-        lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0
-    )
+    # The legend also states the first period, which the spectra mark.
+    lines = [*panels[0, 0].get_lines()[:2], *panels[0, 2].get_lines()[2:]]
+    names = ["recorded", "computed", *(str(line.get_label()) for line in lines[2:])]
+    figure.legend(lines, names, loc="outside lower center", ncols=len(lines), handlelength=3.0)
     # The method, and the processing of the recordings.
     first = comparisons[0]
     response, recording = first.response, first.event.recording
@@ -222,6 +226,84 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
     axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
     axes.legend(loc="best")
+
+
+class SpectrumAtModes(NamedTuple):
+    """Acceleration spectrum with its values at the periods of modes.
+
+    Attributes
+    ----------
+    label : str
+        Name of the spectrum.
+    periods, psa : ndarray, shape (k,)
+        Periods, s, and pseudo-accelerations, m/s^2.
+    at_modes : ndarray, shape (n,)
+        Pseudo-accelerations at the periods of the modes, m/s^2; nan outside of the spectrum.
+    """
+
+    label: str
+    periods: Array
+    psa: Array
+    at_modes: Array
+
+
+def mode_spectrum_picture(
+    periods: Array, mass_ratio: Array, spectrum: SpectrumAtModes | None, units: OutputUnits = SI
+) -> Figure:
+    """Draw the effective modal masses over the periods, below a spectrum with the modes.
+
+    Parameters
+    ----------
+    periods : ndarray, shape (n,)
+        Periods of the modes, s, longest first.
+    mass_ratio : ndarray, shape (n,)
+        Effective modal masses divided by the total mass.
+    spectrum : SpectrumAtModes or None
+        Spectrum in the upper panel; None for the masses only.
+    units : OutputUnits
+        Units of the accelerations; SI by default.
+    """
+    units = units.in_figures
+    figure = Figure(figsize=(8.0, 2.4 if spectrum is None else 4.0), layout="constrained")
+    rows = figure.subplots(
+        1 if spectrum is None else 2,
+        1,
+        sharex=True,
+        squeeze=False,
+        height_ratios=(1.0,) if spectrum is None else (1.6, 1.0),
+    )[:, 0]
+    below = rows[-1]
+    below.vlines(periods, 0.0, 100.0 * mass_ratio, color=COLORS[0], linewidth=1.6)
+    below.plot(periods, 100.0 * mass_ratio, "o", color=COLORS[0], markersize=3.5)
+    below.set(ylabel="effective modal\nmass (%)", ylim=(0.0, 115.0), xlabel="period (s)")
+    ends = [periods[-1], 1.3 * periods[0], *(() if spectrum is None else spectrum.periods)]
+    log_periods(below, np.array([0.9 * min(ends), max(ends)]))
+    # The numbers of modes that are too close to each other would cover each other.
+    taken = math.inf
+    for mode, (period, share) in enumerate(zip(periods, mass_ratio, strict=True), start=1):
+        if mode <= _NUMBERED and math.log(taken / period) > _APART:
+            place = {"textcoords": "offset points", "xytext": (0.0, 4.0), "ha": "center"}
+            name = f"mode {mode}" if mode == 1 else str(mode)
+            below.annotate(name, (period, 100.0 * share), **place, fontsize=8.0, color=MARK)
+            taken = period
+    if spectrum is not None:
+        above = rows[0]
+        above.plot(
+            spectrum.periods,
+            units.of(spectrum.psa, "m/s^2"),
+            label=spectrum.label,
+            **line_look(0),
+        )
+        values = units.of(spectrum.at_modes, "m/s^2")
+        above.plot(periods, values, "o", color=MARK, markersize=4.0, label="modes", zorder=4)
+        mark_first_periods(above, [("", float(periods[0]))])
+        above.set(ylim=(0.0, None), ylabel=f"pseudo-acceleration\nPSA ({units.label('m/s^2')})")
+        above.legend(loc="best")
+    return figure
+
+
+_NUMBERED = 6  # maximum number of modes with a number in the figure
+_APART = 0.2  # minimum difference of ln period between numbered modes
 
 
 def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:

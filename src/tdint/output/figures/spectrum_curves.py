@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from tdint.arrays import Array
 from tdint.ground_motion.horizontals import is_vertical
 from tdint.ground_motion.record import Record, component_names
-from tdint.number_parsing import number_text, pluralize
+from tdint.number_parsing import pluralize
 from tdint.output.figures.collapse import BETWEEN_FRACTILES, draw_fractiles, draw_median
 from tdint.output.figures.style import (
     COLORS,
-    DASHES,
     LIGHT,
-    MARK,
+    FirstPeriods,
     add_legend,
     changed,
     line_look,
+    mark_first_periods,
     plain_minor_numbers,
     plain_numbers,
     record_name,
@@ -487,9 +487,11 @@ def spectrum_picture(
 
 
 def low_picture(
-    spectra: Sequence[Spectrum], units: OutputUnits = SI, period: float = math.nan
+    spectra: Sequence[Spectrum], units: OutputUnits = SI, periods: FirstPeriods = ()
 ) -> Figure:
     """Draw only pseudo-accelerations, in a low figure for reports that keeps text legible.
+
+    Many ground motions are gray lines, with their median and fractiles.
 
     Parameters
     ----------
@@ -497,17 +499,24 @@ def low_picture(
         Response spectra.
     units : OutputUnits
         Units of the axes; SI by default.
-    period : float
-        First period of the building, s, which is marked; nan by default for no mark.
+    periods : sequence of (str, float)
+        Names and first periods of buildings, s, which are marked; none by default.
     """
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     axes = figure.subplots()
-    draw_accelerations(axes, spectra, units.in_figures)
-    low, high = axes.get_xlim()
-    if low <= period <= high:
-        # The period is stated in the legend, because a label at the line can cover other text.
-        label = f"T1 = {number_text(period)} s"
-        axes.axvline(period, color=MARK, linewidth=0.8, linestyle=DASHES[1], label=label)
+    units = units.in_figures
+    if is_suite(spectra):
+        panel = _elastic_panels(units)[0]
+        lines = _draw_suite([axes], spectra, [panel], [spectrum.damping for spectrum in spectra])
+        for label, line in lines.items():
+            line.set_label(label)
+        axes.set(ylim=(0.0, None), xlabel="period (s)", ylabel=panel[0])
+        log_periods(axes, spectra[0].periods)
+        axes.legend(loc="best")
+    else:
+        draw_accelerations(axes, spectra, units)
+    if periods:
+        mark_first_periods(axes, periods)
         axes.legend(loc="best")
     return figure
 

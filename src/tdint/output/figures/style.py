@@ -10,6 +10,7 @@ import hashlib
 import io
 import itertools
 import math
+import re
 import shutil
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -36,6 +37,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullForma
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
+from tdint.number_parsing import number_text, pluralize
 from tdint.output.printed import ON_SCREEN, PRINTED, TRUSTED, PrintedAs, in_print
 from tdint.units import OutputUnits
 
@@ -563,9 +565,15 @@ def titled(figure: Figure, title: str) -> Figure:
     """
     room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
     short = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
-    lines = (part for line in short for part in _evenly(line, room))
+    # A line does not break between a symbol, its value and its unit.
+    kept = (_QUANTITY.sub(lambda match: match[0].replace(" ", _FIXED), line) for line in short)
+    lines = (part.replace(_FIXED, " ") for line in kept for part in _evenly(line, room))
     figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
     return figure
+
+
+_FIXED = "\u00a0"  # no-break space, which `wrap` does not break at
+_QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.])")
 
 
 def _evenly(line: str, room: int) -> list[str]:
@@ -586,6 +594,47 @@ def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
     white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
     place = {"transform": axes.transAxes, "ha": "right", "va": "top"}
     axes.text(x, y, text, **place, fontsize=8.0, color=MARK, bbox=white)
+
+
+FirstPeriods = Sequence[tuple[str, float]]
+"""Names of buildings and their first periods, s."""
+
+_MOST_PERIODS = 3  # maximum number of first periods that have a line each
+_NAME = 28  # maximum length of the name of a building in a legend
+
+
+def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> None:
+    """Mark the first periods of buildings in a panel over the period; the legend states them.
+
+    A few periods have a line each, more periods a band from the shortest to the longest. A label at
+    the line could cover other text.
+
+    Parameters
+    ----------
+    axes
+        Panel with the period on the x axis.
+    periods : sequence of (str, float)
+        Names and first periods, s. Periods outside of the axis are omitted.
+    color : str
+        Color of the marks; red by default.
+    """
+    low, high = axes.get_xlim()
+    named: dict[str, list[tuple[str, float]]] = {}
+    for name, period in periods:
+        if low <= period <= high:
+            named.setdefault(number_text(period), []).append((name, period))
+    if len(named) > _MOST_PERIODS:
+        values = [period for same in named.values() for _, period in same]
+        ends = f"{number_text(min(values))} to {number_text(max(values))} s"
+        label = f"T1 of {pluralize(len(values), 'building')}: {ends}"
+        axes.axvspan(min(values), max(values), color=color, alpha=0.12, zorder=0.5, label=label)
+        return
+    for number, (text, same) in enumerate(named.items(), start=1):
+        names = list(dict.fromkeys(name for name, _ in same))
+        subject = shorten(names[0], _NAME, placeholder=" ...") if len(periods) > 1 else ""
+        of = f" of {subject}" * bool(subject) + f" and {len(names) - 1} more" * (len(names) > 1)
+        look = {"color": color, "linewidth": 0.8, "linestyle": DASHES[number % len(DASHES)]}
+        axes.axvline(same[0][1], label=f"T1{of} = {text} s", **look)
 
 
 def legend_columns(labels: Sequence[str], most: int, width: float | None = None) -> int:
