@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
+EC8 = "ec8:type=1,soil=C,ag=0.35g"
 SPECTRUM = "asce7:sds=1,sd1=0.6,tl=8"
 LEVELS = """\
 limits:
@@ -68,50 +69,59 @@ class Kind:
         Command without `--report`.
     before : tuple of str
         Commands that write the files which `line` reads.
+    models : tuple of str
+        Model files of the buildings, without suffix.
     code : int
         Exit code of `line`.
     """
 
     line: str
     before: tuple[str, ...] = ()
+    models: tuple[str, ...] = ("bilinear",)
     code: int = 0
 
 
+ONE = "firm-soil.mseed --component HN1 --units m/s^2"
+TWO = "firm-soil.mseed near-fault.mseed --component HN1 --units m/s^2"
 SUITE = "firm-soil.mseed near-fault.mseed soft-soil.mseed --component HN1 --units m/s^2"
 KINDS = {
-    "linear": Kind("run linear.yaml -o out"),
-    "bilinear": Kind("run bilinear.yaml -o out --limit 2%"),
-    "isolated": Kind("run isolated.yaml -o out"),
-    "collapse": Kind("run older.yaml --scale 3 -o out --limit 2%"),
-    "kip": Kind("run kip.yaml firm-soil.mseed --component HN1 --units m/s^2 -o out --limit 1.5%"),
-    "levels": Kind("run levels.yaml -o out"),
+    "linear": Kind("run linear.yaml -o out --history", models=("linear",)),
+    "bilinear": Kind("run bilinear.yaml -o out --history --limit 2%"),
+    "isolated": Kind("run isolated.yaml -o out --history", models=("isolated",)),
+    "collapse": Kind("run older.yaml --scale 3 -o out --history --limit 2%", models=("older",)),
+    "kip": Kind(
+        f"run kip.yaml {ONE} -o out --history --limit 1.5%",
+        models=("kip",),
+    ),
+    "levels": Kind("run levels.yaml -o out --history", models=("levels",)),
     "suite": Kind(f"run bilinear.yaml {SUITE} -o out --limit 2%"),
     "suite of many": Kind("run bilinear.yaml pool -o out --limit 2% --pair-demand separate"),
     "suite of pairs": Kind("run bilinear.yaml pool -o out --limit 2%"),
-    "suite with levels": Kind(f"run levels.yaml {SUITE} -o out"),
-    "suite of isolated": Kind(f"run isolated.yaml {SUITE} -o out"),
+    "suite with levels": Kind(f"run levels.yaml {SUITE} -o out", models=("levels",)),
+    "suite of isolated": Kind(f"run isolated.yaml {SUITE} -o out", models=("isolated",)),
     "scaled suite": Kind(
         "run bilinear.yaml --factors factors.csv -o out --limit 2%",
         (f"scale pool --target {SPECTRUM} --range 0.3:2 --pairs rotd100 -o factors.csv",),
     ),
     "matched": Kind(
         "run bilinear.yaml matched -o out --limit 2%",
-        (
-            f"match firm-soil.mseed near-fault.mseed --component HN1 --units m/s^2 --target {SPECTRUM} -o matched --format at2",
-        ),
+        (f"match {TWO} --target {SPECTRUM} -o matched --format at2",),
     ),
-    "pushover": Kind("pushover older.yaml --target ec8:type=1,soil=C,ag=0.35g -o out.csv"),
+    "pushover": Kind(f"pushover older.yaml --target {EC8} -o out.csv", models=("older",)),
     "modes": Kind("modes bilinear.yaml -o out.csv"),
     "modes under a target": Kind(f"modes bilinear.yaml --target {SPECTRUM} -o out.csv"),
     "compare": Kind(
         "compare linear.yaml --recorded recorded.yaml --require correlation=0.9 -o out",
         ("run bilinear.yaml --scale 0.5 --export-floors mseed -o recorded",),
+        models=("linear",),
     ),
-    "ida": Kind(f"ida older.yaml {SUITE} -o out"),
-    "fragility": Kind("fragility stripes.csv -o out.csv"),
-    "fragility of ida": Kind("fragility ida -o out.csv", (f"ida older.yaml {SUITE} -o ida",)),
-    "campaign": Kind("campaign study.yaml -o out --limit 2%"),
-    "region": Kind("campaign region.yaml -o out"),
+    "ida": Kind(f"ida older.yaml {SUITE} -o out", models=("older",)),
+    "fragility": Kind("fragility stripes.csv -o out.csv", models=()),
+    "fragility of ida": Kind(
+        "fragility ida -o out.csv", (f"ida older.yaml {SUITE} -o ida",), models=("older",)
+    ),
+    "campaign": Kind("campaign study.yaml -o out --limit 2%", models=("kip", "older")),
+    "region": Kind("campaign region.yaml -o out", models=()),
 }
 
 

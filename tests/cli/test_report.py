@@ -35,6 +35,7 @@ class Page(HTMLParser):
         self.sources: list[str] = []
         self.tables: list[list[list[str]]] = []
         self.text = ""
+        self.source = text
         self.feed(text)
         self.close()
         assert self.open == []

@@ -1,0 +1,181 @@
+"""Numbers that a report prints, and the numbers of the tables and summaries of the same command."""
+
+import csv
+import json
+import math
+import re
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tdint.errors import RecordError
+from tdint.ground_motion.reading.read import read_record
+from tdint.model.building import assemble
+from tdint.model.config.model_file import load_model
+from tdint.units import STANDARD_GRAVITY
+
+INCH, KIP = 0.0254, 4448.2216152605
+FACTORS = {
+    "": 1.0,
+    "%": 0.01,
+    "m": 1.0,
+    "mm": 1e-3,
+    "in": INCH,
+    "s": 1.0,
+    "Hz": 1.0,
+    "g": STANDARD_GRAVITY,
+    "m/s²": 1.0,
+    "N": 1.0,
+    "kN": 1e3,
+    "kip": KIP,
+    "t": 1e3,
+    "kg": 1.0,
+    "kip*s²/in": KIP / INCH,
+    "kN/m": 1e3,
+    "kip/in": KIP / INCH,
+    "kN*m": 1e3,
+    "kN·m": 1e3,
+}
+"""SI value of the units of reports."""
+
+NUMBER = re.compile(
+    r"(?<![\w.#/-])(-?\d+(?:\.\d+)?)(?![\w.]*\d)\s?"
+    r"(%|mm|m/s²|m|in|s|Hz|g|kN\*m|kN·m|kN/m|kN|kip/in|kip|kg|t|N)?(?![\w])"
+)
+_SMALL = 1e-4  # fraction of the maximum of a column below which a cell is printed as 0
+
+
+def printed(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the numbers of a text with their units."""
+    for match in NUMBER.finditer(text):
+        yield match[1], match[2] or ""
+
+
+def spread(text: str) -> float:
+    """Return half of the last digit of a number, which its rounding can change."""
+    return 0.5001 * 10.0 ** -len(text.partition(".")[2])
+
+
+def rounding(text: str) -> float:
+    """Return the largest rounding error: of an integer of five digits or more, of four digits."""
+    digits = len(text.lstrip("-").rstrip("0"))
+    zeros = len(text) - len(text.rstrip("0"))
+    whole = "." not in text and digits <= 4 and len(text.lstrip("-")) > 4
+    return 0.5001 * 10.0**zeros if whole else spread(text)
+
+
+class Known:
+    """Numbers of tables, summaries and models of one command, SI units."""
+
+    def __init__(self, files: Iterable[Path], models: Iterable[Path]) -> None:
+        self.values: list[float] = []
+        for file in files:
+            if file.suffix == ".csv":
+                self._add_table(file)
+            elif file.suffix == ".json":
+                self._add(json.loads(file.read_text(encoding="utf-8")))
+            elif file.suffix == ".sqlite":
+                with closing(sqlite3.connect(file)) as store:
+                    query = "SELECT ductility FROM story_rows WHERE ductility IS NOT NULL"
+                    self.values += [value for (value,) in store.execute(query)]
+        for model in models:
+            self._add_model(model)
+
+    def _add(self, item: Any) -> None:
+        if isinstance(item, dict):
+            for key, value in item.items():
+                self._add(value)
+                if key.endswith("_g") and isinstance(value, float):
+                    self.values.append(value * STANDARD_GRAVITY)
+        elif isinstance(item, list):
+            for value in item:
+                self._add(value)
+        elif isinstance(item, int | float) and not isinstance(item, bool) and math.isfinite(item):
+            self.values.append(float(item))
+
+    def _add_table(self, file: Path) -> None:
+        """Add the cells of a table, and its errors divided by the values."""
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        if rows and "time_s" in rows[0]:
+            # Of a history, the times of the maxima; its peaks are in other tables.
+            times = [float(row["time_s"]) for row in rows]
+            for name in rows[0]:
+                values = [abs(float(row[name] or 0.0)) for row in rows]
+                self.values.append(times[values.index(max(values))])
+            return
+        for row in rows:
+            cells = {}
+            for name, text in row.items():
+                try:
+                    cells[name] = float(text)
+                except (TypeError, ValueError):
+                    continue
+            factors = {name: _factor(name) for name in cells}
+            self.values += [value * factors[name] for name, value in cells.items()]
+            for name, error in cells.items():
+                value = cells.get(name.removesuffix("_error"))
+                if not name.endswith("_error") or not value:
+                    continue
+                self.values.append(abs(error / value))
+                drift = next((cells[key] for key in cells if key.startswith("peak_drift_")), None)
+                if name.startswith("residual_drift") and drift:
+                    self.values += [abs(error / cells[key]) for key in cells if _is_drift(key)]
+
+    def _add_model(self, file: Path) -> None:
+        """Add masses, heights, stiffnesses, parameters and limits of a model."""
+        model = load_model(file)
+        for story in model.stories:
+            power = story.power_dashpot
+            self.values += [story.mass, story.stiffness, story.height or 0.0, story.dashpot]
+            self.values += [*story.law.parameters, *((power.coefficient,) if power else ())]
+        # The force of a dashpot is written as a number times the drift rate, in kN.
+        self.values += [story.dashpot / 1e3 for story in model.stories]
+        omega, damping = assemble(model).first_mode()
+        self.values += [2.0 * math.pi / omega, damping, model.collapse_drift, STANDARD_GRAVITY]
+        self.values += [value for limit in model.limits for value in limit.values]
+
+    def add_record(self, file: Path, component: str | None) -> None:
+        """Add duration, sampling interval and peak of a record, m/s^2 by default."""
+        for units in (None, "m/s^2"):
+            with suppress(RecordError):
+                record = read_record(file, component=component, units=units)
+                peak = int(np.argmax(np.abs(record.acceleration)))
+                self.values += [record.duration, record.dt, record.pga, peak * record.dt]
+                return
+
+    def holds(self, text: str, unit: str, largest: float = 0.0) -> bool:
+        """Return True if a printed number is one of the numbers within its printed digits.
+
+        Parameters
+        ----------
+        text : str
+            The number.
+        unit : str
+            Its unit.
+        largest : float
+            Maximum of the column, in the unit; 0 for numbers in sentences.
+        """
+        factor, value = FACTORS[unit], float(text)
+        error = rounding(text)
+        if value == 0.0:
+            error = max(error if "." in text else 0.0, _SMALL * largest)
+        return any(
+            abs(abs(value) - abs(known) / factor) <= error + 1e-9 * abs(value)
+            for known in self.values
+        )
+
+
+def _is_drift(name: str) -> bool:
+    return bool(re.fullmatch(r"peak_drift_(m|in|ft)", name))
+
+
+def _factor(name: str) -> float:
+    """Return the SI value of the unit at the end of the name of a column."""
+    name = name.removesuffix("_error")
+    ends = {"_kip": KIP, "_kN": 1e3, "_in": INCH, "_g": STANDARD_GRAVITY}
+    return next((factor for end, factor in ends.items() if name.endswith(end)), 1.0)

@@ -1,0 +1,180 @@
+"""Each kind of report: its printed pages, the facts that it states, and its numbers."""
+
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.text import Text
+
+from cli.conftest import Command
+from cli.report_kinds import KINDS, write_inputs
+from cli.report_numbers import Known
+from cli.report_numbers import printed as numbers_of
+from cli.test_report import CHROMIUM, page, printed
+from tdint.output.figures.style import Picture
+
+
+def made(name: str, tdint: Command) -> str:
+    """Write the report of a kind to page.html in the working directory and return its messages."""
+    kind = KINDS[name]
+    write_inputs(Path())
+    for line in kind.before:
+        tdint(*shlex.split(line), code=0)
+    return tdint(*shlex.split(kind.line), "--report", "page.html", code=kind.code).stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    CHROMIUM is None or not shutil.which("pdftoppm"), reason="no Chromium or pdftoppm to print with"
+)
+@pytest.mark.parametrize("name", KINDS)
+def test_pages_are_full(here: Path, tdint: Command, drawn: None, name: str) -> None:
+    """On A4, each page except the last is full to 75 %, and the last page to 25 %."""
+    made(name, tdint)
+    assert not re.search(r"\de[+-]\d", page("page.html").text)
+    printed("page.html")
+    subprocess.run(["pdftoppm", "-r", "40", "-png", "page.pdf", "sheet"], check=True)
+    sheets = [imread(file) for file in sorted(Path().glob("sheet-*.png"))]
+    for sheet in sheets:
+        mm = sheet.shape[0] / 297.0
+        area = sheet[int(15 * mm) : int(278 * mm), :, :3]
+        inked = np.flatnonzero((area.min(axis=2) < 0.8).any(axis=1))
+        assert inked[-1] > (0.25 if sheet is sheets[-1] else 0.75) * 263 * mm
+
+
+UNCHECKED = ("Assumptions", "Methods and assumptions", "Inputs", "Notes")
+"""Chapters with numbers of publications, digests and messages."""
+
+
+def sentences_and_cells(text: str) -> list[tuple[str, str, float]]:
+    """Return the numbers of a report with their units, and the maximum of their column."""
+    text = re.sub(
+        r"<style>.*?</style>|<title>.*?</title>|<img[^>]*>|<p class=\"w\">.*?</p>",
+        "",
+        text,
+        flags=re.DOTALL,
+    )
+    found: list[tuple[str, str, float]] = []
+    for chapter in re.split(r"<h2[^>]*>", text):
+        title = chapter.partition("</h2>")[0]
+        if title in UNCHECKED:
+            continue
+        for table in re.findall(r"<table.*?</table>", chapter, flags=re.DOTALL):
+            heads = re.findall(r"<th[^>]*>(.*?)</th>", table)
+            rows = [
+                re.findall(r"<td[^>]*>(.*?)</td>", row)
+                for row in re.findall(r"<tr>(.*?)</tr>", table)
+            ]
+            for column, head in enumerate(heads):
+                unit = match[1] if (match := re.search(r"\((\S+)\)$", head)) else ""
+                cells = [row[column] for row in rows if len(row) == len(heads)]
+                values = [cell for cell in cells if re.fullmatch(r"-?[\d.]+", cell)]
+                largest = max((abs(float(cell)) for cell in values), default=0.0)
+                found += [(cell, unit, largest) for cell in values]
+                others = (cell for cell in cells if cell not in values)
+                found += [(*pair, 0.0) for cell in others for pair in numbers_of(cell)]
+        rest = re.sub(r"<table.*?</table>", "", chapter, flags=re.DOTALL)
+        words = re.sub(r"<[^>]+>", " ", rest).replace("&#x27;", "'").replace("&quot;", '"')
+        found += [(*pair, 0.0) for pair in numbers_of(words)]
+    return found
+
+
+def figure_texts(figure: Figure) -> list[str]:
+    """Return titles, notes and labels of a figure without the numbers of its axes."""
+    ticks = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            for tick in (*axis.majorTicks, *axis.minorTicks):
+                ticks |= {tick.label1, tick.label2}
+    return [text.get_text() for text in figure.findobj(Text) if text not in ticks]
+
+
+@pytest.fixture
+def drawn_texts(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The texts of all figures of a report, filled while they are drawn."""
+    texts: list[str] = []
+    save = Picture.save
+
+    def noted(self: Picture, figure: Figure, stream: BinaryIO) -> None:
+        save(self, figure, stream)
+        texts.extend(figure_texts(figure))
+
+    monkeypatch.setattr(Picture, "save", noted)
+    return texts
+
+
+def known_numbers(name: str) -> Known:
+    """Return the numbers of the outputs, the models and the records of a kind."""
+    outputs = [*Path("out").rglob("*"), *Path().glob("out.*")]
+    known = Known(sorted(outputs), [Path(f"{model}.yaml") for model in KINDS[name].models])
+    for record in Path().glob("*.mseed"):
+        for component in ("HN1", "HN2"):
+            known.add_record(record, component)
+    for record in Path("pool").glob("*.AT2"):
+        known.add_record(record, None)
+    return known
+
+
+CHECKED = [
+    "linear",
+    "bilinear",
+    "isolated",
+    "collapse",
+    "kip",
+    "levels",
+    "suite",
+    "suite of pairs",
+    "suite with levels",
+    "suite of isolated",
+    "campaign",
+    "modes",
+    "modes under a target",
+    "compare",
+]
+"""Kinds whose numbers are all in tables, summaries, models and records."""
+AT_ONCE = ("bilinear", "kip", "suite")
+WORDS = {
+    "compare": {"0.64"},  # oscillation at the end, in a message
+    "isolated": {"2.395"},  # period with the secant stiffness
+    "suite of isolated": {"5"},  # damping ratio of the spectra
+}
+"""Numbers that are in no table."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in CHECKED]
+)
+def test_numbers_are_those_of_the_tables(
+    here: Path, tdint: Command, drawn_texts: list[str], name: str
+) -> None:
+    """Headline, verdict, sentences, tables and texts of figures within their printed digits.
+
+    Whole numbers below 100 without unit are numbers of stories, modes and runs."""
+    made(name, tdint)
+    known = known_numbers(name)
+    numbers = sentences_and_cells(page("page.html").source)
+    drawn = [(*pair, 0.0) for text in drawn_texts for pair in numbers_of(text)]
+    assert len(numbers) > 60 and len(drawn) > 1
+    unknown = [
+        number
+        for number in (*numbers, *drawn)
+        if not known.holds(*number)
+        and number[0].lstrip("-") not in WORDS.get(name, ())
+        and not (number[1] == "" and re.fullmatch(r"\d\d?", number[0]))
+    ]
+    assert unknown == []
+
+
+def test_a_number_that_is_in_no_table_is_found(here: Path) -> None:
+    Path("out").mkdir()
+    Path("out/stories.csv").write_text("story,peak_shear_N,peak_drift_m\n1,8897123,0.54312\n")
+    known = Known(Path("out").iterdir(), ())
+    found = sentences_and_cells("<p>base shear 8897 kN, 8847 kN; 543.1 mm, 543.2 mm</p>")
+    assert [known.holds(*number) for number in found] == [True, False, True, False]
