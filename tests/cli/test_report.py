@@ -462,7 +462,11 @@ def test_the_page_of_modes_needs_no_target(folder: Path, tdint: Command) -> None
     found = page("page.html")
     periods = [f"{float(row['period_s']):.4g}" for row in table]
     assert [row["period (s)"] for row in table_with(found, "period (s)")] == periods
-    assert f"First period {periods[0]} s" in found.text and len(found.sources) == 1
+    assert f"First period {periods[0]} s" in found.text
+    assert len(found.sources) == 2  # shapes, and the modes on the spectrum of the ground motion
+    damping = [f"{100.0 * float(row['damping']):.4g}" for row in table]
+    assert [row["damping (%)"] for row in table_with(found, "period (s)")] == damping
+    assert "Response spectrum of motion.mseed HNE" in found.text
 
 
 def test_the_page_of_a_comparison_says_what_was_required(folder: Path, tdint: Command) -> None:

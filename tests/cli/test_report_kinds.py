@@ -1,5 +1,7 @@
 """Each kind of report: its printed pages, the facts that it states, and its numbers."""
 
+import json
+import math
 import re
 import shlex
 import shutil
@@ -14,11 +16,19 @@ from matplotlib.image import imread
 from matplotlib.text import Text
 
 from cli.conftest import Command
-from cli.report_kinds import KINDS, write_inputs
+from cli.report_kinds import EC8, KINDS, SPECTRUM, write_inputs
 from cli.report_numbers import Known
 from cli.report_numbers import printed as numbers_of
-from cli.test_report import CHROMIUM, page, printed
+from cli.test_report import CHROMIUM, Page, page, printed
+from csv_rows import rows
+from tdint.methods.catalogue import parse
+from tdint.model.building import assemble
+from tdint.model.config.model_file import load_model
+from tdint.number_parsing import number_text
 from tdint.output.figures.style import Picture
+from tdint.output.report import MODEL_LIMITS
+from tdint.output.spectrum_text import spectrum_text
+from tdint.units import STANDARD_GRAVITY
 
 
 def made(name: str, tdint: Command) -> str:
@@ -178,3 +188,135 @@ def test_a_number_that_is_in_no_table_is_found(here: Path) -> None:
     known = Known(Path("out").iterdir(), ())
     found = sentences_and_cells("<p>base shear 8897 kN, 8847 kN; 543.1 mm, 543.2 mm</p>")
     assert [known.holds(*number) for number in found] == [True, False, True, False]
+
+
+# ---- Questions that the printed pages answer
+
+WITHOUT_MOTION = ("pushover", "modes under a target")
+FROM_ELSEWHERE = "fragility"
+"""Kind whose table states neither building nor ground motions."""
+
+
+def listed(found: Page, *names: str) -> list[dict[str, str]]:
+    """Return the rows of all tables with these columns."""
+    tables = [table for table in found.tables if set(names) <= set(table[0])]
+    return [dict(zip(table[0], row, strict=False)) for table in tables for row in table[1:]]
+
+
+def check_building(found: Page, name: str) -> None:
+    """Name, number of stories and first period of each building."""
+    for file in KINDS[name].models:
+        model = load_model(f"{file}.yaml")
+        omega, damping = assemble(model).first_mode()
+        assert model.name in found.text
+        assert f"{len(model.stories)} stories" in found.text
+        assert f"first period {number_text(2.0 * math.pi / omega)} s" in found.text
+        if not name.startswith("fragility"):
+            assert f"{100.0 * damping:.3g} % damping" in found.text
+            stories = [row["story"] for row in listed(found, "story", "law")]
+            assert {str(story) for story in range(1, len(model.stories) + 1)} <= set(stories)
+    if name == "region":
+        buildings = {row["building"] for row in rows("out/runs.csv")}
+        assert all(f"Building: {building}" in found.text for building in buildings)
+
+
+def check_motions(found: Page, name: str) -> None:
+    """File, component and scale factor of each ground motion."""
+    stated = {
+        (row["record"], row["component"], row.get("scale", row.get("factor", "")))
+        for row in listed(found, "record", "component")
+    }
+    runs = Path("out/runs.csv")
+    if runs.exists():
+        for row in rows(runs):
+            scale = f"{float(row['scale']):.4g}"
+            assert (Path(row["record"]).name, row["component"], scale) in stated
+    elif name in WITHOUT_MOTION:
+        assert spectrum_text({"pushover": EC8}.get(name, SPECTRUM)) in found.text
+    elif name == "compare":
+        assert "firm-soil.mseed HN1" in found.text and "unscaled" in found.text
+    elif len(KINDS[name].models) == 1 and "ida" not in name:
+        # A single run, or modes with the ground motion of the model.
+        source = load_model(f"{KINDS[name].models[0]}.yaml").excitation.record
+        file = Path(source.file).name if source else "firm-soil.mseed"
+        scale = "3" if "--scale 3" in KINDS[name].line else "1"
+        assert (file, "HN1", scale) in stated
+    else:
+        expected = [item["file"] for item in json.loads(summary_of(name))["records"]]
+        assert expected and {Path(file).name for file in expected} <= {one[0] for one in stated}
+
+
+def summary_of(name: str) -> str:
+    """Return the summary of a run, of a study, or of the study that a fit reads."""
+    places = ("out/summary.json", "out/ida.json", "ida/ida.json")
+    (file,) = [Path(place) for place in places if Path(place).exists()]
+    return file.read_text(encoding="utf-8")
+
+
+def check_limits(found: Page) -> None:
+    """Each limit with its demand, its ratio and whether it is met."""
+    limits = json.loads(summary_of(""))["limits"]
+    stated = listed(found, "demand/limit", "result")
+    assert len(stated) == len(limits) > 0
+    for limit in limits:
+        quantity = limit["quantity"]
+        ratio = number_text(limit["limit_ratio"], unlike=1.0)
+        result = "met" if limit["met"] else "exceeded"
+        matching = [
+            row
+            for row in stated
+            if (row["quantity"], row["demand/limit"], row["result"])
+            == (quantity.replace("_", " "), ratio, result)
+            and row.get("level", "-") in (limit.get("level", "-"), "-")
+        ]
+        assert matching, limit
+        (value,) = [limit[key] for key in limit if key.startswith(f"{quantity}_limit")]
+        unit = {"%": 0.01, "m": 1.0, "g": STANDARD_GRAVITY}
+        number, _, label = matching[0]["limit"].partition(" ")
+        assert float(number) * unit[label] == pytest.approx(value, rel=1e-3)
+
+
+def check_method(found: Page, name: str) -> None:
+    """Method with its publication, time step, and the errors or their absence."""
+    methods = {
+        "campaign": ["newmark-average"],
+        "region": ["newmark-average"],
+        "pushover": [],
+        "modes": [],
+        "modes under a target": [],
+    }.get(name, ["impulse4"])
+    for method in methods:
+        assert f"{method} ({parse(method).method.source})" in found.text
+        if name not in ("ida", "fragility of ida"):
+            assert re.search(r"(steps? of|time step|dt) 0\.0\d+ s", found.text)
+    estimated = "Estimated errors of the time integration" in found.text
+    assert not methods or estimated != ("was not estimated" in found.text)
+    if name == "pushover":
+        assert all(words in found.text for words in ("N2, EN 1998-1 annex B", "ASCE 41-17"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in KINDS],
+)
+def test_the_pages_answer_the_questions_of_a_checking_engineer(
+    here: Path, tdint: Command, drawn: None, name: str
+) -> None:
+    """Building, motions and factors, limits and demands, method and error, assumptions."""
+    made(name, tdint)
+    found = page("page.html")
+    if name == FROM_ELSEWHERE:
+        assert "not known to this report" in found.text
+        return
+    check_building(found, name)
+    check_motions(found, name)
+    if "demand/limit" in found.text:
+        check_limits(found)
+    else:
+        assert name in (*WITHOUT_MOTION, "linear", "compare", "ida", "modes", "region") or (
+            name == "fragility of ida"
+        )
+    check_method(found, name)
+    assert all(text.split(". ")[-1] in found.text for text in MODEL_LIMITS)
+    # A report begins with its result.
+    assert re.search(r'</h1>\s*<p class="v', found.source)

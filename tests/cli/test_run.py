@@ -402,7 +402,7 @@ def test_a_collapse_is_told_and_is_no_error(folder, tdint):
     collapse = summary_of(folder)["collapse"]
     assert summary_of(folder)["status"] == "collapsed" and collapse["run_ended"] is False
     told = (
-        f"Status collapsed: the drift ratio of story {collapse['story']} exceeds 0.1 at "
+        f"Status collapsed: the drift ratio of story {collapse['story']} exceeds 10 % at "
         f"{collapse['time_s']:.6g} s."
     )
     assert told in result.stderr

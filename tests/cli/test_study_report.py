@@ -48,11 +48,11 @@ def test_the_page_of_an_ida_has_the_capacities_of_the_table(folder: Path, tdint:
     logarithms = np.log(collapse)
     beta = float(np.std(logarithms, ddof=1))
     theta = math.exp(float(np.mean(logarithms)))
-    assert float(fits["0.1"]["theta (g)"]) == pytest.approx(theta, rel=1e-3)
-    assert float(fits["0.1"]["beta"]) == pytest.approx(beta, rel=1e-3)
+    assert float(fits["10 %"]["theta (g)"]) == pytest.approx(theta, rel=1e-3)
+    assert float(fits["10 %"]["beta"]) == pytest.approx(beta, rel=1e-3)
     half = math.exp(1.96 * beta / math.sqrt(3.0))
-    assert float(fits["0.1"]["theta low (g)"]) == pytest.approx(theta / half, rel=1e-3)
-    assert float(fits["0.1"]["theta high (g)"]) == pytest.approx(theta * half, rel=1e-3)
+    assert float(fits["10 %"]["theta low (g)"]) == pytest.approx(theta / half, rel=1e-3)
+    assert float(fits["10 %"]["theta high (g)"]) == pytest.approx(theta * half, rel=1e-3)
     assert fit_capacities(collapse).theta == pytest.approx(theta, rel=1e-12)
 
     # The factor of each record at collapse is the capacity divided by the unscaled intensity.
@@ -126,7 +126,7 @@ def test_the_page_of_a_study_names_its_building_and_motions(
     )
     tdint("fragility", "out", "--threshold", "2%", "--report", "page.html", code=0)
     found = page("page.html")
-    assert "Building: shaken.yaml" in found.text and "newmark-average" in found.text
+    assert "Building: shaken, 2 stories" in found.text and "newmark-average" in found.text
     assert [row["record"] for row in table_with(found, "pga (g)")] == [
         "motion.mseed",
         "60.mseed",

@@ -161,3 +161,78 @@ def test_a_limit_that_is_no_positive_number_is_refused(limit):
     with pytest.raises(tdint.TdintError, match="must be a positive drift ratio"):
         chosen_limits((), limit, np.array([[0.01, 0.02]]), "x")
     assert chosen_limits((), np.float64(0.02), np.array([[0.01, NAN]]), "x")[0].values[0] == 0.02
+
+
+FRAME = """\
+name: frame
+stories:
+  - {repeat: 2, mass: 10, height: 3, stiffness: 8000}
+damping: %s
+"""
+
+
+def frame(damping):
+    return tdint.load_model(io.StringIO(FRAME % damping))
+
+
+def sine(size, frequency):
+    values = size * np.sin(np.arange(600) * 0.01 * frequency)
+    return tdint.make_record(values, dt=0.01, units="m/s^2")
+
+
+def test_the_check_of_many_runs_is_that_of_their_story_means():
+    """The mean over the records in each story, then the maximum over the stories, by numpy."""
+    model, records = frame("{modal: 5%}"), [sine(1.0, 9.0), sine(2.0, 30.0), sine(0.5, 14.0)]
+    runs = tdint.run_many(model, records, scales=[1.0, 2.0])
+    checks = runs.limit_checks(0.01)
+    assert list(checks) == [("frame", "scale 1"), ("frame", "scale 2")]
+    for scale, ((check,), factor) in enumerate(zip(checks.values(), (1.0, 2.0), strict=True)):
+        drifts = runs.stories.peak_drift_ratio[runs.scale == factor]
+        mean = drifts.mean(axis=0)
+        assert check.demand == mean.max() and check.story == int(mean.argmax()) + 1, scale
+        assert check.within == (mean.max() <= 0.01)
+        assert check.largest == drifts.max()
+    first, second = (of_scale[0].demand for of_scale in checks.values())
+    assert second == pytest.approx(2.0 * first, rel=1e-12)  # linear
+    # One record: the check of the response.
+    (alone,) = tdint.run(model, records[0]).limit_checks(0.01)
+    ((many,),) = tdint.run_many(model, records[:1]).limit_checks(0.01).values()
+    assert (many.demand, many.story, many.within) == (alone.demand, alone.story, alone.within)
+
+
+def test_records_with_own_factors_are_one_suite():
+    model, records = frame("{modal: 5%}"), [sine(1.0, 9.0), sine(2.0, 30.0)]
+    runs = tdint.run_many(model, records, scales=[0.5, 3.0], zip_records=True)
+    ((level, (check,)),) = runs.limit_checks(0.01).items()
+    assert level == ("frame", "level 1")
+    assert check.demand == runs.stories.peak_drift_ratio.mean(axis=0).max()
+
+
+def test_a_failed_or_collapsed_run_meets_no_limit():
+    text = FRAME % "{modal: 5%}" + "collapse_drift: 0.1%\n"
+    model = tdint.load_model(io.StringIO(text))
+    runs = tdint.run_many(model, [sine(0.001, 9.0), sine(3.0, 20.0)])
+    assert set(runs.status) == {"done", "collapsed"}
+    ((check,),) = runs.limit_checks(0.5).values()
+    assert check.demand < 0.5 and not check.within
+
+
+def test_varied_parameters_are_separate_suites():
+    runs = tdint.run_many(frame("{modal: 5%}"), [sine(1.0, 9.0)], vary={"mass_factor": [1.0, 1.5]})
+    checks = runs.limit_checks(0.01)
+    assert [level for _, level in checks] == ["scale 1, mass_factor 1", "scale 1, mass_factor 1.5"]
+
+
+def test_an_undamped_building_under_a_ground_motion_is_a_warning():
+    record, undamped = sine(0.1, 9.0), frame("none")
+    text = "the first mode is undamped"
+    assert any(text in warning for warning in tdint.run(undamped, record).warnings)
+    assert any(text in warning for warning in tdint.run_many(undamped, [record]).warnings)
+    assert not any(text in warning for warning in tdint.run(frame("{modal: 1%}"), record).warnings)
+    # A small ratio is below the usual range, and free vibration is often studied without damping.
+    small = tdint.run(frame("{modal: 0.02%}"), record).warnings
+    assert any("damping ratio of the first mode 0.0002" in warning for warning in small)
+    free = FRAME % "none" + "initial: {velocity: [0.1, 0.2]}\nanalysis: {duration: 2, dt: 0.01}\n"
+    assert not any(text in warning for warning in tdint.run(io.StringIO(free)).warnings)
+    off = FRAME % "none" + "plausibility: off, textbook example\n"
+    assert not any(text in warning for warning in tdint.run(io.StringIO(off), record).warnings)

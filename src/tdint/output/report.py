@@ -807,9 +807,9 @@ def pushover_page(
         model_chapter(model, units),
         Chapter("Assumptions", ((*_PUSHED, *MODEL_LIMITS),)),
     ]
-    return page(
-        model.name, f"Pushover of {model.name}, {result.pattern} force pattern.", chapters, told
-    )
+    under = f", target spectrum {spectrum_text(targets[0].target.source)}" if targets else ""
+    about = f"Pushover of {model.name}, {result.pattern} force pattern{under}."
+    return page(model.name, about, chapters, told)
 
 
 def _with_method_names(table: Table) -> Table:
