@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -211,7 +212,10 @@ class FloorRequest:
             SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
         if plot and suites:
-            draw = partial(figures.suites.floor_suite_picture, suites, units)
+            names = store.buildings()
+            found = [(name, store.period(number)) for number, (name, _) in names.items()]
+            periods = [(name, period) for name, period in found if period is not None]
+            draw = partial(figures.suites.floor_suite_picture, suites, units, periods)
             contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         return contents, suites
 
@@ -256,8 +260,17 @@ class FloorRequest:
                 tables.spectra.floor_spectrum_table(spectra).in_units(units).csv()
             )
             if plot:
+                from tdint.model.building import assemble
+
                 title = response.model.name
-                draw = partial(figures.suites.floor_picture, spectra, units, title=title)
+                omega = assemble(response.model).first_mode()[0]
+                draw = partial(
+                    figures.suites.floor_picture,
+                    spectra,
+                    units,
+                    title=title,
+                    period=2.0 * math.pi / omega,
+                )
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         # The MiniSEED file contains all floors as stations, regardless of the requested spectra.
         if export:

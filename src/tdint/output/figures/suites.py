@@ -26,8 +26,10 @@ from tdint.output.figures.style import (
     DASHES,
     INK,
     MARK,
+    FirstPeriods,
     legend_columns,
     line_look,
+    mark_first_periods,
     plain_logarithmic,
     scaled_unit,
     titled,
@@ -279,9 +281,25 @@ def _finish_row(
 
 
 def floor_picture(
-    spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = ""
+    spectra: Sequence[FloorSpectrum],
+    units: OutputUnits = SI,
+    *,
+    title: str = "",
+    period: float = math.nan,
 ) -> Figure:
-    """Plot the floor spectra of a run, with a labeled curve for each floor and damping ratio."""
+    """Plot the floor spectra of a run, with a labeled curve for each floor and damping ratio.
+
+    Parameters
+    ----------
+    spectra : sequence of FloorSpectrum
+        Spectra of the floors.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    title : str
+        Name of the building; empty by default.
+    period : float
+        First period of the building, s, which is marked; nan by default for no mark.
+    """
     units = units.in_figures
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
@@ -293,17 +311,29 @@ def floor_picture(
         look = line_look(floors.index(floor), ratios.index(spectrum.damping)) | {"linewidth": 1.6}
         axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), **look, label=label)
     _finish(axes, units)
+    mark_first_periods(axes, [("", period)])
     axes.legend(loc="best")
     alone = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
     return titled(figure, f"{title}\nspectra of absolute floor accelerations{alone}".strip())
 
 
-def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -> Figure:
+def floor_suite_picture(
+    suites: Sequence[FloorSuite], units: OutputUnits = SI, periods: FirstPeriods = ()
+) -> Figure:
     """Plot the floor spectra of a suite.
 
     Each floor, scale factor and damping ratio has a panel. A single building has thin gray lines
     for ground motions, and mean and envelope. Several buildings have means and envelopes in their
     colors.
+
+    Parameters
+    ----------
+    suites : sequence of FloorSuite
+        Spectra of each floor, scale factor and damping ratio.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    periods : sequence of (str, float)
+        Names and first periods of the buildings, s, which are marked; none by default.
     """
     units = units.in_figures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
@@ -323,6 +353,7 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
             line, psa = partial(axes.plot, suite.periods), units.of(suite.psa, "m/s^2")
             _draw_motions(axes, psa, line, looks[suite.building], "envelope")
         _finish(axes, units)
+        mark_first_periods(axes, periods)
         first = same[0]
         level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
         damping = f"{100.0 * first.damping:g} % damping"
