@@ -283,8 +283,8 @@ def _page(
         Periods of the response spectra in the figure, s.
     """
     from tdint.analysis.compare import absolute_displacements, unmet
+    from tdint.output.building_report import comparison_page
     from tdint.output.page import Told, page_units
-    from tdint.output.report import comparison_page
     from tdint.output.summary import files_read
     from tdint.output.tables.buildings import fitted_table
 

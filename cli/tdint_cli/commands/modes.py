@@ -84,12 +84,12 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
 
     def draw() -> Figure:
         """Return the figure of the shapes of the first modes."""
-        return figures.comparison.mode_picture(modes, name=loaded.name, norm=shapes or "roof")
+        return figures.mode_shapes.mode_picture(modes, name=loaded.name, norm=shapes or "roof")
 
     def page() -> bytes:
         """Return the page of --report."""
+        from tdint.output.building_report import mode_page
         from tdint.output.page import Told
-        from tdint.output.report import mode_page
         from tdint.output.summary import files_read
 
         record, unread = _record(loaded)
@@ -169,8 +169,8 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
 
     def page() -> bytes:
         """Return the page of --report."""
+        from tdint.output.building_report import modal_page
         from tdint.output.page import Told, page_units
-        from tdint.output.report import modal_page
         from tdint.output.summary import files_read
 
         verdict = [(None, _peak_words(result, page_units(of_page)))]
@@ -181,7 +181,7 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     modes = tables.buildings.modal_share_table(result).in_units(units)
     outputs.deliver(
         tables.buildings.modal_response_table(result),
-        lambda: figures.comparison.modal_response_picture(result, units),
+        lambda: figures.mode_shapes.modal_response_picture(result, units),
         lambda: {
             "modes": [dict(zip(modes.columns, row, strict=True)) for row in modes.rows],
             "meanings": modes.meanings,

@@ -114,8 +114,8 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
     units : OutputUnits
         The units of the values.
     """
+    from tdint.output.building_report import method_name, pushover_page
     from tdint.output.page import Told, page_units
-    from tdint.output.report import method_name, pushover_page
     from tdint.output.summary import files_read
 
     shown = page_units(units)

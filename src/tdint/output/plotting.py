@@ -17,6 +17,7 @@ from tdint.output.figures import (
     collapse,
     comparison,
     many_runs,
+    mode_shapes,
     runs,
     spectrum_curves,
     suites,
@@ -220,11 +221,11 @@ _LOOKS: dict[str, _Look] = {
     "InelasticSpectrum": _Look(spectrum_curves.inelastic_picture),
     "Match": _Look(comparison.match_picture, comparison.draw_match, alone=True),
     "ModalResponse": _Look(
-        comparison.modal_response_picture, comparison.draw_modal_drifts, alone=True
+        mode_shapes.modal_response_picture, mode_shapes.draw_modal_drifts, alone=True
     ),
     "Modes": _Look(
-        lambda result, _: comparison.mode_picture(result, name="Modes"),
-        lambda ax, result, _: comparison.draw_modes(ax, result),
+        lambda result, _: mode_shapes.mode_picture(result, name="Modes"),
+        lambda ax, result, _: mode_shapes.draw_modes(ax, result),
         alone=True,
     ),
     "ObservedOrder": _Look(lambda results, _: assessment.order_picture(results)),

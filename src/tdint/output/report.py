@@ -1,10 +1,9 @@
-"""HTML reports of --report: chapters for a run, a suite, a pushover, a response spectrum analysis
-and a comparison with recordings."""
+"""HTML reports of --report for a run and for a suite, and the chapters that all reports share."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -25,7 +24,7 @@ from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
-from tdint.number_parsing import abbreviate, number_text, pluralize
+from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.page import Chapter, Part, Picture, Told, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
@@ -38,14 +37,8 @@ from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits, suffix
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from tdint.analysis.compare import Comparison
     from tdint.analysis.run.outcome import Response, StoryPeaks
     from tdint.analysis.spectra.floors import FloorSpectrum
-    from tdint.analysis.spectra.modal import ModalResponse
-    from tdint.analysis.static import Pushover
-    from tdint.analysis.target_displacement import TargetDisplacement
     from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import FloorSuite, Profile
     from tdint.campaign.store import Store
@@ -147,7 +140,9 @@ _MOST_MODELS = 8
 _MOST_DAMAGE = 60
 """Maximum number of rows in tables of damage."""
 
-_PERIODS = (0.05, 5.0, 100)
+SPECTRUM_PERIODS = (0.05, 5.0, 100)
+"""First and last period, s, and number of periods of the spectra in a report."""
+
 _OF_STORIES = (
     "peak_drift_ratio",
     "peak_drift",
@@ -241,7 +236,7 @@ def run_page(
             units,
             periods=[(model.name, first_period(model))],
         ),
-        _assumptions(
+        assumptions(
             f"{method_text(response.method)}, {pluralize(response.steps, 'time step')} of "
             f"{response.dt:.6g} s",
             (),
@@ -397,7 +392,7 @@ def suite_page(
             scaled,
             periods,
         ),
-        _assumptions(f"{methods}, {step}", [accuracy, *free_vibration, *_of_pairs(store), _SUITE]),
+        assumptions(f"{methods}, {step}", [accuracy, *free_vibration, *_of_pairs(store), _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
@@ -734,7 +729,7 @@ def motion_chapter(
         parts.append(motion_table(records, component_names(records)).in_units(units))
         # A figure of more spectra would be a gray area.
         if len(records) <= _MOST_MOTIONS and not drawn:
-            grid = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
+            grid = np.geomspace(SPECTRUM_PERIODS[0], SPECTRUM_PERIODS[1], int(SPECTRUM_PERIODS[2]))
             spectra = [spectrum(record, grid) for record in records]
             draw = partial(figures.spectrum_curves.low_picture, spectra, units, periods)
             parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))
@@ -750,7 +745,7 @@ def _of_pairs(store: Store) -> list[str]:
     return [f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []
 
 
-def _assumptions(step: str, more: Sequence[str]) -> Chapter:
+def assumptions(step: str, more: Sequence[str]) -> Chapter:
     """Return the chapter of assumptions.
 
     `step` describes the method and the time step; `more` lists assumptions of the analysis.
@@ -769,326 +764,3 @@ def simplifications() -> tuple[str, ...]:
     """Return the simplifications of a shear building, one sentence or two each."""
     first, *others = MODEL_LIMITS
     return (f"Shear building: {first[0].lower()}{first[1:]}", *others)
-
-
-# ---- Reports of a pushover, of a response spectrum analysis and of a comparison
-
-
-def pushover_page(
-    result: Pushover, targets: Sequence[TargetDisplacement], told: Told, units: OutputUnits = SI
-) -> bytes:
-    """Return the report of a pushover analysis and of its target displacements.
-
-    Parameters
-    ----------
-    result : Pushover
-        Pushover curve of the building.
-    targets : sequence of TargetDisplacement
-        Target displacements under a design spectrum; may be empty.
-    told : Told
-        Verdict, warnings and inputs of the report.
-    units : OutputUnits
-        Units of the report; SI by default.
-    """
-    model, units = result.model, page_units(units)
-    drawn = partial(figures.comparison.pushover_picture, result, units)
-    # The figure shows the curve; the tables list the story drifts at the target displacements.
-    parts: list[Part] = []
-    if targets:
-        drawn = partial(figures.comparison.target_picture, targets, units)
-        parts = [
-            _with_method_names(buildings.target_table(targets)),
-            "The equivalent oscillators, and the building at the target displacement:",
-            _with_method_names(buildings.target_building_table(targets)).in_units(units),
-        ]
-    chapters = [
-        Chapter("Result", (list(told.said), Picture(drawn, f"Pushover, {result.pattern} pattern"))),
-        Chapter("Stories at the target displacement", parts),
-        model_chapter(model, units),
-        Chapter("Assumptions", ((*_PUSHED, *MODEL_LIMITS),)),
-    ]
-    under = f", target spectrum {spectrum_text(targets[0].target.source)}" if targets else ""
-    about = f"Pushover of {model.name}, {result.pattern} force pattern{under}."
-    return page(model.name, about, chapters, told)
-
-
-def _with_method_names(table: Table) -> Table:
-    """Replace the keys of methods by their names."""
-    column = table.columns.index("method")
-    return replace(
-        table,
-        rows=[
-            (*row[:column], method_name(str(row[column])), *row[column + 1 :]) for row in table.rows
-        ],
-    )
-
-
-def method_name(key: str) -> str:
-    """Return the name of a method for target displacements, with its clause."""
-    return _METHODS[key]
-
-
-_METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
-_PUSHED = (
-    "The building is pushed slowly by forces of one pattern, without dashpots and damping; P-delta "
-    "effects are included if the model has them.",
-    "A target displacement is an estimate from one curve and an elastic spectrum; time history "
-    "analyses may give other results.",
-)
-
-
-def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> bytes:
-    """Return the report of a response spectrum analysis.
-
-    Parameters
-    ----------
-    result : ModalResponse
-        Combined modal responses of the linear building.
-    told : Told
-        Verdict, warnings and inputs of the report.
-    units : OutputUnits
-        Units of the report; SI by default.
-    """
-    model, units = result.model, page_units(units)
-    drawn = partial(figures.comparison.modal_response_picture, result, units)
-    # The table has only the CQC values, which are also valid for close modes. The text states the
-    # base shear by SRSS.
-    table = buildings.modal_response_table(result)
-    table = table.chosen([name for name in table.columns if name == "story" or "_cqc" in name])
-    target = spectrum_text(result.target.source)
-    chapters = [
-        Chapter(
-            "Result",
-            (list(told.said), Picture(drawn, f"Peaks of the stories under {target}")),
-        ),
-        Chapter("Peaks of the stories", (table.in_units(units),)),
-        Chapter(
-            "Modes",
-            (
-                buildings.modal_share_table(result).in_units(units),
-                Picture(
-                    partial(_modes_on_target, result, units),
-                    "Target spectrum with the modes, and effective modal masses",
-                ),
-            ),
-        ),
-        model_chapter(model, units),
-        Chapter("Assumptions", ((*_MODAL, *MODEL_LIMITS),)),
-    ]
-    return page(
-        model.name,
-        f"Response spectrum analysis of {model.name}: {target}.",
-        chapters,
-        told,
-    )
-
-
-def _modes_on_target(result: ModalResponse, units: OutputUnits) -> Figure:
-    """Return the figure of the target spectrum with the modes of the building."""
-    target, low = result.target, 0.9 * float(result.period[-1])
-    high = max(_PERIODS[1], 1.3 * float(result.period[0]))
-    shown = (target.periods >= min(low, _PERIODS[0])) & (target.periods <= high)
-    # Omitted modes have no spectral acceleration.
-    values = np.where(result.spectral_acceleration > 0.0, result.spectral_acceleration, math.nan)
-    curve = figures.comparison.SpectrumAtModes(
-        spectrum_text(target.source), target.periods[shown], target.psa[shown], values
-    )
-    return figures.comparison.mode_spectrum_picture(result.period, result.mass_ratio, curve, units)
-
-
-_MOST_MODES = 20
-"""Maximum number of modes in a report; the table of the command lists all."""
-
-_ENOUGH_MASS = 0.9
-"""Fraction of the mass that the modes of an analysis must contain (EN 1998-1, 4.3.3.3.1)."""
-
-
-def _low(draw: Callable[[], Figure]) -> Figure:
-    """Return a low figure with its legend at the right, which leaves space for other figures."""
-    figure = draw()
-    figure.set_size_inches(8.0, 3.2)
-    for axes in figure.axes:
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
-    return figure
-
-
-def mode_page(
-    model: Model,
-    table: Table,
-    draw: Callable[[], Figure],
-    told: Told,
-    units: OutputUnits = SI,
-    record: Record | None = None,
-) -> bytes:
-    """Return the report of the natural modes of a building.
-
-    Parameters
-    ----------
-    model : Model
-        The building.
-    table : Table
-        Modes, longest period first (`mode_table`).
-    draw : callable
-        Function that draws the shapes.
-    told : Told
-        Notes and inputs of the report.
-    units : OutputUnits
-        Units of the report; SI by default.
-    record : Record, optional
-        Ground motion of the model, whose response spectrum shows the modes.
-    """
-    units = page_units(units)
-    period, damping = first_period(model), assemble(model).first_mode()[1]
-    building = {name: [row[i] for row in table.rows] for i, name in enumerate(table.columns)}
-    periods, masses, sums = (
-        np.array(building[name], dtype=float)
-        for name in ("period_s", "mass_ratio", "cumulative_mass_ratio")
-    )
-    enough = int(np.argmax(sums >= _ENOUGH_MASS)) + 1
-    verdict = (
-        f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping, "
-        f"{number_text(100.0 * float(masses[0]))} % of the mass; {pluralize(enough, 'mode')} "
-        f"{'contains' if enough == 1 else 'contain'} "
-        f"{number_text(100.0 * float(sums[enough - 1]))} % of the mass."
-    )
-    # Damping ratios are in percent, as in the sentences of the report.
-    place = table.columns.index("damping")
-    rows = [
-        (*row[:place], 100.0 * float(str(row[place])), *row[place + 1 :])
-        for row in table.rows[:_MOST_MODES]
-    ]
-    meanings = {**table.meanings, "damping": {**table.meanings["damping"], "unit": "%"}}
-    shown = replace(table, rows=rows, meanings=meanings)
-    more = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
-    curve, caption = None, "Effective modal masses"
-    if record is not None:
-        grid = np.geomspace(_PERIODS[0], max(_PERIODS[1], 1.3 * period), int(_PERIODS[2]))
-        name = f"{figures.style.record_name(record.source)} {record.component}".strip()
-        values = spectrum(record, grid).psa, spectrum(record, periods).psa
-        curve = figures.comparison.SpectrumAtModes(name, grid, *values)
-        caption = f"Response spectrum of {name}, 5 % damping, and effective modal masses"
-    chapters = [
-        Chapter("Modes", (list(told.said), shown)),
-        Chapter("Further modes", (more,) if len(table.rows) > _MOST_MODES else ()),
-        Chapter(
-            "Modes and spectrum",
-            (
-                Picture(
-                    lambda: figures.comparison.mode_spectrum_picture(periods, masses, curve, units),
-                    caption,
-                ),
-            ),
-        ),
-        Chapter("Shapes", (Picture(partial(_low, draw), "Shapes of the first modes"),)),
-        model_chapter(model, units),
-        *([motion_chapter([[(record, 1.0)]], units, drawn=True)] if record is not None else []),
-        Chapter(
-            "Assumptions",
-            (
-                (
-                    "Undamped modes with the initial stiffness; damping ratios without the "
-                    "coupling of modes.",
-                    *simplifications(),
-                ),
-            ),
-        ),
-    ]
-    told = replace(told, verdict=[(None, verdict)])
-    return page(model.name, f"Natural modes of {model.name}.", chapters, told)
-
-
-_MODAL = (
-    "The building is linear with its initial stiffness. The modal peaks of each response are "
-    "combined by the square root of the sum of squares (SRSS) and by the complete quadratic "
-    "combination (CQC).",
-    "The same target spectrum applies to all modes, independently of the damping of the model.",
-)
-
-
-def _sensors(comparisons: Sequence[Comparison]) -> str:
-    """Return the recordings at the base, as file and component or column."""
-    sensors = [sensor for item in comparisons for sensor in item.event.recording.base]
-    names = (
-        " ".join(filter(None, (figures.style.record_name(one.file), one.component or one.column)))
-        for one in sensors
-    )
-    return abbreviate(list(dict.fromkeys(names)), _MOST_SENSORS)
-
-
-_MOST_SENSORS = 6
-"""Maximum number of sensors at the base that a report lists."""
-
-
-def _comparison_error(response: Response) -> str:
-    """Return what is known about the error of the time integration of a comparison."""
-    imbalance = (
-        f"the energy imbalance is {number_text(100.0 * abs(response.energy.error), 2)} % of the "
-        "input energy"
-    )
-    if response.check is None or response.check.drift_error is None:
-        return f"the error of the time integration was not estimated; {imbalance}"
-    return (
-        "the largest estimated error of a peak drift is "
-        f"{number_text(100.0 * response.check.drift_error, 2)} %; {imbalance}"
-    )
-
-
-def comparison_page(
-    comparisons: Sequence[Comparison],
-    draw: Callable[[], Figure],
-    told: Told,
-    fitted: Table | None,
-    units: OutputUnits,
-) -> bytes:
-    """Return the report of a comparison of computed and recorded responses.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        Comparisons of the building with its recordings.
-    draw : callable
-        Function that draws the figure.
-    told : Told
-        Verdict, warnings and inputs of the report.
-    fitted : Table or None
-        Values that were fitted to one of the recordings.
-    units : OutputUnits
-        Units of the report.
-    """
-    response, units = comparisons[0].response, page_units(units)
-    integration = f"{method_text(response.method)}, time step {response.dt:.6g} s"
-    band = comparisons[0].event.recording.band
-    motions = [item.event.base for item in comparisons]
-    chapters = [
-        Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
-        Chapter(
-            "Recorded and computed",
-            (Picture(draw, "Recorded and computed histories and spectra of the floors"),),
-        ),
-        Chapter("Fitted", (fitted,) if fitted else ()),
-        model_chapter(response.model, units),
-        motion_chapter(
-            [[(motion, 1.0) for motion in motions]],
-            units,
-            periods=[(response.model.name, first_period(response.model))],
-        ),
-        _assumptions(
-            integration,
-            (
-                _comparison_error(response),
-                f"the ground motion is that of the base, unscaled: {_sensors(comparisons)}",
-                f"recorded and computed responses are filtered from {band[0]:g} to {band[1]:g} Hz "
-                "(zero phase)"
-                if band
-                else "recorded and computed responses are not filtered",
-                "correlation, peak ratio (computed over recorded) and rms difference (over the "
-                "rms of the recording) are those of the compared histories",
-            ),
-        ),
-    ]
-    return page(
-        response.model.name,
-        f"Comparison of {response.model.name} with recordings.",
-        chapters,
-        told,
-    )

@@ -1,0 +1,179 @@
+"""Figures of natural modes and of response spectrum analyses."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from tdint.arrays import Array
+from tdint.output.figures.spectrum_curves import log_periods
+from tdint.output.figures.style import (
+    COLORS,
+    DASHES,
+    LIGHT,
+    MARK,
+    MARKERS,
+    line_look,
+    mark_first_periods,
+    over_stories,
+    scaled_unit,
+    titled,
+)
+from tdint.output.spectrum_text import spectrum_text
+from tdint.units import SI, OutputUnits
+
+if TYPE_CHECKING:
+    from tdint.analysis.spectra.modal import ModalResponse
+    from tdint.model.modes import Modes
+
+
+_MOST = 4  # maximum number of modes, because higher modes make the figure crowded
+_MARKED = 20  # maximum number of floors with markers
+
+
+def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
+    """Draw the first modes over the floors, normalized by `tdint.model.modes.Modes.normalized`."""
+    figure = Figure(figsize=(5.4, 5.6), layout="constrained")
+    draw_modes(figure.subplots(), modes, norm)
+    return titled(figure, name)
+
+
+def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
+    """Draw the shapes of the first modes over the floors."""
+    shapes = modes.normalized(norm)
+    floors = np.arange(len(shapes) + 1)
+    axes.axvline(0.0, color=LIGHT, linewidth=0.8)
+    for mode in range(min(_MOST, len(floors) - 1)):
+        label = f"mode {mode + 1}, {2.0 * math.pi / modes.omega[mode]:.4g} s"
+        marker = MARKERS[mode] if len(shapes) <= _MARKED else None
+        look = line_look(mode) | {"marker": marker, "markersize": 4.0}
+        axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **look)
+    axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
+    label = "shape, 1 at the roof" if norm == "roof" else "shape, with a participation factor of 1"
+    axes.set(ylim=(0.0, floors[-1]), ylabel="floor", xlabel=label)
+    axes.legend(loc="best")
+
+
+class SpectrumAtModes(NamedTuple):
+    """Acceleration spectrum with its values at the periods of modes.
+
+    Attributes
+    ----------
+    label : str
+        Name of the spectrum.
+    periods, psa : ndarray, shape (k,)
+        Periods, s, and pseudo-accelerations, m/s^2.
+    at_modes : ndarray, shape (n,)
+        Pseudo-accelerations at the periods of the modes, m/s^2; nan outside of the spectrum.
+    """
+
+    label: str
+    periods: Array
+    psa: Array
+    at_modes: Array
+
+
+def mode_spectrum_picture(
+    periods: Array, mass_ratio: Array, spectrum: SpectrumAtModes | None, units: OutputUnits = SI
+) -> Figure:
+    """Draw the effective modal masses over the periods, below a spectrum with the modes.
+
+    Parameters
+    ----------
+    periods : ndarray, shape (n,)
+        Periods of the modes, s, longest first.
+    mass_ratio : ndarray, shape (n,)
+        Effective modal masses divided by the total mass.
+    spectrum : SpectrumAtModes or None
+        Spectrum in the upper panel; None for the masses only.
+    units : OutputUnits
+        Units of the accelerations; SI by default.
+    """
+    units = units.in_figures
+    figure = Figure(figsize=(8.0, 2.4 if spectrum is None else 4.0), layout="constrained")
+    rows = figure.subplots(
+        1 if spectrum is None else 2,
+        1,
+        sharex=True,
+        squeeze=False,
+        height_ratios=(1.0,) if spectrum is None else (1.6, 1.0),
+    )[:, 0]
+    below = rows[-1]
+    below.vlines(periods, 0.0, 100.0 * mass_ratio, color=COLORS[0], linewidth=1.6)
+    below.plot(periods, 100.0 * mass_ratio, "o", color=COLORS[0], markersize=3.5)
+    below.set(ylabel="effective modal\nmass (%)", ylim=(0.0, 115.0), xlabel="period (s)")
+    ends = [periods[-1], 1.3 * periods[0], *(() if spectrum is None else spectrum.periods)]
+    log_periods(below, np.array([0.9 * min(ends), max(ends)]))
+    # The numbers of modes that are too close to each other would cover each other.
+    taken = math.inf
+    for mode, (period, share) in enumerate(zip(periods, mass_ratio, strict=True), start=1):
+        if mode <= _NUMBERED and math.log(taken / period) > _APART:
+            place = {"textcoords": "offset points", "xytext": (0.0, 4.0), "ha": "center"}
+            name = f"mode {mode}" if mode == 1 else str(mode)
+            below.annotate(name, (period, 100.0 * share), **place, fontsize=8.0, color=MARK)
+            taken = period
+    if spectrum is not None:
+        above = rows[0]
+        above.plot(
+            spectrum.periods,
+            units.of(spectrum.psa, "m/s^2"),
+            label=spectrum.label,
+            **line_look(0),
+        )
+        values = units.of(spectrum.at_modes, "m/s^2")
+        above.plot(periods, values, "o", color=MARK, markersize=4.0, label="modes", zorder=4)
+        mark_first_periods(above, [("", float(periods[0]))])
+        above.set(ylim=(0.0, None), ylabel=f"pseudo-acceleration\nPSA ({units.label('m/s^2')})")
+        above.legend(loc="best")
+    return figure
+
+
+_NUMBERED = 6  # maximum number of modes with a number in the figure
+_APART = 0.2  # minimum difference of ln period between numbered modes
+
+
+def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:
+    """Draw a response spectrum analysis: drifts, shears and displacements over the height."""
+    figure = Figure(figsize=(8.8, 4.6), layout="constrained")
+    drift, shear, displacement = figure.subplots(1, 3)
+    draw_modal_drifts(drift, result, units)
+    factor, unit = scaled_unit(float(np.max(result.shear_srss)), "N", units)
+    _over_height(
+        shear,
+        {"SRSS": result.shear_srss * factor, "CQC": result.shear_cqc * factor},
+        f"story shear ({unit})",
+    )
+    floors = {"SRSS": result.displacement_srss, "CQC": result.displacement_cqc}
+    for number, (rule, values) in enumerate(floors.items()):
+        moved = np.concatenate(([0.0], units.of(values, "m")))
+        displacement.plot(moved, np.arange(moved.size), label=rule, **line_look(number))
+    displacement.set(xlim=(0.0, None), ylim=(0, result.period.size), ylabel="floor")
+    displacement.set_xlabel(f"displacement ({units.label('m')})")
+    displacement.yaxis.get_major_locator().set_params(integer=True)
+    return titled(
+        figure,
+        f"{result.model.name}\nModal peaks under {spectrum_text(result.target.source)}, combined",
+    )
+
+
+def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
+    """Draw story drifts by both combination rules; drift ratios if all stories have heights."""
+    ratio = not np.isnan(result.height).any()
+    scale = 100.0 / result.height if ratio else 1.0 / units.unit("m")[1]
+    label = "drift ratio (%)" if ratio else f"drift ({units.label('m')})"
+    _over_height(axes, {"SRSS": result.drift_srss * scale, "CQC": result.drift_cqc * scale}, label)
+    axes.legend(loc="best")
+
+
+def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
+    """Draw values of the stories as steps."""
+    for number, (rule, values) in enumerate(rows.items()):
+        over_stories(
+            axes, values, baseline=None, label=rule, linestyle=DASHES[number], color=COLORS[number]
+        )
+    axes.set(ylim=(0.5, values.size + 0.5), xlim=(0.0, None), ylabel="story", xlabel=label)
+    axes.yaxis.get_major_locator().set_params(integer=True)
