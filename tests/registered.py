@@ -25,9 +25,8 @@ SHORTER = 80  # steps of `step_check._H`: those with faults are wrong at the 60t
 
 def forget():
     """Take back what files and packages have registered: this process is as a new one."""
-    for known in (definition.LAWS, definition.CODES):
-        for name in list(known)[OURS:]:
-            del known[name]
+    for name in list(definition.CODES)[OURS:]:
+        del definition.CODES[name]
     del NUMBERED[OURS:]
     for name in set(measures.MEASURES) - set(measures._OURS):
         del measures.MEASURES[name]

@@ -14,6 +14,7 @@ import pytest
 
 import tdint.plugin
 from source_lines import code_lines
+from tdint.kernels.laws import NAMES as LAW_NAMES
 from tdint.methods.catalogue import FAMILIES
 
 ROOT = Path(__file__).parents[1]
@@ -157,6 +158,9 @@ be."""
 TABLES_OF_NAMES = {
     "tdint": lambda: tdint._homes().values(),
     "tdint.plugin": lambda: tdint.plugin.HOMES.values(),
+    "tdint.kernels.laws": lambda: [
+        f"tdint.kernels.laws.{name.replace('-', '_')}" for name in LAW_NAMES
+    ],
     "tdint.methods.catalogue": lambda: [f"tdint.methods.{family}" for family in FAMILIES],
 }
 """Modules that import by names in a table, and the modules of the table."""

@@ -165,7 +165,7 @@ def _along(functions, law_parameters, law_state, drifts):
 def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
     """Of forces, tangents, work and committed states, on random ways over up to three blocks, done
     again with other drifts as iterations do, against the plain walk."""
-    law = (LAWS | PLUGINS)[name]
+    law = {**LAWS, **PLUGINS}[name]
     looking = SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
     with monkeypatch.context() as patch:
         patch.setattr(branch_following, "branch_first", lambda functions: functions)

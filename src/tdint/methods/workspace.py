@@ -10,11 +10,11 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
+from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stepping import Memory, Seen
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
-from tdint.model.definition import CODES, LAWS
 from tdint.system import available_memory
 
 HALVINGS = 8
@@ -111,10 +111,8 @@ def workspace(
                 "file, which is done in chunks"
             )
     # Value of row INTERNAL of a story that has failed; nan for laws that do not fail.
-    failed = np.full(max(CODES.values()) + 1, math.nan)
-    for name, code in CODES.items():
-        failed[code] = LAWS[name].failed
-    failed = failed[building.law_parameters[rows.CODE, :-1].astype(int)]
+    codes = building.law_parameters[rows.CODE, :-1].astype(int).tolist()
+    failed = np.array([LAWS[code].failed for code in codes])
     totals = np.zeros(rows.TOTALS_SIZE)
     totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
     return Workspace(

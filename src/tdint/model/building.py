@@ -14,6 +14,7 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
+from tdint.kernels.laws import LAWS as NUMBERED_LAWS
 from tdint.kernels.laws import OURS
 from tdint.model.definition import (
     CODES,
@@ -131,13 +132,12 @@ class Building:
     @cached_property
     def piecewise_linear(self) -> bool:
         """True if every story has a piecewise linear law."""
-        return self._law_codes.isdisjoint(CODES[name] for name, law in LAWS.items() if law.curved)
+        return not any(NUMBERED_LAWS[int(code)].curved for code in self._law_codes)
 
     @cached_property
     def kinked(self) -> bool:
         """True if any story has a law with a discontinuous tangent."""
-        kinked = (CODES[name] for name, law in LAWS.items() if law.kinked)
-        return not self._law_codes.isdisjoint(kinked)
+        return any(NUMBERED_LAWS[int(code)].kinked for code in self._law_codes)
 
     @cached_property
     def fastest(self) -> float:

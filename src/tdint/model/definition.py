@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -37,11 +37,26 @@ if TYPE_CHECKING:
 
 # ---- Hysteretic laws: built-in laws, laws of plug-ins, and the law of a story
 
-LAWS: dict[str, DriftLaw] = {law.name: law for law in _LAWS}
-"""Hysteretic laws by the name in a model file: laws of `tdint.kernels.laws` and of plug-ins."""
-
-CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
+CODES: dict[str, int] = {name: code for code, name in enumerate(_LAWS.names())}
 """Number of each law in the tables of the kernels."""
+
+
+class _LawsByName(Mapping[str, DriftLaw]):
+    """Laws by name. A law is imported when it is first used."""
+
+    def __getitem__(self, name: str) -> DriftLaw:
+        law: DriftLaw = _LAWS[CODES[name]]
+        return law
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(CODES)
+
+    def __len__(self) -> int:
+        return len(CODES)
+
+
+LAWS: Mapping[str, DriftLaw] = _LawsByName()
+"""Hysteretic laws by the name in a model file: laws of `tdint.kernels.laws` and of plug-ins."""
 
 
 def register_law(law: DriftLaw, where: str | Origin = "") -> None:
@@ -92,13 +107,12 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     together = replace(law, compiled_separately=False)
     OUTSIDE[law.name] = home
     CODES[law.name] = len(_LAWS)
-    LAWS[law.name] = together
-    origin.keep_code("law", law)
     _LAWS.append(together)
+    origin.keep_code("law", law)
 
 
 @cache
-def laws() -> dict[str, DriftLaw]:
+def laws() -> Mapping[str, DriftLaw]:
     """Return all hysteretic laws by name, including those of entry points `tdint.laws`."""
 
     def register(plugin: Any, origin: Origin) -> None:

@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate, chain, pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -739,15 +739,14 @@ def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant
     """Return the kernels of a run of a model with all its tables, and of a cyclic test of its
     stories.
     """
-    return [
-        item for group in _of_building(PreparedBuilding.of(model), integrator) for item in group
-    ]
+    prepared = PreparedBuilding.of(model)
+    return [*kernels(integrator, prepared.variant), *_other_kernels(prepared, integrator)]
 
 
-def _of_building(
+def _other_kernels(
     prepared: PreparedBuilding, integrator: Integrator
-) -> tuple[list[tuple[Kernel, Variant]], ...]:
-    """Return the kernels of the time integration, and the other kernels of a run."""
+) -> list[tuple[Kernel, Variant]]:
+    """Return the kernels of a run that its time loop does not call."""
     from tdint.kernels.oscillators.elastic import peaks  # few runs need their kernels in advance
 
     others = (peaks, *separate_kernels(prepared.building.law_parameters))
@@ -755,7 +754,7 @@ def _of_building(
     # For a method with a stability limit: kernels that measure the stability of a time step
     if integrator.stability_limit != math.inf:
         of_scene.append((integrator.family.step, LINEAR_OSCILLATORS))
-    return kernels(integrator, prepared.variant), of_scene
+    return of_scene
 
 
 _SHORT = 180_000
@@ -789,9 +788,14 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
         or unsupported_reason(methods[0], building)
     ):
         return False
-    called, others = zip(*(_of_building(prepared, method) for method in methods), strict=True)
+    of_loops = dict.fromkeys(
+        item for method in methods for item in kernels(method, prepared.variant)
+    )
     return interpret_while_compiling(
-        *(list(dict.fromkeys(chain(*groups))) for groups in (called, others))
+        list(of_loops),
+        lambda: list(
+            dict.fromkeys(item for method in methods for item in _other_kernels(prepared, method))
+        ),
     )
 
 

@@ -263,7 +263,7 @@ _BACKGROUND_PROGRAM = (
 
 def interpret_while_compiling(
     loop_kernels: Sequence[tuple[Compilable, Variant]],
-    other_kernels: Sequence[tuple[Compilable, Variant]],
+    other_kernels: Callable[[], Sequence[tuple[Compilable, Variant]]],
 ) -> bool:
     """Use kernels as Python functions for a short run if an object file is missing.
 
@@ -277,8 +277,8 @@ def interpret_while_compiling(
     loop_kernels : sequence of (Compilable, Variant)
         Kernels that the time loop calls. All of them are compiled or all of them are Python
         functions.
-    other_kernels : sequence of (Compilable, Variant)
-        Kernels that the run may use separately.
+    other_kernels : callable
+        Returns the kernels that the run may use separately; called if an object file is missing.
 
     Returns
     -------
@@ -306,12 +306,12 @@ def interpret_while_compiling(
     if importlib.util.find_spec("numba") is None:
         return False
     with _ONE_AT_A_TIME:
-        pairs = [
-            [(kernel, kernel.required_variant(variant)) for kernel, variant in group]
-            for group in (loop_kernels, other_kernels)
-        ]
+        pairs = [[(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]]
         if not _load_existing(pairs[0], False):
             return False
+        pairs.append(
+            [(kernel, kernel.required_variant(variant)) for kernel, variant in other_kernels()]
+        )
         for kernel, variant in [*pairs[0], *_load_existing(pairs[1], False)]:
             kernel.install(variant, as_views(kernel.function), interpreted=True)
     folder = store.writable() if setting != "never" else None

@@ -1,41 +1,86 @@
 """Hysteresis models of stories (drift laws), one file for each law.
 
-The number of a law is its index in the list `LAWS`. Row CODE of the table `law_parameters` contains
+The number of a law is its index in the sequence `LAWS`. Row CODE of the table `law_parameters` contains
 the number of the law of each story. Compiled code selects the law by this number
-(`tdint.kernels.laws.selection`). The laws of plug-ins are appended to the list
+(`tdint.kernels.laws.selection`). The laws of plug-ins are appended to it
 (`tdint.model.definition.register_law`).
 """
 
 from __future__ import annotations
 
-from tdint.kernels.laws import (
-    bilinear,
-    bouc_wen,
-    gap,
-    imk,
-    linear,
-    multilinear_pinching,
-    peak_oriented,
-    polynomial,
-    tanh,
-    trilinear_pinching,
-)
+from collections.abc import Iterable, Iterator, MutableSequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    # The sources of a kernel are found by these lines (`tdint.kernels.building.sources`).
+    from tdint.kernels.laws import (
+        bilinear,
+        bouc_wen,
+        gap,
+        imk,
+        linear,
+        multilinear_pinching,
+        peak_oriented,
+        polynomial,
+        tanh,
+        trilinear_pinching,
+    )
+    from tdint.kernels.laws.law import DriftLaw
+
+    MODULES = (
+        *(linear, bilinear, peak_oriented, bouc_wen, gap, tanh, polynomial),
+        *(trilinear_pinching, imk, multilinear_pinching),
+    )
 
 # The order must not change, because the numbers of the laws depend on it.
-LAWS = [
-    linear.LAW,
-    bilinear.LAW,
-    peak_oriented.LAW,
-    bouc_wen.LAW,
-    gap.LAW,
-    tanh.LAW,
-    polynomial.LAW,
-    trilinear_pinching.LAW,
-    imk.LAW,
-    multilinear_pinching.LAW,
-]
+NAMES = (
+    *("linear", "bilinear", "peak-oriented", "bouc-wen", "gap", "tanh", "polynomial"),
+    *("trilinear-pinching", "imk", "multilinear-pinching"),
+)
+"""Names of the laws of tdint in the order of their numbers."""
 
-OURS = len(LAWS)
+
+class Laws(MutableSequence["DriftLaw"]):
+    """Sequence of laws. The module of a law of tdint is imported when the law is first used, so
+    that a run loads only the laws of its building.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        """Store the names of the laws, whose modules are named accordingly."""
+        self._items: list[DriftLaw | str] = list(names)
+
+    def names(self) -> Iterator[str]:
+        """Yield the names of all laws without importing them."""
+        for item in self._items:
+            yield item if isinstance(item, str) else item.name
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __getitem__(self, number: Any) -> Any:
+        item = self._items[number]
+        if isinstance(item, str):
+            item = import_module(f"tdint.kernels.laws.{item.replace('-', '_')}").LAW
+            self._items[number] = item
+        return item
+
+    def __setitem__(self, number: Any, law: Any) -> None:
+        self._items[number] = law
+
+    def __delitem__(self, number: Any) -> None:
+        del self._items[number]
+
+    def insert(self, index: int, value: DriftLaw) -> None:
+        """Insert a law; the numbers of the following laws increase."""
+        self._items.insert(index, value)
+
+
+LAWS = Laws(NAMES)
+"""Laws by number: the laws of tdint, then the laws of plug-ins."""
+
+OURS = len(NAMES)
 """Number of built-in laws. Laws with this number or a larger one belong to plug-ins."""
-LINEAR = LAWS.index(linear.LAW)
+
+LINEAR = NAMES.index("linear")
 """Number of the linear law in row CODE of `law_parameters`."""

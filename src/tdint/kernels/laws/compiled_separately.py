@@ -262,8 +262,8 @@ def _kernel(code: int) -> Kernel:
 
 def __getattr__(name: str) -> Kernel:
     """Return the kernel of the law with this name, for the process that compiles it."""
-    for code, law in enumerate(LAWS):
-        if law.compiled_separately and law.name == name:
+    for code, law_name in enumerate(LAWS.names()):
+        if law_name == name and LAWS[code].compiled_separately:
             return _kernel(code)
     raise AttributeError(name)
 

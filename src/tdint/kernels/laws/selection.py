@@ -53,14 +53,17 @@ def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
 _VARIANT_LAWS = {name.partition("@")[0] for name in VARIANT.laws}
 
 COMPILED = tuple(
-    code for code, law in enumerate(LAWS) if not _VARIANT_LAWS or law.name in _VARIANT_LAWS
+    code
+    for code, name in enumerate(LAWS.names())
+    if not _VARIANT_LAWS or name in _VARIANT_LAWS
 )
 """Numbers of the laws for which the kernels are compiled."""
 
 CURVED_LAWS = _codes(lambda law: law.curved)
 """Numbers of the laws with curved branches."""
 
-HAS_CURVED_LAW = any(LAWS[code].curved for code in COMPILED)
+# A process that does not compile kernels has the variant with all laws, which have all features.
+HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 
 HAS_CURVED_FORCE = VARIANT.dashpots or HAS_CURVED_LAW
@@ -70,7 +73,7 @@ dashpot."""
 HAS_NONLINEAR_FORCE = HAS_CURVED_FORCE or any(LAWS[code].kinked for code in COMPILED)
 """True if a story can have a force that is not linear in its motion."""
 
-HAS_SEPARATE_LAW = any(LAWS[code].compiled_separately for code in COMPILED)
+HAS_SEPARATE_LAW = not COMPILES or any(LAWS[code].compiled_separately for code in COMPILED)
 """True if a law of the variant is compiled separately. The stiffness of its branches can depend on
 the response history."""
 
