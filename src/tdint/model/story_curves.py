@@ -9,14 +9,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.csv_table import CsvTable, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.number_parsing import pluralize
 from tdint.units import FORCE, LENGTH, MASS, STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from tdint.csv_table import CsvTable
 
 # ---- The text of a first model file: a building that runs as it is, with comments on what to
 # replace
@@ -350,6 +353,8 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
     ModelError
         It is no such file, or a story is missing, has too few points, or drifts that do not grow.
     """
+    from tdint.csv_table import read_table
+
     table = read_table(source, _NEEDS)
     drift, length = _column(table, "drift", LENGTH)
     shear, force = _column(table, "shear", FORCE)
