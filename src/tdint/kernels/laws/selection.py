@@ -53,9 +53,7 @@ def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
 _VARIANT_LAWS = {name.partition("@")[0] for name in VARIANT.laws}
 
 COMPILED = tuple(
-    code
-    for code, name in enumerate(LAWS.names())
-    if not _VARIANT_LAWS or name in _VARIANT_LAWS
+    code for code, name in enumerate(LAWS.names()) if not _VARIANT_LAWS or name in _VARIANT_LAWS
 )
 """Numbers of the laws for which the kernels are compiled."""
 
