@@ -121,9 +121,16 @@ def step(
 ):
     """Integrate the equations of motion over one time step of the published method.
 
-    The equations are eqs. 15 to 23 of the publication, for nonlinear laws eqs. 46 to 54. Newton's
-    method solves them for u1 - u0 and v1 - v0 of each floor. The derivative of the tangent k_T,
-    which is part of eq. 46, is omitted from the matrix.
+    Newton's method solves the equations of kinematics and momentum for u1 - u0 and v1 - v0 of each
+    floor; a1 follows from equilibrium (eqs. 15 to 23 of the publication, for nonlinear laws eqs. 46
+    to 54):
+
+        M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)
+        M (v1 - v0) + C (u1 - u0) + f0 h + k_T (q - u0 h) = I
+        M a1 + C v1 + f(u1) = p1
+
+    q is the integral of the displacement over the step (eq. 14), I the impulse of the load and k_T
+    the tangent stiffness at the end of the step. The derivative of k_T is omitted from the matrix.
 
     Parameters
     ----------

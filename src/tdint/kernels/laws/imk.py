@@ -514,9 +514,13 @@ def _functions() -> LawFunctions:
     def cross_zero_force(law_parameters, law_state, i, block, side):
         """Apply the deterioration at a zero crossing of the force, and set the reloading branch.
 
-        The point of maximum drift is moved to the deteriorated backbone curve. With pinching,
-        reloading leads first to the point with the drift (1 - kD) (maximum drift - force / Ku),
-        on the line from the zero crossing with kF times the force of the maximum drift.
+        The point of maximum drift, with the drift dm and the force Fm, is moved to the deteriorated
+        backbone curve. With the pinching parameters kD (`drift`) and kF (`force`), reloading leads
+        from the drift z of the zero crossing first to the pinched point (x, F),
+
+            x = (1 - kD) (dm - Fm / Ku),   F = kF Fm (x - z) / (dm - z)
+
+        where Ku is the unloading stiffness.
 
         Parameters
         ----------
