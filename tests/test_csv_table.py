@@ -83,6 +83,18 @@ def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch)
     refused(None, "pipe: is a named pipe, which may never end", str(tmp_path / "pipe"))
 
 
+def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+    """A file without blocks on the disk states its size all the same."""
+    with (tmp_path / "t.csv").open("wb") as file:
+        file.truncate(2**30)
+    tracemalloc.start()
+    with pytest.raises(ModelError, match="larger than 256 MiB"):
+        read_table(str(tmp_path / "t.csv"), "a table")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2**22
+
+
 def raises(reader, folder, text, message):
     """A reader refuses a file with this text."""
     read, error, _ = READERS[reader]

@@ -145,6 +145,9 @@ def read_whole(
         Exception of type `error`: the file cannot be read, or is too large.
     """
     try:
+        # A file of a known size is refused before it is read.
+        if str(source) != STDIN and is_file(source) and Path(source).stat().st_size > most:
+            raise error(f"{source}: {large}")
         data = read_at_most(source, most, error)
     except (OSError, ValueError) as exception:
         reason = f"cannot be read: {getattr(exception, 'strerror', None) or exception}"
