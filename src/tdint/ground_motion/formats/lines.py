@@ -27,7 +27,7 @@ _HEADER_LINE = 1000
 """Characters; maximum part of a header line that is searched, because patterns are slow in very
 long lines."""
 
-_FEW, _ROWS = 5, 50
+_MIN_ROWS, _ROWS = 5, 50
 """Minimum and maximum number of rows used to check the decimals of the last number in a file."""
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?"
@@ -291,10 +291,10 @@ class Lines:
         rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
         before = (
             [places[-1] for places in map(_places, rows) if places]
-            if len(rows) >= _FEW
+            if len(rows) >= _MIN_ROWS
             else last[:-1]
         )
-        if len(before) >= _FEW and len(set(before)) == 1 and last[-1] < before[0]:
+        if len(before) >= _MIN_ROWS and len(set(before)) == 1 and last[-1] < before[0]:
             raise RecordError("the file is cut off within its last number")
         return numbers
 
