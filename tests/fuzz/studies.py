@@ -114,7 +114,7 @@ def outcome(name: str, seed: int) -> str:
     while wrong == text or _takes_long(wrong):
         wrong = (
             _other_numbers(text, source)
-            if source.random() < 0.6
+            if source.random() < 0.6 and _NUMBER.search(text)
             else damaged(text, source.randrange(2**31))
         )
     with replaced(file, wrong.encode("utf-8", "surrogateescape")):
