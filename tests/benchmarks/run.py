@@ -622,7 +622,7 @@ $ tdint chart --problems mine.yaml -o mine.csv --plot
 $ tdint chart office.yaml tower.yaml a.mseed b.mseed
 ```
 
-The line of one plug-in is thick and in front; `--highlight NAME` takes another one.
+The lines of plug-ins are thick and in front; `--highlight NAME` highlights another line instead.
 A problem or a method more on this page is an entry there, or a name in `METHODS` of
 [profiles.py](../../src/tdint/analysis/chart/profiles.py); then the command above.
 """  # noqa: E501

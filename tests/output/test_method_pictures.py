@@ -1,6 +1,7 @@
 """Pictures of methods: what is highlighted, colors that are one's own in all of them, words that do
 not touch."""
 
+import io
 import itertools
 import math
 from contextlib import contextmanager
@@ -112,10 +113,34 @@ def test_a_method_of_mine_is_thick_and_in_front(of_plugins, plugins, asked):
         assert len({look[2] for look in drawn.values()}) == 1  # impulse4 like all others
 
 
-def test_of_several_plugins_none_is_in_front_unasked(of_plugins):
+def test_several_plugins_are_in_front_of_other_methods_and_alike(of_plugins):
     of_plugins(LONG)
-    for drawn in all_looks(LONG):
+    for drawn in all_looks(["impulse4", "newmark-average", *LONG]):
+        others = [drawn.pop(name) for name in ("impulse4", "newmark-average")]
         assert len({look[2] for look in drawn.values()}) == 1
+        for _, _, width, height in drawn.values():
+            assert all(width > 1.5 * look[2] and height > look[3] for look in others)
+
+
+def test_a_chart_in_one_column_has_a_short_explanation_and_a_high_panel():
+    """90 mm wide: at most three lines explain circle, triangle and band, and the panel is at least
+    55 mm high."""
+    chart = charted(NAMES[:11])
+    token = PRINTED.set(parse_style("90mm"))
+    try:
+        figure = chart_picture(chart, name="ten-story office with yielding stories", target="drift")
+        picture(".png", lambda: figure)(io.BytesIO())
+    finally:
+        PRINTED.reset(token)
+    (legend,) = figure.legends
+    text = legend.get_title().get_text()
+    assert len(text.splitlines()) <= 3
+    assert "band: no other point is cheaper and more accurate" in " ".join(text.split())
+    assert "circle: sampling interval" in " ".join(text.split())
+    (axes,) = figure.axes
+    height = axes.get_window_extent().height / figure.dpi * 25.4
+    assert height >= 55.0
+    assert len(axes.get_xlabel().splitlines()) <= 2
 
 
 # ---- The matrix of failures

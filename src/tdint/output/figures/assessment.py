@@ -531,6 +531,8 @@ _COSTS = {
     "steps": "time steps",
     "solves": "solutions of the equations (for scipy: evaluations of the derivatives)",
 }
+_BAND_RULE = "no other point is cheaper and more accurate"
+_HIGH = 6.6  # inches; height of a figure in one column before the scale of its width and the legend
 _FOOT = 100  # characters per line of the footnote
 
 
@@ -674,7 +676,9 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
 
 
 def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
-    figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+    # In one column, the explanation is the title of the legend, and the panel is higher.
+    narrow = is_narrow()
+    figure = Figure(figsize=(7.5, _HIGH if narrow else 5.6), layout="constrained")
     axes = figure.subplots()
     # The front is a band below all lines. Lines have markers at their points, and a triangle below
     # the gap.
@@ -713,7 +717,8 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         plain_numbers(axes.yaxis)
         plain_minor_numbers(axes.yaxis)
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
-    axes.set_xlabel(f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}")
+    quantity = QUANTITIES[drawing.target]
+    axes.set_xlabel(quantity if narrow else f"{quantity}\n{_footnote(drawing)}")
     # For times, the label states what is timed, also for other programs.
     chart = drawing.chart
     label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
@@ -724,13 +729,16 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         figure,
         axes,
         [*handles, band],
-        [*drawing.lines, "band: no other point is cheaper and more accurate"],
+        [*drawing.lines, "band" if narrow else f"band: {_BAND_RULE}"],
         NARROW,
     )
-    titled(
-        figure,
-        _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"),
-    )
+    subject = f"{drawing.versus} against accuracy, "
+    if narrow:
+        legend = figure.legends[-1]
+        legend.set_title(_short_footnote(drawing), prop={"size": 6.0})
+        legend.get_title().set_multialignment("center")
+        subject = ""
+    titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
     # Time steps at the points of the front and at the smallest time step of each line, if there is
     # space after the layout.
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
@@ -752,8 +760,22 @@ def _chart_frame(axes: Any) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
+def _short_footnote(drawing: _Drawing) -> str:
+    """Return the meaning of band, circle and triangle in at most three lines of a column.
+
+    The command prints the reference and the conditions of the times.
+    """
+    chart = drawing.chart
+    of_step = "sampling interval" if chart.recorded else "time step of the model"
+    text = f"band: {_BAND_RULE}; circle: {of_step}, {chart.interval:.4g} s"
+    if any(drawing.below(points) for points in drawing.lines.values()):
+        gap = f"{chart.reference.gap.of(drawing.target):.1e}"
+        text += f"; triangle: error below {gap}, the uncertainty of the reference"
+    return "\n".join(wrap(text, _NARROW_FOOT))
+
+
 def _footnote(drawing: _Drawing) -> str:
-    """Return the footnote: the meaning of the circle, and the reference of the errors."""
+    """Return the footnote: the meaning of circle and triangle, and the reference of the errors."""
     chart, reference = drawing.chart, drawing.chart.reference
     gap = reference.gap.of(drawing.target)
     interval = "sampling interval of the record" if chart.recorded else "time step of the model"
@@ -764,11 +786,12 @@ def _footnote(drawing: _Drawing) -> str:
         f"tdint {version_of_sources()[0]}",
         *(f"{peer.name} {peer.version}" for peer in chart.peers),
     ]
+    triangle = "; triangle: smaller error" * any(map(drawing.below, drawing.lines.values()))
     return "\n".join(
         wrap(
             f"circle: {interval}, {chart.interval:.4g} s; reference: "
             f"{reference.method}, dt {reference.dt:.3g} s; difference from "
-            f"{reference.confirmed_by}: {gap:.1e}; times: {CLOCKS[chart.timing.clock]}, "
+            f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: {CLOCKS[chart.timing.clock]}, "
             f"{chart.timing.told}, "
             f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
             _FOOT,

@@ -172,8 +172,8 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
     """Return color, dashes and marker of each method, which are the same in all figures.
 
     Methods of the catalogue and of other programs have fixed looks. Plug-ins and methods with
-    parameters use the remaining looks in their order. The method to highlight, or the only plug-in,
-    has a wider line in front of the others.
+    parameters use the remaining looks in their order. The method to highlight, or all plug-ins
+    without a method to highlight, have a wider line in front of the others.
 
     Parameters
     ----------
@@ -186,8 +186,8 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
 
     lines = dict.fromkeys(methods)
     named = list(dict.fromkeys((*_PLACES, *catalogue())))
-    mine = [line for line in lines if line in named and not is_ours(line)]
-    front = highlight or (mine[0] if len(mine) == 1 else "")
+    mine = [line for line in lines if line in catalogue() and not is_ours(line)]
+    front = [highlight] if highlight else mine
     looks: dict[str, dict[str, Any]] = {}
     for place, method in enumerate((*named, *(line for line in lines if line not in named))):
         # With twelve colors and eleven markers, the first 132 combinations differ.
@@ -196,7 +196,7 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
             _METHOD_MARKERS[place % len(_METHOD_MARKERS)],
         )
         looks[method] = {"color": color, "linestyle": DASHES[place % len(DASHES)], "marker": marker}
-        if method == front:
+        if method in front:
             looks[method] |= {"linewidth": _FRONT_WIDTH, "zorder": 4}
     return looks
 
