@@ -168,8 +168,8 @@ def draw(
         text = folders
         for i in filled:
             values = [
-                _shortened(row[i], wide).ljust(wide) if wide else row[i]
-                for row, wide in zip(cells, wides, strict=True)
+                value.ljust(wide or 0)
+                for value, wide in zip(_shortened(_at(cells, i), wides), wides, strict=True)
             ]
             text += _GAP.join([columns[i].ljust(longest), *values]).rstrip() + "\n"
         return text
@@ -217,7 +217,7 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
     error = ["error"] if bare != name else []
     words = [*bare.removesuffix(end).split("_"), *error, *([unit] if end else [])]
     # Wrap the words to the width of the cells. A longer word has a line of its own.
-    cells = [_shortened(cell, limit) for cell in cells]
+    cells = _shortened(cells, [limit] * len(cells))
     room = max(_NARROWEST, *map(len, cells), 0)
     head = [""]
     for word in words:
@@ -231,8 +231,25 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
     return [line.rjust(wide) if right else line.ljust(wide) for line in lines]
 
 
-def _shortened(text: str, room: int) -> str:
-    return text if len(text) <= room else text[: room - 3] + "..."
+def _shortened(texts: Sequence[str], rooms: Sequence[int | None]) -> list[str]:
+    """Shorten texts to their rooms in characters (None: unlimited), so that they remain distinct.
+
+    Texts lose their ends. If two different texts would then be equal, as names of files that differ
+    in their last letters, all lose their middle.
+    """
+    pairs = list(zip(texts, rooms, strict=True))
+    short = [
+        text if room is None or len(text) <= room else text[: room - 3] + "..."
+        for text, room in pairs
+    ]
+    if len(set(short)) == len(set(texts)):
+        return short
+    return [
+        text
+        if room is None or len(text) <= room
+        else f"{text[: (room - 3) // 2]}...{text[len(text) - (room - 3) + (room - 3) // 2 :]}"
+        for text, room in pairs
+    ]
 
 
 def _side_by_side(

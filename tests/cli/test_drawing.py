@@ -48,6 +48,17 @@ def test_few_rows_that_are_too_wide_are_turned():
     assert lines == [f"name_{i}".ljust(7) + f"  {i}" for i in range(30)]
 
 
+@pytest.mark.parametrize("columns", [3, 20])
+def test_records_with_long_names_that_differ_at_the_end_keep_distinct_names(columns):
+    """Three records whose file names agree in their first 70 letters, in columns or transposed."""
+    names = [f"{70 * 'a'}-{end}.mseed" for end in ("firm", "near-fault", "soft")]
+    rows = [(name, *(float(i + k) for k in range(columns))) for i, name in enumerate(names)]
+    text = draw(("record", *(f"quantity_{k}" for k in range(columns))), rows, 80)
+    shown = [word for word in text.split() if "..." in word]
+    assert len(set(shown)) == 3
+    assert max(map(len, text.splitlines())) <= 80
+
+
 def test_no_rows_leave_the_names():
     assert draw(("a", "b"), [], 80).split() == ["a", "b", "-", "-"]
 

@@ -735,8 +735,8 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     subject = f"{drawing.versus} against accuracy, "
     if narrow:
         legend = figure.legends[-1]
-        legend.set_title(_short_footnote(drawing), prop={"size": 6.0})
-        legend.get_title().set_multialignment("center")
+        legend.set_title(_short_footnote(drawing))
+        legend.get_title().set(fontsize=6.0, multialignment="center")
         subject = ""
     titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
     # Time steps at the points of the front and at the smallest time step of each line, if there is
