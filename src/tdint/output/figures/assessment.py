@@ -17,6 +17,7 @@ from tdint.analysis.defaults import QUANTITIES
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.number_parsing import pluralize
+from tdint.output.figures.chart_notes import BAND_RULE, NARROW_FOOT, footnote, short_footnote
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -34,7 +35,7 @@ from tdint.output.figures.style import (
 )
 from tdint.output.printed import PRINTED
 from tdint.output.tables.methods import PEER
-from tdint.system import CLOCKS, version_of_sources
+from tdint.system import CLOCKS
 
 if TYPE_CHECKING:
     from tdint.analysis.assessment.failures import Trial
@@ -373,7 +374,6 @@ _LETTER_UP = 0.06  # inches; width of an 8 pt character
 _LINE = 0.15  # inches; height of a line
 _MOST_LETTERS = 5  # maximum number of characters of a printed number
 _MOST_PANELS = 3  # maximum number of panels below each other
-_NARROW_FOOT = 62  # number of 6 pt characters in the width of a column
 
 
 class _Mark(NamedTuple):
@@ -458,7 +458,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
         "handleheight": 1.4,
         "title_fontsize": 7.5,
     }
-    explanation = "\n".join(wrap(_EXPLANATION, _NARROW_FOOT)) if narrow else _EXPLANATION
+    explanation = "\n".join(wrap(_EXPLANATION, NARROW_FOOT)) if narrow else _EXPLANATION
     legend = figure.legend(
         handles, list(_LEGEND), loc="outside lower center", title=explanation, **size
     )
@@ -531,9 +531,7 @@ _COSTS = {
     "steps": "time steps",
     "solves": "solutions of the equations (for scipy: evaluations of the derivatives)",
 }
-_BAND_RULE = "no other point is cheaper and more accurate"
 _HIGH = 6.6  # inches; height of a figure in one column before the scale of its width and the legend
-_FOOT = 100  # characters per line of the footnote
 
 
 def chart_picture(
@@ -660,6 +658,15 @@ class _Drawing:
                 front.append(point)
         return front
 
+    @property
+    def has_triangles(self) -> bool:
+        """True if any line has a point below the gap."""
+        return any(map(self.below, self.lines.values()))
+
+    def footnote(self) -> str:
+        """Return the footnote of a wide figure."""
+        return footnote(self.chart, self.target, self.points, self.has_triangles)
+
     def below(self, points: Sequence[Point]) -> list[Point]:
         """Return the cheapest point below the gap, if there are points below the gap."""
         below = [point for point in points if point.error(self.target) <= self.gap]
@@ -718,7 +725,7 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         plain_minor_numbers(axes.yaxis)
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
     quantity = QUANTITIES[drawing.target]
-    axes.set_xlabel(quantity if narrow else f"{quantity}\n{_footnote(drawing)}")
+    axes.set_xlabel(quantity if narrow else f"{quantity}\n{drawing.footnote()}")
     # For times, the label states what is timed, also for other programs.
     chart = drawing.chart
     label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
@@ -729,13 +736,13 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         figure,
         axes,
         [*handles, band],
-        [*drawing.lines, "band" if narrow else f"band: {_BAND_RULE}"],
+        [*drawing.lines, "band" if narrow else f"band: {BAND_RULE}"],
         NARROW,
     )
     subject = f"{drawing.versus} against accuracy, "
     if narrow:
         legend = figure.legends[-1]
-        legend.set_title(_short_footnote(drawing))
+        legend.set_title(short_footnote(chart, drawing.target, drawing.has_triangles))
         legend.get_title().set(fontsize=6.0, multialignment="center")
         subject = ""
     titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
@@ -760,45 +767,6 @@ def _chart_frame(axes: Any) -> None:
         axis.set_minor_formatter(NullFormatter())
 
 
-def _short_footnote(drawing: _Drawing) -> str:
-    """Return the meaning of band, circle and triangle in at most three lines of a column.
-
-    The command prints the reference and the conditions of the times.
-    """
-    chart = drawing.chart
-    of_step = "sampling interval" if chart.recorded else "time step of the model"
-    text = f"band: {_BAND_RULE}; circle: {of_step}, {chart.interval:.4g} s"
-    if any(drawing.below(points) for points in drawing.lines.values()):
-        gap = f"{chart.reference.gap.of(drawing.target):.1e}"
-        text += f"; triangle: error below {gap}, the uncertainty of the reference"
-    return "\n".join(wrap(text, _NARROW_FOOT))
-
-
-def _footnote(drawing: _Drawing) -> str:
-    """Return the footnote: the meaning of circle and triangle, and the reference of the errors."""
-    chart, reference = drawing.chart, drawing.chart.reference
-    gap = reference.gap.of(drawing.target)
-    interval = "sampling interval of the record" if chart.recorded else "time step of the model"
-    chosen = "; by tolerance: of the whole run" * any(
-        math.isnan(p.dt) and PEER not in p.line for p in drawing.points
-    )
-    programs = [
-        f"tdint {version_of_sources()[0]}",
-        *(f"{peer.name} {peer.version}" for peer in chart.peers),
-    ]
-    triangle = "; triangle: smaller error" * any(map(drawing.below, drawing.lines.values()))
-    return "\n".join(
-        wrap(
-            f"circle: {interval}, {chart.interval:.4g} s; reference: "
-            f"{reference.method}, dt {reference.dt:.3g} s; difference from "
-            f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: {CLOCKS[chart.timing.clock]}, "
-            f"{chart.timing.told}, "
-            f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
-            _FOOT,
-        )
-    )
-
-
 def _title(drawing: _Drawing, name: str, subject: str) -> str:
     return f"{name}\n{pluralize(drawing.chart.stories, 'story')}: {subject}"
 
@@ -820,7 +788,7 @@ def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
     _chart_frame(axes)
     axes.set_ylim(top=min(axes.get_ylim()[1], _LARGEST_ERROR))
-    axes.set_xlabel(f"time step (s)\n{_footnote(drawing).replace('circle', 'vertical line')}")
+    axes.set_xlabel(f"time step (s)\n{drawing.footnote().replace('circle', 'vertical line')}")
     axes.set_ylabel(QUANTITIES[drawing.target])
     add_legend(figure, axes, handles, labels, NARROW)
     return titled(figure, _title(drawing, name, "error over the time step"))

@@ -1,0 +1,68 @@
+"""Explanations below work-precision diagrams: band, circle, triangle, reference and times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from tdint.output.tables.methods import PEER
+from tdint.system import CLOCKS, version_of_sources
+
+if TYPE_CHECKING:
+    from tdint.analysis.chart.work_precision import Chart, Point
+
+BAND_RULE = "no other point is cheaper and more accurate"
+NARROW_FOOT = 62  # number of 6 pt characters in the width of a column
+_FOOT = 100  # characters per line of the footnote
+
+
+def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
+    """Return the meaning of band, circle and triangle in at most three lines of a column.
+
+    The command prints the reference and the conditions of the times.
+    """
+    of_step = "sampling interval" if chart.recorded else "time step of the model"
+    text = f"band: {BAND_RULE}; circle: {of_step}, {chart.interval:.4g} s"
+    if has_triangles:
+        gap = f"{chart.reference.gap.of(target):.1e}"
+        text += f"; triangle: error below {gap}, the uncertainty of the reference"
+    return "\n".join(wrap(text, NARROW_FOOT))
+
+
+def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: bool) -> str:
+    """Return the meaning of circle and triangle, the reference of the errors, and the times.
+
+    Parameters
+    ----------
+    chart : Chart
+        Measurements.
+    target : str
+        Error that is shown.
+    points : sequence of Point
+        Points that are drawn.
+    has_triangles : bool
+        True if triangles are drawn.
+    """
+    reference = chart.reference
+    gap = reference.gap.of(target)
+    interval = "sampling interval of the record" if chart.recorded else "time step of the model"
+    chosen = "; by tolerance: of the whole run" * any(
+        math.isnan(p.dt) and PEER not in p.line for p in points
+    )
+    programs = [
+        f"tdint {version_of_sources()[0]}",
+        *(f"{peer.name} {peer.version}" for peer in chart.peers),
+    ]
+    triangle = "; triangle: smaller error" * has_triangles
+    return "\n".join(
+        wrap(
+            f"circle: {interval}, {chart.interval:.4g} s; reference: "
+            f"{reference.method}, dt {reference.dt:.3g} s; difference from "
+            f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: "
+            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
+            f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
+            _FOOT,
+        )
+    )
