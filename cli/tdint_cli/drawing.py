@@ -232,10 +232,10 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
 
 
 def _shortened(texts: Sequence[str], rooms: Sequence[int | None]) -> list[str]:
-    """Shorten texts to their rooms in characters (None: unlimited), so that they remain distinct.
+    """Shorten texts to a number of characters each (None: unlimited) and keep them distinct.
 
-    Texts lose their ends. If two different texts would then be equal, as names of files that differ
-    in their last letters, all lose their middle.
+    The end of each text is removed. If this makes two different texts equal, for example file names
+    with different last letters, the middle of each text is removed instead.
     """
     pairs = list(zip(texts, rooms, strict=True))
     short = [

@@ -119,7 +119,7 @@ class Request(options.record.RecordRequest):
         needs="--plot",
         default="",
         metavar="NAME",
-        help="Method with a thick line in front; by default the methods of plug-ins.",
+        help="Method with a thick line in front; default: methods of plug-ins.",
     )
     cache: bool = options.option(
         "--cache/--no-cache",
