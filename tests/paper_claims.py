@@ -700,7 +700,7 @@ ROWS = {
     "Example 2": Row(
         lambda: [
             example_error(2, "rk5"),
-            example_error(2, "rk5", "load held over each step"),
+            example_error(2, "rk5", "load constant in each step"),
         ],
         lambda rk5, held: [rk5 > example_error(2, "impulse")],
     ),

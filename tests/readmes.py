@@ -147,7 +147,7 @@ def law_table():
 
 def model_table():
     """The models of configs with the first sentence of their comments."""
-    rows = ["| model | what it is |", "|---|---|"]
+    rows = ["| model | description |", "|---|---|"]
     for path in sorted((ROOT / "configs").glob("*.yaml")):
         comment = "\n".join(
             line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines()
@@ -172,7 +172,7 @@ def _bound(problem: HardProblem):
 def problem_table():
     """The problems on which methods fail, and what they are judged by; their sources stand in
     `tdint.analysis`."""
-    rows = ["| problem | what it is | passes with |", "|---|---|---|"]
+    rows = ["| problem | description | passes with |", "|---|---|---|"]
     for problem in problems().values():
         rows.append(f"| `{problem.name}` | {problem.about} | {_bound(problem)} |")
     return "\n".join(rows) + "\n"
@@ -194,7 +194,7 @@ def layer_table():
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
         "contracts"
     ]
-    rows = ["| layer | what it is |", "|---|---|"]
+    rows = ["| layer | description |", "|---|---|"]
     for layer in next(contract["layers"] for contract in contracts if contract["type"] == "layers"):
         name = layer.strip("()").replace(".", "/")
         place = ROOT / ("src" if name.startswith("tdint/") else "cli") / name

@@ -60,12 +60,12 @@ def refused(request, tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, r"t\.csv: no such file; \w+"),
+        (None, r"t\.csv: file not found; \w+"),
         (b"", r"t\.csv: is empty; \w+"),
         (b"\n , \n", r"t\.csv: is empty"),
         (b"COLUMN,name\n1,Z\xfcrich\n", r"t\.csv: not UTF-8 text \(byte 0xfc\); save it as UTF-8"),
         ("id\n1\n".encode("utf-16"), r"t\.csv: not UTF-8 text \(byte 0xff\)"),
-        (b"COLUMN\n1\n2\0\n", r"t\.csv:3: a null character"),
+        (b"COLUMN\n1\n2\0\n", r"t\.csv:3: null character"),
         (b'COLUMN,name\n1,a\n2,"b\n3,c\n', r"t\.csv: a quotation mark below line 2 is not closed"),
         (b"COLUMN," + 200_000 * b"x" + b"\n1,2\n", r"t\.csv:1: invalid CSV: field larger"),
         (b"\nCOLUMN,x, COLUMN\n1,2,3\n", r"t\.csv:2: the header contains the column COLUMN twice"),
@@ -80,7 +80,7 @@ def test_every_reader_refuses_what_may_never_end(refused, tmp_path, monkeypatch)
     refused(b"COLUMN\n" + 2**20 * b"1", r"t\.csv: larger than 1 MiB")
     refused(None, "/dev/zero: larger than 1 MiB", "/dev/zero")
     os.mkfifo(tmp_path / "pipe")
-    refused(None, "pipe: is a named pipe, which may never end", str(tmp_path / "pipe"))
+    refused(None, "pipe: this is a named pipe, which may never end", str(tmp_path / "pipe"))
 
 
 def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
@@ -139,7 +139,12 @@ def test_empty_cells_at_the_end_are_nothing(tmp_path):
 
 @pytest.mark.parametrize("reader", [name for name in FULL if name != "path"])
 def test_files_without_rows(tmp_path, reader):
-    raises(reader, tmp_path, f"{FULL[reader][0]}\n\n", r"t\.csv: has no rows below its header; \w+")
+    raises(
+        reader,
+        tmp_path,
+        f"{FULL[reader][0]}\n\n",
+        r"t\.csv: the table has no rows below its header; \w+",
+    )
 
 
 def ending_in(cell, reader):

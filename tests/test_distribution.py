@@ -23,7 +23,7 @@ def test_the_package_is_the_command(package, tmp_path):
     """Words and exit code are those of `tdint`."""
     command = [sys.executable, "-m", package, "run", "none.yaml"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 3 and "none.yaml: no such file" in done.stderr
+    assert done.returncode == 3 and "none.yaml: file not found" in done.stderr
 
 
 def test_the_description_leads_nowhere_that_an_index_has_not():

@@ -90,5 +90,5 @@ def test_a_pool_of_new_processes_does_not_wait_for_ever():
     does not tell them."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         waiting = pool.apply_async(tdint.load_model, ("none.yaml",))
-        with pytest.raises(errors.ModelError, match=r"none\.yaml: no such file"):
+        with pytest.raises(errors.ModelError, match=r"none\.yaml: file not found"):
             waiting.get(timeout=120.0)

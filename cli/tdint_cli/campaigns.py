@@ -222,10 +222,10 @@ class Profiles:
         if not told:
             return ""
         left = len(profile.motions)
-        others = f"{left} others" if left > 1 else "other"
-        means = f"the means are those of the {others}" if left else "there is no mean"
+        others = pluralize(left, "motion")
+        means = f"the means are over the remaining {others}" if left else "no mean can be computed"
         name = self.limits.building(profile) or profile.building
-        return f"{name}: of {pluralize(profile.runs, 'motion')} {told}; {means}"
+        return f"{name}: of {pluralize(profile.runs, 'ground motion')}, {told}; {means}"
 
     def tell(self) -> list[TdintError]:
         """Report the motions that the means exclude, and compare the mean drifts with the limit.
@@ -253,11 +253,11 @@ class Profiles:
         if left := unfinished(self.store):
             if limit is None and not self.request.require:
                 note(
-                    f"{left}: what is of all motions (means, pictures, pages) comes with the last "
-                    "one"
+                    f"{left}; results over all ground motions (means, figures, reports) are "
+                    "written when all runs are done"
                 )
                 return []
-            text = f"{named} not judged: {left}"
+            text = f"{named} not checked: {left}"
             if self.request.require:
                 return [AnalysisError(text)]
             warn(text)
@@ -265,9 +265,8 @@ class Profiles:
         lost = [text for profile in self.found if (text := self._lost(profile))]
         if (more := len(lost) - _MOST_TOLD) > 0:
             lost[_MOST_TOLD:] = [
-                f"collapsed or failed runs of {pluralize(more, 'more building')} or levels: see "
-                "the "
-                f"columns collapsed and failed of {PROFILES}"
+                f"{pluralize(more, 'more building')} or intensity levels with collapsed or "
+                f"failed runs: see the columns collapsed and failed of {PROFILES}"
             ]
         # In a region, collapses of some buildings are a result, not a warning.
         (warn if more <= 0 else note)(*lost)
@@ -275,19 +274,20 @@ class Profiles:
             return []
         # Limits of the models are checked if this is possible; a request must be fulfilled.
         if not self.found and limit is None and not self.request.require:
-            note(f"the limits of the models are not judged: {_NOT_KEPT}")
+            note(f"the limits of the models are not checked: {_NOT_KEPT}")
             return []
         self._need("--limit" if limit is not None else "--require")
-        beyond: list[str] = []
-        for profile, met, text in self.limits.verdicts(self.units):
-            say(self.limits.named(profile, text))
-            beyond += [] if met else [self.limits.building(profile) or profile.building]
-        beyond = list(dict.fromkeys(beyond))
+        unmet: list[str] = []
+        for profile, verdict in self.limits.verdicts(self.units):
+            say(self.limits.named(profile, verdict.text))
+            if verdict.met is False:
+                unmet.append(self.limits.building(profile) or profile.building)
+        unmet = list(dict.fromkeys(unmet))
         # An unreadable record counts against the limit, because its motion was not run.
         for kind, reasons in self.store.unused().items():
-            beyond += [f"{pluralize(len(reasons), kind)} could not be used"] if reasons else []
-        if beyond and self.request.require:
-            return [AnalysisError(f"{named} not met: {'; '.join(beyond)}")]
+            unmet += [f"{pluralize(len(reasons), kind)} could not be used"] if reasons else []
+        if unmet and self.request.require:
+            return [AnalysisError(f"{named} not met: {'; '.join(unmet)}")]
         return []
 
 
@@ -414,15 +414,15 @@ def carry_out(
                     f"({_rate(advance)}){before}."
                 )
             else:
-                say(f"{pluralize(advance.done, 'run')} done before: nothing to do.")
+                say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
             tell_outcomes(store)
             unmet = profiles.tell()
     # A building without a motion is omitted and reported in the same way as an unreadable record.
     far: list[TdintError] = []
     if plan.far:
         many = (
-            f"{pluralize(len(plan.far), 'building')} left out, too far from any site (max_distance "
-            "of the records)"
+            f"{pluralize(len(plan.far), 'building')} skipped: farther from every site than "
+            "max_distance of the records"
         )
         far = [RecordError(f"{many}, such as {plan.far[0]}")]
     if plan.failures or unmet or far:
@@ -452,8 +452,8 @@ def report_pairs(plan: Plan, request: SuiteRequest) -> None:
     check_pairs(plan.motions, rule)
     if request.pair_demand is not None and not rule.pairs:
         raise UsageError(
-            f"--pair-demand {request.pair_demand}: there are no pairs of horizontal components "
-            "among the records; omit it"
+            f"--pair-demand {request.pair_demand}: the records contain no pairs of horizontal "
+            "components; omit --pair-demand"
         )
     if plan.pair_demand is None and rule.pairs:
         note(rule.note())
@@ -524,7 +524,7 @@ def warn_unfinished(store: Store) -> None:
         Store of the campaign.
     """
     if left := unfinished(store):
-        warn(f"{store.name}: {left}: what follows is of these alone")
+        warn(f"{store.name}: {left}; the following results use only these runs")
 
 
 def is_complete(store: Store) -> bool:
@@ -601,7 +601,7 @@ def advance_with_bar(
 
 
 def _rate(advance: Advance) -> str:
-    return f"{3600.0 * advance.rate:.3g} an hour"
+    return f"{3600.0 * advance.rate:.3g} per hour"
 
 
 def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
@@ -630,12 +630,12 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     _write(profiles, folder, contents, files_read(), made)
     for name, writer in again.items():
         if writer:
-            note(f"{folder / name}: written anew, as the campaign is now")
+            note(f"{folder / name}: updated to the current state of the campaign")
         else:
             (folder / name).unlink(missing_ok=True)
             note(
-                f"{folder / name}: removed, for it was of an earlier state and cannot be written "
-                "here"
+                f"{folder / name}: removed, because it was outdated and this call cannot update "
+                "it; run `tdint campaign export` to write it again"
             )
 
 
@@ -719,7 +719,10 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
     # A map of districts that this call does not write again would be of an earlier state.
     if DISTRICTS in exported and DISTRICTS not in others:
         (folder / DISTRICTS).unlink(missing_ok=True)
-        note(f"{folder / DISTRICTS}: removed; --geojson --by COLUMN writes it again")
+        note(
+            f"{folder / DISTRICTS}: removed, because it was outdated; add --geojson --by COLUMN "
+            "to write it again"
+        )
     # The summary keeps the provenance of the runs that the last call of the campaign has recorded.
     before = told_of(folder / SUMMARY)
     made = {
@@ -891,21 +894,21 @@ def tell_outcomes(store: Store) -> None:
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
         warn(
-            f"no result of {pluralize(sum(failed.values()), 'run')}: {listed}; their rows have "
-            "empty cells"
+            f"{pluralize(sum(failed.values()), 'run')} without a result ({listed}); the cells of "
+            "these runs are empty"
         )
     fell = {name: statuses[name] for name in FALLEN if name in statuses}
     if fell:
         say(", ".join(f"{pluralize(count, 'run')} {name}" for name, count in fell.items()) + ".")
     if repeated := store.count("repeats > 0"):
-        note(f"{pluralize(repeated, 'run')} repeated with finer steps (column dt_s)")
+        note(f"{pluralize(repeated, 'run')} repeated with smaller time steps (column dt_s)")
     if unknown := without_error(store):
         note(
-            f"no estimated error of {pluralize(unknown, 'run')}: what tells it failed or fell "
-            "earlier; empty cells"
+            f"{pluralize(unknown, 'run')} without error estimates, because the second run failed "
+            "or collapsed earlier; these cells are empty"
         )
     if moving := store.count("at_rest = 0"):
         warn(
-            f"{pluralize(moving, 'run')} still moving when the time was over: residual drifts are "
-            "not at rest"
+            f"{pluralize(moving, 'run')} still in motion at the end of the analysis; the "
+            "residual drifts of these runs are not final values"
         )

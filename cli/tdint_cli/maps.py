@@ -75,18 +75,19 @@ def check_map(store: Store, maps: MapRequest, by: str | None, *, complete: bool)
 
     if not is_mapped(store):
         raise UsageError(
-            f"{store.name}: a map needs an inventory with the columns Latitude and Longitude"
+            f"{store.name}: the buildings have no coordinates; a map requires an inventory with "
+            "the columns Latitude and Longitude"
         )
     if not complete:
         raise UsageError(
-            f"{store.name}: not all runs are done; a map tells what the buildings do under all "
-            "motions: call `tdint campaign` again first"
+            f"{store.name}: not all runs are completed, and a map requires the results of all "
+            "ground motions; run `tdint campaign` again first"
         )
     check_events(store, maps.events)
     if by is not None:
         check_column(store, by)
         if not has_losses(store):
             raise UsageError(
-                f"--geojson --by {by}: a map of districts needs losses; add `damage` with `losses` "
-                "to the campaign file"
+                f"--geojson --by {by}: a map of districts requires losses; add `damage` with "
+                "`losses` to the campaign file"
             )

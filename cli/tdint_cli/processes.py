@@ -297,8 +297,8 @@ def _shared(
             if isinstance(outcome, Lost):
                 source = tasks[shared[number]].source
                 outcome = AnalysisError(
-                    f"{source}: the process that worked on it ended before its time (killed, or is "
-                    "there not enough memory?); use fewer --jobs"
+                    f"{source}: the process for this record ended unexpectedly, because it was "
+                    "killed or because memory was insufficient; use fewer --jobs"
                 )
             done[shared[number]] = outcome
         yield done.pop(place)

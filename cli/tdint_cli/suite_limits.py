@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import Profile
     from tdint.model.limits import LimitCheck
     from tdint.output.tables.table import Table
+    from tdint.output.verdicts import Verdict
     from tdint.units import OutputUnits
 
 
@@ -41,9 +42,11 @@ class SuiteLimits:
         """Return True if limits apply to a building."""
         return self.limit is not None or bool(profile.limits)
 
-    def verdicts(self, units: OutputUnits) -> Iterator[tuple[Profile, bool, str]]:
-        """Yield each profile with the results of its comparisons, in units of a report or of the
-        terminal. Results that are not met have the value False."""
+    def verdicts(self, units: OutputUnits) -> Iterator[tuple[Profile, Verdict]]:
+        """Yield each profile with limits and its results, in units of a report or of the terminal.
+
+        The displacement of isolators follows as a result without a limit, unless it has a limit.
+        """
         from tdint.output.verdicts import (
             LostMotions,
             Verdict,
@@ -61,15 +64,19 @@ class SuiteLimits:
                 limit = self.limit
                 shown = f", limit {100.0 * limit:g} %" if isinstance(limit, float) else ""
                 found = [
-                    Verdict(False, f"No motion of {profile.runs} came to its end{shown}: beyond")
+                    Verdict(
+                        False,
+                        f"None of {profile.runs} ground motions was completed{shown}: exceeded",
+                        single_limit=True,
+                    )
                 ]
-            for met, text in found:
-                yield profile, met, text
+            for verdict in found:
+                yield profile, verdict
             # The displacement of isolators is a result that a drift limit does not cover.
             if not has_isolator_limit(checks) and (
                 text := isolator_sentence(profile.isolator_check, units, mean=True)
             ):
-                yield profile, True, text
+                yield profile, Verdict(None, text)
 
     @property
     def drift_line(self) -> float | None:
@@ -121,11 +128,9 @@ class SuiteLimits:
         """Yield the headlines of a report: results with limits; isolators without limits."""
         from tdint.output.verdicts import isolator_sentence
 
-        for profile, met, text in self.verdicts(units):
-            told = self.named(profile, text)
-            if text.startswith(_PLAIN):
-                told = kept_words(met) + told
-            yield (None if text.startswith(_ISOLATOR) else met), told
+        for profile, verdict in self.verdicts(units):
+            outcome = kept_words(bool(verdict.met)) if verdict.single_limit else ""
+            yield verdict.met, outcome + self.named(profile, verdict.text)
         for profile in self.profiles:
             text = isolator_sentence(profile.isolator_check, units, mean=True)
             if text and not self.is_limited(profile):
@@ -141,8 +146,6 @@ class SuiteLimits:
         return f"{name}: {text[0].lower()}{text[1:]}" if name else text
 
 
-_PLAIN, _ISOLATOR = ("Mean drift", "No motion"), "Mean isolator"
-"""First words of sentences on a drift limit alone, and of a sentence without a limit."""
 
 
 def profile_name(profile: Profile, among: list[Profile]) -> str:

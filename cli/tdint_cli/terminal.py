@@ -85,7 +85,7 @@ def emit(data: bytes) -> None:
         while rest:
             written = sys.stdout.buffer.write(rest)
             if not written:
-                raise OSError(errno.ENOSPC, "nothing more goes out")
+                raise OSError(errno.ENOSPC, "no further output")
             rest = rest[written:]
         sys.stdout.buffer.flush()
     except BrokenPipeError:
@@ -385,7 +385,7 @@ def _reported(error: BaseException, settings: Settings) -> int:
             lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
         elif _lacks_memory(error):
             lines = [
-                "not enough memory; leave out --history and --plot, or take fewer steps, stories "
+                "not enough memory; omit --history and --plot, or use fewer time steps, stories "
                 "or periods"
             ]
             code = OUT_OF_MEMORY
@@ -398,8 +398,8 @@ def _reported(error: BaseException, settings: Settings) -> int:
             )
         elif isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
             lines = [
-                f"{error.name} is not installed, and this needs it: pip install "
-                f"{_PACKAGES[error.name]}"
+                f"this command requires {error.name}, which is not installed; install it with: "
+                f"pip install {_PACKAGES[error.name]}"
             ]
             code = UsageError.exit_code
         else:

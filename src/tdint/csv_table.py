@@ -111,7 +111,7 @@ class CsvTable:
         """Return the cells of a column as texts; `empty=False` refuses empty cells."""
         self.need(name)
         if not self.rows:
-            raise self.error(f"{self.source}: has no rows below its header; {self.needs}")
+            raise self.error(f"{self.source}: the table has no rows below its header; {self.needs}")
         index = self.header.index(name.lower())
         texts = []
         for line, cells in self.rows:
@@ -383,7 +383,7 @@ def stream_table(
     while comment and header and header[0].lstrip().startswith(comment):
         header_line, header = next(rows, (0, []))
     if not header:
-        raise error(f"{source}: is empty; {needs}")
+        raise error(f"{source}: the file is empty; {needs}")
     titles = tuple(cell.strip() for cell in header)
     names = tuple(title.lower() for title in titles)
     for name in names if columns is None else columns:
@@ -401,7 +401,7 @@ def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[
             while block := file.readlines(_READ):
                 if "\0" in "".join(block):
                     number = above + next(n for n, line in enumerate(block, 1) if "\0" in line)
-                    raise error(f"{source}:{number}: a null character; save it as UTF-8 text")
+                    raise error(f"{source}:{number}: null character; save the file as UTF-8 text")
                 yield from block
                 above += len(block)
 
@@ -440,7 +440,7 @@ def _checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
     """Read a complete file, check that it is UTF-8 text, and register it as an input."""
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(
-        source, error, {FileNotFoundError: f"no such file; {needs}"}, large, MOST_BYTES
+        source, error, {FileNotFoundError: f"file not found; {needs}"}, large, MOST_BYTES
     )
     record_digest(source, data)
     try:
@@ -450,5 +450,5 @@ def _checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
         raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
     if b"\0" in data:
         line = data.count(b"\n", 0, data.index(b"\0")) + 1
-        raise error(f"{source}:{line}: a null character; save it as UTF-8 text")
+        raise error(f"{source}:{line}: null character; save the file as UTF-8 text")
     return data

@@ -109,14 +109,14 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
     if str(source) != STDIN:
         if is_named_pipe(source):
             raise error(
-                f"{source}: is a named pipe, which may never end; read from it with - and <"
+                f"{source}: this is a named pipe, which may never end; use - and redirect it with <"
             )
         protect_input(source)
         with Path(source).open("rb") as file:
             return _read(file, most)
     stream = getattr(sys.stdin, "buffer", None)
     if stream is None:
-        raise error(f"{STDIN}: there is no standard input to read from")
+        raise error(f"{STDIN}: standard input is closed; specify a file")
     return _read(stream, most)
 
 
@@ -250,18 +250,18 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
         with _as_output_error(file):
             real = os.path.realpath(file)
             if real in seen:
-                raise OutputError(f"{file}: two outputs would have this name")
+                raise OutputError(f"{file}: two outputs have this file name; rename one of them")
             seen.add(real)
             refuse_protected([file])
             folder = _nearest_folder(file)
             if not is_folder(folder):
                 raise OutputError(f"{file}: {folder} is a file, not a directory")
             if not os.access(folder, os.W_OK | os.X_OK):
-                raise OutputError(f"{file}: no permission to write in the directory {folder}")
+                raise OutputError(f"{file}: no permission to write to the directory {folder}")
             if file.is_dir():
-                raise OutputError(f"{file}: is a directory; give the name of a file")
+                raise OutputError(f"{file}: this is a directory; specify a file")
             if file.exists() and not file.is_file():
-                raise OutputError(f"{file}: is a device or a pipe, not a file")
+                raise OutputError(f"{file}: this is a device or a pipe; specify a regular file")
             if file.exists() and not overwrite:
                 raise _exists(file)
 
@@ -270,7 +270,10 @@ def refuse_protected(files: Iterable[Path]) -> None:
     """Raise OutputError if a file to be replaced or removed is an input of this command."""
     for file in files:
         if is_protected(file):
-            raise OutputError(f"{file}: is read by this command; write to another file")
+            raise OutputError(
+                f"{file}: this command reads the file and cannot overwrite it; use another file "
+                "name"
+            )
 
 
 def write_files(
@@ -408,9 +411,8 @@ def remove_abandoned(folder: Path) -> None:
                     temporary.unlink()
             elif time.time() - temporary.stat().st_mtime > _WEEK:
                 _log.info(
-                    "%s: temporary file older than a week; delete it if no tdint command on "
-                    "another "
-                    "machine is writing it",
+                    "%s: temporary file older than a week; remove it unless a tdint process is "
+                    "still writing it",
                     temporary,
                 )
 
@@ -443,8 +445,9 @@ def check_disk_space(file: Path, least: float) -> None:
         free = shutil.disk_usage(folder).free
     if least > free:
         raise OutputError(
-            f"{file}: takes {least / 1e9:.3g} GB at least, {free / 1e9:.3g} GB are free; "
-            "write fewer rows (--history-every) or use another disk"
+            f"{file}: requires at least {least / 1e9:.3g} GB, but "
+            f"{free / 1e9:.3g} GB are free; write fewer time steps (--history-every), "
+            "or use another disk"
         )
 
 
@@ -493,7 +496,7 @@ def _move(temporary: Path, file: Path, overwrite: bool) -> None:
 
 def _exists(file: Path) -> OutputError:
     """Return the error for an existing file that must not be replaced."""
-    return OutputError(f"{file}: exists already; give --overwrite to replace it")
+    return OutputError(f"{file}: the file exists; add --overwrite to replace it")
 
 
 @contextmanager

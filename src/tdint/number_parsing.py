@@ -245,11 +245,11 @@ def parse_named(
                 f"{', '.join(parameters)}{did_you_mean(key, parameters)}"
             )
         if key.lower() in values:
-            raise UsageError(f"{key} is given twice")
+            raise UsageError(f"{key} is specified twice; keep one value")
         values[key.lower()] = value
     missing = [key for key, needed in parameters.items() if needed and key not in values]
     if missing:
-        raise UsageError(f"{name} needs {', '.join(missing)}, such as {example}")
+        raise UsageError(f"{name} requires {', '.join(missing)}, such as {example}")
     return values
 
 

@@ -110,7 +110,7 @@ def _wrong_argument(function: str, arguments: inspect.BoundArguments) -> UsageEr
             )
         if unchecked_error is None and any(_accepts_any(part) for part in ast.walk(expression)):
             unchecked_error = UsageError(
-                f"{function}: {parameter.name} cannot be used as it is, got {got}"
+                f"{function}: invalid value of {parameter.name}, got {got}"
             )
     return unchecked_error
 

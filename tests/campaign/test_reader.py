@@ -28,7 +28,7 @@ analysis: {%s}
         (
             "levels: [0.1 g], pair: rotd50",
             "",
-            "intensity.pair: has nothing to act on without `pairs: true`",
+            "intensity.pair: has no effect without `pairs: true`",
         ),
     ],
 )
@@ -57,7 +57,9 @@ def test_how_the_files_of_pairs_are_named(tmp_path: Path) -> None:
     file.write_text(
         "buildings: {models: [model.yaml]}\nrecords: {files: [a.csv], pairs: '{}_a.csv'}\n"
     )
-    with pytest.raises(ModelError, match=r":2:\d+: records.pairs: .*write two names"):
+    with pytest.raises(
+        ModelError, match=r":2:\d+: records.pairs: .*must be two file name patterns"
+    ):
         load_campaign(file)
 
 
@@ -169,7 +171,7 @@ VALUES = {
         ("records", "files: [a.csv]", "distance", "can only be used with `fields` or a `grid`"),
         ("records", "files: [a.csv]", "rest", "can only be used with `sequences`"),
         ("records", "fields: f.csv", "files sequences rest", "cannot be used with `fields`"),
-        ("records", "fields: f.csv", "distance", "has nothing to act on without `sites`"),
+        ("records", "fields: f.csv", "distance", "has no effect without `sites`"),
         ("records", "sequences: q.csv", "files pairs", "cannot be used with `sequences`"),
         (
             "intensity",

@@ -198,7 +198,7 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
         "samples: 7": ("samples: 100001", "vary.samples: must be a whole number from 1 to 100000"),
         "seed: 2": ("seed: 2147483648", "vary.seed: must be a whole number from 0 to 2147483647"),
         ", samples: 7": ("", "random parameters require `samples`"),
-        "mass_factor": ("masses", "no parameter 'masses'"),
+        "mass_factor": ("masses", "unknown parameter 'masses'"),
         "{uniform": ("{triangular", "triangular"),
         "methods: [": ("method: hht, methods: [", "cannot be used with `methods`"),
     }

@@ -70,7 +70,7 @@ def test_units_are_those_of_the_columns_name(spectra, tdint, header, name, facto
 def test_interpolation_only_if_said(spectra, tdint):
     """A power of the period is straight in logarithms."""
     published = publish("period_s,sd_m\n0.1,0.01\n0.4,0.16\n")
-    tdint.refused("has no period 0.2 s", *OPTIONS, *published, "--period", "0.2")
+    tdint.refused("period 0.2 s not found", *OPTIONS, *published, "--period", "0.2")
     said = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
     (row,) = rows(tdint(*said, "0.2").stdout)
     assert float(row["published_sd_m"]) == pytest.approx(0.04, rel=1e-11)
@@ -95,22 +95,32 @@ def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
     ("text", "options", "code", "message"),
     [
         ("period_s,psa_g\n1,1\n", (), 4, "the table has fewer than 2 rows"),
-        ("period,psa_g\n1,1\n2,1\n", (), 4, "the name of the column 'period' must say its unit"),
-        ("f_hz,psa_g\n1,1\n2,1\n", (), 4, "has no column of periods"),
+        (
+            "period,psa_g\n1,1\n2,1\n",
+            (),
+            4,
+            "the name of the column 'period' must end with its unit",
+        ),
+        ("f_hz,psa_g\n1,1\n2,1\n", (), 4, "column of periods"),
         ("period_s,psa\n1,1\n2,1\n", (), 4, "must end with its units (psa_g)"),
-        ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "has units of a displacement"),
-        ("period_s,values_g\n1,1\n2,1\n", (), 4, "has no column of a spectrum"),
+        ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "has the units of another quantity (displacement)"),
+        ("period_s,values_g\n1,1\n2,1\n", (), 4, "no column contains a spectrum"),
         ("period_s,psa_g,sd_cm\n1,1,1\n2,1,1\n", (), 2, "--against-column: psa_g, sd_cm"),
-        ("period_s,psa_g\n1,1\n1,1\n", (), 4, "has the period 1 s twice"),
-        ("period_s,psa_g\n-1,1\n1,1\n", (), 4, "are not negative"),
-        ("period_s,psa_g\n0,1\n1,-1\n", (), 4, "are not negative"),
-        ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is no finite number"),
-        ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: 3 cells, its first line names 2 columns"),
+        ("period_s,psa_g\n1,1\n1,1\n", (), 4, "the period 1 s is contained twice"),
+        ("period_s,psa_g\n-1,1\n1,1\n", (), 4, "must not be negative"),
+        ("period_s,psa_g\n0,1\n1,-1\n", (), 4, "must not be negative"),
+        ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is not a finite number"),
+        (
+            "period_s,psa_g\n1,1,2\n2,1\n",
+            (),
+            4,
+            "line 2: the row has 3 cells, the header 2 columns",
+        ),
         (
             "period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n",
             (),
             4,
-            "has no damping ratio 0.05; it has 0.1",
+            "damping ratio 0.05 not found; the file contains 0.1",
         ),
         ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "did you mean 'psa_g'?"),
     ],

@@ -252,7 +252,7 @@ def test_a_process_that_dies_costs_its_own_record_only():
     ]
     for lost in (found[1], found[3]):
         assert isinstance(lost, AnalysisError)
-        assert str(lost).startswith("dies: the process that worked on it ended before its time")
+        assert str(lost).startswith("dies: the process for this record ended unexpectedly")
 
 
 def test_what_a_process_raises_is_raised():

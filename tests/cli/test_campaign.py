@@ -227,7 +227,7 @@ def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> Non
     assert not any("runs are done" in tdint(*command, "part").stderr for command in asked)
     assert Path("part/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
     again = tdint("campaign", "study.yaml", "-o", "part", code=0)
-    assert f"{RUNS} runs done before: nothing to do" in again.stderr
+    assert f"All runs ({RUNS}) were completed by an earlier call; nothing to do." in again.stderr
 
 
 def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
@@ -298,7 +298,7 @@ def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> N
         ("buildings: {inventory: a.csv}\nrecords: {files: [b]}\n", "buildings.units: is missing"),
         (
             "buildings: {models: [nowhere.yaml]}\nrecords: {files: [motion.mseed]}\n",
-            "nowhere.yaml: no such file",
+            "nowhere.yaml: file not found",
         ),
         (
             STUDY.replace("scales: [0.25, 1, 2.5]", "measure: d5-95, levels: [0.1 m/s]"),
@@ -328,7 +328,7 @@ def test_records_that_cannot_be_read_are_named_and_the_others_done(
     unused = json.loads(Path("lost/summary.json").read_text())["not_used"]
     assert (unused["records"]["count"], unused["buildings"]) == (2, {"count": 0, "reasons": []})
     for broken, nowhere in (errors, unused["records"]["reasons"]):
-        assert "broken.mseed" in broken and "nowhere.mseed: there is no such file" in nowhere
+        assert "broken.mseed" in broken and "nowhere.mseed: file not found" in nowhere
     told = tdint("campaign", "status", "lost", code=0).stderr
     assert "2 records could not be used" in told and "nowhere.mseed" in told
     change("study.yaml", ("broken.mseed, ", ""))
@@ -345,7 +345,7 @@ def test_failed_runs_are_rows_with_their_status(study: Path, tdint: Command) -> 
     change("study.yaml", ("method: newmark-average", "method: central-difference"))
     change("stiff.yaml", ("80000", "80000000"))
     result = tdint("campaign", "study.yaml", "-o", "failed", code=0)
-    assert "no result of 9 runs: 9 unstable-step" in result.stderr
+    assert "9 runs without a result (9 unstable-step)" in result.stderr
     table = rows("failed/runs.csv")
     assert [row["status"] for row in table] == 9 * ["done"] + 9 * ["unstable-step"]
     assert all(
@@ -594,7 +594,7 @@ def test_exports_of_an_earlier_state_do_not_stay(study: Path, tdint: Command) ->
     tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "1", code=0)
     tdint("campaign", "export", "part", "--simcenter", code=0)
     before = len(rows("part/simcenter.csv"))
-    assert "simcenter.csv: written anew" in tdint("campaign", "study.yaml", "-o", "part").stderr
+    assert "simcenter.csv: updated" in tdint("campaign", "study.yaml", "-o", "part").stderr
     exported = Path("part/simcenter.csv").read_bytes()
     assert len(rows("part/simcenter.csv")) == RUNS > before
     tdint("campaign", "export", "part", "--simcenter")

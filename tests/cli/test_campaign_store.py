@@ -120,7 +120,7 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
         ["merge", "out", "-o", "new"],
     ):
         *_, line = tdint("campaign", *arguments, code=6).stderr.splitlines()
-        assert "cannot be trusted" in line
+        assert "not a valid campaign store" in line
     assert Path("out", FILE).read_bytes() == before
     assert tdint("campaign", "study.yaml", "-o", "out", "--overwrite").exit_code == 0
     assert tables("out") == done
@@ -208,7 +208,7 @@ def test_waiting_is_said_and_ends(
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     with locked_by_another():
         tdint.refused(
-            "another program keeps the file locked", "campaign", "study.yaml", "-o", "out", code=6
+            "the file is locked by another program", "campaign", "study.yaml", "-o", "out", code=6
         )
     say = store_schema._log.info
     with locked_by_another() as other:
@@ -228,13 +228,13 @@ def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdin
     kept = {path.name: path.read_bytes() for path in Path("one").iterdir()}
     into_one = [("campaign", "study.yaml", "-o", "one"), ("campaign", "merge", "out", "-o", "one")]
     for words in (*into_one, (*one_run, "--scale", "0.5,1")):
-        tdint.refused("exists already", *words, code=6)
+        tdint.refused("the file exists", *words, code=6)
         assert {
             path.name: path.read_bytes() for path in Path("one").iterdir() if path.name != LOCK
         } == kept
     Path("out/runs.csv").write_text("mine\n")
     for words in (["study.yaml", "-o", "out"], ["export", "out"], ["merge", "out", "-o", "out"]):
-        tdint.refused("out/runs.csv: exists already", "campaign", *words, code=6)
+        tdint.refused("out/runs.csv: the file exists", "campaign", *words, code=6)
         assert Path("out/runs.csv").read_text() == "mine\n"
     tdint("campaign", "export", "out", "--overwrite", code=0)
     tdint("campaign", "study.yaml", "-o", "one", "--overwrite", code=0)

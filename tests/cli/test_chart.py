@@ -384,11 +384,11 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         (["--scale", "0"], 2, "must not be zero"),
         (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),
-        (["-o", "x.json"], 6, "x.json: two outputs would have this name"),
+        (["-o", "x.json"], 6, "x.json: two outputs have this file name"),
         (
             ["--record", "motion.mseed", "-o", "motion.mseed", "--overwrite"],
             6,
-            "is read by this command",
+            "this command reads the file",
         ),
     ],
 )
@@ -521,7 +521,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
             "--target-error peak-total-shear requires many problems",
         ),
         (("--problems", "bad.yaml"), 3, "bad.yaml:7:23: problems[1].scales.far: unknown key"),
-        (("--problems", "none.yaml"), 3, "none.yaml: no such file; give a file of problems"),
+        (("--problems", "none.yaml"), 3, "none.yaml: file not found; specify a file of problems"),
     ],
 )
 def test_what_many_problems_refuse(folder, tdint, options, code, words):

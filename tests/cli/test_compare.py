@@ -247,7 +247,7 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
     for told in (
         "did you mean 'base'?",
         "did you mean 'displacement'?",
-        "floor 2 is given twice",
+        "floor 2 is specified twice",
         "from 1 to 2",
     ):
         assert told in result.stderr
@@ -273,13 +273,13 @@ def test_wrong_use(recorded, tdint, arguments, code, message):
     ("text", "message"),
     [
         ("", "the file of recordings is empty; it needs at least `base` and `floors`"),
-        ("base: x.csv\n", "floors: is missing; give the floors"),
+        ("base: x.csv\n", "floors: is missing; specify the floors"),
         ("base: []\nfloors: {}\n", "base: must name at least one file"),
         (
             "base: x.csv\nfloors: [x.csv]\n",
             "floors: must be a mapping from floors (numbers from 1, or roof)",
         ),
-        (None, "no such file; give a file of recordings (YAML)"),
+        (None, "file not found; specify a file of recordings (YAML)"),
     ],
 )
 def test_files_without_recordings(recorded, tdint, tmp_path, text, message):

@@ -260,7 +260,7 @@ def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: N
     by_type = ("fragility", "levels", "--by", "type", "--im")
     tdint.refused("no measure pgv", *by_type, "pgv")
     result = tdint(*by_type, "pga", "-o", "f.csv", "--plot", "--openquake", "f.xml", code=0)
-    assert "f.xml: without B, which has no function of some states" in result.stderr
+    assert "f.xml: B is omitted" in result.stderr
     found = {(row["type"], row["state"]): row for row in rows("f.csv")}
     assert Path("f.png").read_bytes().startswith(b"\x89PNG")
     runs = [
@@ -313,7 +313,10 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
     [
         (("out", "--threshold", "1%"), "remove --threshold"),
         (("out", "--fit", "ida"), "--fit stripes or --fit cloud"),
-        (("out", "--openquake", "f.xml", "--states", "a,b"), "--states is not for --by type"),
+        (
+            ("out", "--openquake", "f.xml", "--states", "a,b"),
+            "--states cannot be used with --by type",
+        ),
         (("out", "--im", "cav"), "no measure cav"),
         ((".",), "no campaign in this directory"),
     ],
@@ -380,7 +383,10 @@ def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str
     [
         ("class,slight_m\nA,0.1\n", "no column moderate_m"),
         (CLASSES.replace("B,", "C,"), "damage thresholds of the class 'B' not found"),
-        (CLASSES.replace("0.003,", "0.02,"), "class A: the thresholds of damage states rise"),
+        (
+            CLASSES.replace("0.003,", "0.02,"),
+            "class A: the thresholds of damage states must increase",
+        ),
         (
             CLASSES.replace("0.003,", "x,"),
             "table.csv:2: slight_m must be zero or a positive number, got 'x'",

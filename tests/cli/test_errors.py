@@ -46,7 +46,8 @@ def raises(error: BaseException):
         (
             ModuleNotFoundError(name="yaml"),
             2,
-            "Error: yaml is not installed, and this needs it: pip install pyyaml\n",
+            "Error: this command requires yaml, which is not installed; install it with: "
+            "pip install pyyaml\n",
         ),
         (
             KeyError("x"),
@@ -61,7 +62,7 @@ def raises(error: BaseException):
         (
             MemoryError(),
             5,
-            "Error: not enough memory; leave out --history and --plot, or take fewer steps",
+            "Error: not enough memory; omit --history and --plot",
         ),
         (KeyboardInterrupt(), 130, "Interrupted\n"),
         (click.Abort(), 130, "Interrupted\n"),
@@ -194,7 +195,7 @@ def test_the_mean_of_one_motion(folder, tdint):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         said = tdint("match", "motion.mseed", *words, *target, code=0).stderr
-    assert "The mean of 1 is off the target" in said
+    assert "The mean spectrum of 1 ground motion differs from the target" in said
     assert "scatter" not in said
 
 

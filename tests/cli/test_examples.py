@@ -28,7 +28,7 @@ FILES = {
         "figure-16.png",
     ],
 }
-NUMBERED = re.compile(r"Figure (\d+)(:|, our drawing:) ")
+NUMBERED = re.compile(r"Figure (\d+)(:|, redrawn:) ")
 CAPTIONS = (
     "spectral radii, damping ratio 0",
     "spectral radii, damping ratio 5 %",
@@ -68,7 +68,7 @@ def test_examples_with_their_figures(here, tdint, numbers, drawn):
     )
     if "3" in asked:
         assert (
-            "The paper's exact motion, newmark-linear, dt 0.002 s, is off by 4.3e-05 m"
+            "The reference solution of the paper (newmark-linear, dt 0.002 s) differs by 4.3e-05 m"
             in result.stderr
         )
 
@@ -87,7 +87,7 @@ def test_all_sixteen_figures(here, tdint, monkeypatch):
         lambda one, *given, **more: drawn.append(one) or save(one, *given, **more),
     )
     result = tdint("examples", "2", "-o", "paper", "--figures", "--reference", "finer", code=0)
-    assert "Its data stand in a drawing that we do not have" in " ".join(result.stderr.split())
+    assert "only in a drawing that is not available to us" in " ".join(result.stderr.split())
     names = [path.name for path in sorted((here / "paper").iterdir()) if path.suffix == ".png"]
     assert names == [
         "beta-scan.png",
@@ -111,7 +111,7 @@ def test_all_sixteen_figures(here, tdint, monkeypatch):
         assert max(line.get_linewidth() for line in lines[5:]) < min(
             line.get_linewidth() for line in lines[:5]
         )
-    assert "our drawing" in titles[9].get_suptitle()
+    assert "redrawn" in titles[9].get_suptitle()
     assert (
         min(len(line.split()) for figure in drawn for line in figure.get_suptitle().splitlines())
         > 1
@@ -161,7 +161,7 @@ def test_ranks(tdint):
     assert {row["variant"] for row in table if not row["rank"]} == {
         "start with u(-dt) = 0",
         "load linear between the steps",
-        "load held over each step",
+        "load constant in each step",
     }
 
 

@@ -110,14 +110,14 @@ def test_records_of_one_code_become_stations(folder, tdint) -> None:
         (
             ("motion.mseed", "--export", "out.csv"),
             2,
-            "a CSV file has one component, there are 2: choose one",
+            "a CSV file can contain one component, got 2; select one",
         ),
-        (("motion.mseed", "--export", "out.txt"), 2, "the name ends with .mseed or .csv"),
+        (("motion.mseed", "--export", "out.txt"), 2, "use the suffix .mseed or .csv"),
         (("motion.mseed", "--export", "motion.mseed"), 6, "motion.mseed"),
         (
             ("motion.mseed", "--export", "out.mseed", "-o", "out.csv"),
             6,
-            "two outputs would have this name",
+            "two outputs have this file name",
         ),
         (("motion.mseed", "slow.txt", "--export", "out.mseed"), 2, "different sampling intervals"),
     ],

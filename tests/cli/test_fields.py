@@ -352,7 +352,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             "sites: sites.csv",
             "distance: degrees",
             3,
-            "has nothing to act on without `sites`",
+            "has no effect without `sites`",
         ),
         (
             "campaign.yaml",
@@ -417,7 +417,7 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(
     more = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
     Path("buildings.csv").write_text(BUILDINGS + more)
     result = tdint("campaign", "campaign.yaml", "-o", "far", "-q", code=4)
-    assert "1 building left out, too far from any site (max_distance of" in result.stderr
+    assert "1 building skipped: farther from every site than max_distance" in result.stderr
     found = rows("far/runs.csv")
     assert [row for row in found if row["building"] != "e"] == first
     away = {row["building"]: float(row["distance_km"]) for row in found}
@@ -691,7 +691,7 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
     said = tdint("campaign", "campaign.yaml", "-o", "again", code=4).stderr
     assert (
         "fields.csv:3: NZ.WTMC.20.HNN.mseed+" in said
-        and "has a single horizontal component" in said
+        and "has only one horizontal component" in said
     )
     change("campaign.yaml", (", pairs: true", ""))
     tdint.refused(

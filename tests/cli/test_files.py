@@ -204,7 +204,7 @@ def test_what_a_command_did_not_write_it_does_not_replace(
         mine = study / file
         mine.parent.mkdir(exist_ok=True)
         mine.write_bytes(b"mine")
-        result = tdint.refused(f"{file}: exists already", *arguments, code=6)
+        result = tdint.refused(f"{file}: the file exists", *arguments, code=6)
         assert "--overwrite to replace it" in result.stderr
         assert files_in(study) == before | {file: b"mine"}
         mine.unlink()
@@ -472,12 +472,12 @@ def test_what_a_command_reads_it_never_replaces(
     words = words_of(line, read=read, written=written, beside=written.stem, folder=".")
     result = tdint(*words, "--overwrite")
     assert result.exit_code == 6, result.output
-    assert "is read by this command" in result.stderr
+    assert "this command reads the file" in result.stderr
     after = files_in(study)
     assert {file: after.get(file) for file in before} == before
 
 
-@pytest.mark.parametrize("where", ["exists already", "is a file, not a directory"])
+@pytest.mark.parametrize("where", ["the file exists", "is a file, not a directory"])
 @pytest.mark.parametrize(
     "name",
     [
@@ -508,7 +508,7 @@ def test_what_comes_by_standard_input_is_not_replaced(study: Path) -> None:
     command = [sys.executable, "-m", "tdint_cli", "modes", "-", "-o", "shaken.yaml", "--overwrite"]
     with (study / "shaken.yaml").open("rb") as stream:
         done = subprocess.run(command, stdin=stream, capture_output=True, text=True, check=False)
-    assert (done.returncode, "is read by this command" in done.stderr) == (6, True), done.stderr
+    assert (done.returncode, "this command reads the file" in done.stderr) == (6, True), done.stderr
     assert (study / "shaken.yaml").read_bytes() == before
 
 
@@ -540,8 +540,8 @@ def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
     ("words", "said"),
     [
         (("--plot=x.jpg",), "a figure must be written as .png, .pdf or .svg"),
-        (("--plot", "mine.png"), "mine.png: exists already"),
-        (("--report", "mine.html"), "mine.html: exists already"),
+        (("--plot", "mine.png"), "mine.png: the file exists"),
+        (("--report", "mine.html"), "mine.html: the file exists"),
         (("--report", "many/no/r.html"), "many is a file, not a directory"),
         (("--report", "r.pdf"), "the report is HTML"),
     ],

@@ -208,7 +208,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             "im,edp\n1,2\n",
             ("--fit", "stripes", "--edp-range", "2:"),
             2,
-            "--edp-range is for --fit cloud",
+            "--edp-range can only be used with --fit cloud",
         ),
         (
             "capacity,threshold\n1,\n2\n",
@@ -216,7 +216,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             3,
             "t.csv: no row has a threshold; add thresholds or remove the column",
         ),
-        ("", (), 3, "t.csv: is empty"),
+        ("", (), 3, "t.csv: the file is empty"),
         ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the header contains the column im twice"),
     ],
 )

@@ -186,7 +186,7 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
             "a figure must be written as .png, .pdf or .svg, got .jpg",
         ),
         (["run", "forced.yaml", "--plot=x"], 2, "a figure must be written as .png, .pdf or .svg"),
-        (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs would have this name"),
+        (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs have this file name"),
     ],
 )
 def test_a_picture_that_cannot_be_is_refused_before_the_work(
@@ -409,7 +409,7 @@ ASKED = {
     ("compile", "with --show"): "x --show",
     ("compile", "with --clean alone"): "--clean",
     ("fragility", "with a single measure"): "x --im sa",
-    ("fragility", "with several measures (--im), which are compared"): "x --im sa,pga",
+    ("fragility", "with several measures (--im), because they are compared"): "x --im sa,pga",
     ("init", "without --weights and --type"): "",
     ("init", "with --weights"): "--weights 1,1",
     ("init", "with --from-pushover"): "--weights 1,1 --from-pushover x",

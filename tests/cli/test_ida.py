@@ -138,7 +138,7 @@ def test_a_study_and_its_files(studied, tdint):
     summary = json.loads((out / "ida.json").read_text())
     assert summary["settings"]["collapse_drift"] == 0.1
     assert summary["columns"]["capacity"]["unit"] == "m/s^2"
-    assert "nothing to do: all records were done" in tdint(*STUDY, code=0).stderr
+    assert "all records were completed" in tdint(*STUDY, code=0).stderr
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
@@ -147,7 +147,7 @@ def test_a_study_and_its_files(studied, tdint):
     [
         (
             ["DELETE FROM run_rows WHERE chunk > 0", "DELETE FROM chunks WHERE id > 0"],
-            "1 of 3 records were done",
+            "1 of 3 records were completed",
         ),
         (["DELETE FROM run_rows WHERE chunk = 1 AND scale > 1"], "they are run again"),
         (["UPDATE run_rows SET status = 'done'"], "they are run again"),
@@ -175,7 +175,7 @@ def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint
     sql(statement)
     result = tdint(*STUDY[:-1], code=6)
     assert len(result.stderr.splitlines()) == 1
-    assert "cannot be trusted" in result.stderr and "--overwrite" in result.stderr
+    assert "not a valid campaign store" in result.stderr and "--overwrite" in result.stderr
     tdint(*STUDY[:-1], "--overwrite", code=0)
     assert written(studied / "out")["ida.csv"] == before["ida.csv"]
     assert written(studied / "out")["capacities.csv"] == before["capacities.csv"]
@@ -247,13 +247,13 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
     ("arguments", "code", "message"),
     [
         (("--max-im", "3"), 2, "'3' must be a number with a unit of"),
-        (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: sa("),
+        (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: wrong unit for sa("),
         (
             ("--im", "d5-95"),
             2,
-            "d5-95: a duration does not change with a factor; there are no levels of it",
+            "d5-95: ground motions cannot be scaled to levels of this measure",
         ),
-        (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: pgv is in m/s"),
+        (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: wrong unit for pgv"),
         (
             ("--threshold", "20%"),
             2,
@@ -285,8 +285,8 @@ def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
     result = tdint(
         "ida", "shaken.yaml", "motion.mseed", "--component", "HNE", *UNITS, "-o", "out", code=0
     )
-    assert "runs have no result, also with a finer step; they count neither way" in result.stderr
-    assert "1 of 1 capacities are bracketed less closely than 5 %" in result.stderr
+    assert "runs have no result" in result.stderr
+    assert "1 of 1 capacities are known less precisely than 5 %" in result.stderr
     found = rows(folder / "out" / "ida.csv")
     assert all(
         (row["status"] == "not-converged") == (row["peak_drift_ratio"] == "") for row in found

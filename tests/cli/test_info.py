@@ -97,13 +97,13 @@ def test_usage_errors(folder, tdint, arguments, code, message):
 
 
 @pytest.mark.parametrize(("other", "said"), [("motion.mseed", True), ("other.mseed", False)])
-def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint, other, said):
+def test_omitted_components_of_a_figure_are_reported(folder, tdint, other, said):
     told = [
         line
         for line in tdint("info", "motion.mseed", other, "--plot", "p.svg").stderr.splitlines()
         if "shows" in line
     ]
-    assert told == ["note: the picture shows the first components and leaves out 1 more"] * said
+    assert told == ["note: the figure shows only the first 3 components; 1 are omitted"] * said
 
 
 def test_a_name_with_a_formula_behind_a_semicolon_is_quoted(folder, tdint):

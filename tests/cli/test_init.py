@@ -120,15 +120,19 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("init", "--type", "C9", "--year", 1985, "--area", 1), 2, "unknown type 'C9'; known: W1"),
-        (("init", "--type", "C1", "--year", 1985), 2, "--type needs --year and --area"),
+        (
+            ("init", "--type", "C9", "--year", 1985, "--area", 1),
+            2,
+            "unknown building type 'C9'; available types: W1",
+        ),
+        (("init", "--type", "C1", "--year", 1985), 2, "--type requires --year and --area"),
         (
             ("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1),
             2,
-            "of the type give the period",
+            "define the period",
         ),
         (("init", "--period", 0), 2, "--period"),
-        (("init", "forced.yaml"), 6, "forced.yaml: exists already"),
+        (("init", "forced.yaml"), 6, "forced.yaml: the file exists"),
         (("check",), 2, "no model file is specified"),
         (
             ("check", "--schema", "model", "forced.yaml"),
@@ -136,7 +140,7 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
             "MODEL.yaml has no effect with --schema",
         ),
         (("check", "--schema", "forced.yaml"), 2, "'model', 'campaign'"),
-        (("check", "none.yaml"), 3, "none.yaml: no such file"),
+        (("check", "none.yaml"), 3, "none.yaml: file not found"),
     ],
 )
 def test_what_is_refused(
@@ -343,10 +347,7 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
     ("words", "message"),
     [
         *((["-", "--period", period], "") for period in ("nan", "1e-300")),
-        *(
-            ([name], "is no name of a file; give one such as")
-            for name in ("", " .yaml", "..", "m.yaml.gz")
-        ),
+        *(([name], "is not a valid file name; use") for name in ("", " .yaml", "..", "m.yaml.gz")),
         *(([name], "") for name in ("a\nb.yaml", "\udcff.yaml", "/")),
     ],
 )

@@ -164,4 +164,4 @@ def test_want_of_memory_is_one_line_whoever_tells_it(capsys, error):
         raise ValueError("something else") from error
 
     assert exit_code_of(command, Settings()) == 5
-    assert capsys.readouterr().err.startswith("Error: not enough memory; leave out")
+    assert capsys.readouterr().err.startswith("Error: not enough memory; omit")

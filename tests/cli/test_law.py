@@ -117,7 +117,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
             2,
             "forced.yaml: column drift_m not found in the first line",
         ),
-        (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: no such file"),
+        (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: file not found"),
         (["-", "--path", "-"], 2, "cannot both be standard input"),
         (
             ["forced.yaml", "--path", "good.csv", "--units", "dy"],
@@ -145,11 +145,11 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
             2,
             "drift 1% is a drift ratio, and story 1 has no height",
         ),
-        (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: no such file"),
+        (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: file not found"),
         (
             ["shaken.yaml", "--drift", "1%", "-o", "other.mseed"],
             6,
-            "other.mseed: exists already; give --overwrite",
+            "other.mseed: the file exists; add --overwrite",
         ),
         (
             ["cubic.yaml", "--drift", "1e59m"],

@@ -21,7 +21,7 @@ def test_modes(folder, tdint):
     assert [float(row["damping"]) for row in table] == pytest.approx([0.05, 0.05])
     assert float(table[-1]["cumulative_mass_ratio"]) == pytest.approx(1.0)
     assert float(table[0]["period_s"]) * float(table[0]["frequency_hz"]) == pytest.approx(1.0)
-    tdint.refused("Error: missing.yaml: no such file", "modes", "missing.yaml", code=3)
+    tdint.refused("Error: missing.yaml: file not found", "modes", "missing.yaml", code=3)
 
 
 def test_of_coupled_damping_each_mode_has_its_own(folder, tdint):

@@ -154,12 +154,12 @@ def test_a_map_by_the_rules_of_geojson(mapped: list[dict[str, Any]], tdint: Comm
         (
             ("Latitude,Longitude", "North,East"),
             (),
-            "a map needs an inventory with the columns Latitude and Longitude",
+            "a map requires an inventory with the columns Latitude and Longitude",
         ),
         (
             ("", ""),
             ("--max-runs", "1"),
-            "not all runs are done; a map tells what the buildings do under all motions",
+            "not all runs are completed",
         ),
     ],
 )
@@ -177,9 +177,7 @@ def test_a_map_goes_with_its_places(tdint: Command) -> None:
     """It is written anew with the other tables, and is gone where the inventory has no places any
     more."""
     Path("buildings.csv").write_text(BUILDINGS.replace("1e6", "3e6"))
-    assert (
-        "buildings.geojson: written anew" in tdint("campaign", "campaign.yaml", "-o", "out").stderr
-    )
+    assert "buildings.geojson: updated" in tdint("campaign", "campaign.yaml", "-o", "out").stderr
     assert features()[0]["properties"]["Cost"] == 3e6
     Path("buildings.csv").write_text(BUILDINGS.replace("Latitude", "North"))
     assert (

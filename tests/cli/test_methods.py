@@ -52,7 +52,7 @@ def test_a_label_is_what_was_typed(here, tdint, folder):
     }
     old = tdint("stability", *SMALL["stability"], "--method", "newmark:beta=1/4,gamma=0.50", code=0)
     assert set(column(old, "method")) == {typed}
-    assert old.stderr.count(f"write {typed}") == 1
+    assert old.stderr.count(f"recommended notation is {typed}") == 1
     tdint("run", "shaken.yaml", "-q", "--method", typed, "-o", "out", code=0)
     told = json.loads((here / "out" / "summary.json").read_text())
     assert (told["method"], told["method_parameters"]) == (typed, {"beta": 0.25, "gamma": 0.5})
@@ -73,7 +73,7 @@ def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
+        (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs have this file name"),
         (["-o", ""], 2, "-o is empty"),
         (
             ["--method", "newmrk"],

@@ -59,7 +59,11 @@ def test_components_of_different_events_are_refused(folder, tdint):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("DT= .0100", "DT= .0200", "the components are sampled at 0.01 and 0.02 s"),
+        (
+            "DT= .0100",
+            "DT= .0200",
+            "the components have different sampling intervals, 0.01 and 0.02 s",
+        ),
         ("Loma Prieta", "Kobe", "the components are of different events"),
         ("NPTS= 600", "NPTS= 500", "the components have 600 and 500 samples"),
     ],
@@ -89,7 +93,7 @@ def test_a_missing_component_is_named(folder, tdint):
     write_pair(folder)
     (folder / "RSN1_EQ_GIL337.AT2").unlink()
     tdint.refused(
-        "RSN1_EQ_GIL067.AT2: has a single horizontal component, 67; name the file of the other",
+        "RSN1_EQ_GIL067.AT2: the file has only one horizontal component, 67; also specify the file",
         *("scale", "RSN1_EQ_GIL067.AT2", "--pairs", "rotd100", "--sa", "1g", "--at", "0.3"),
         code=4,
     )
@@ -136,7 +140,7 @@ def test_a_limit_of_matched_pairs_counts_them_as_declared(suite, tdint, demand, 
     assert means["larger"] > 1.05 * means["mean"]
     result = tdint("run", "one.yaml", "m", "--limit", f"{between}%", "--pair-demand", demand)
     assert f"{100.0 * expected:.3g} %" in result.stderr
-    assert ("beyond" in result.stderr) == (demand == "larger")
+    assert ("exceeded" in result.stderr) == (demand == "larger")
     assert "pair_demand" not in result.stderr
     # Without an explicit choice the larger component counts, which one line reports.
     result = tdint("run", "one.yaml", "m", "--limit", f"{between}%", "--require", code=5)
@@ -162,7 +166,7 @@ def test_tables_state_how_pairs_count(suite, tdint):
 
 def test_a_choice_without_pairs_is_refused(suite, tdint):
     tdint.refused(
-        "there are no pairs",
+        "the records contain no pairs",
         *["run", "one.yaml", "m/A067.mseed", "m/B067.mseed", "--pair-demand", "mean"],
     )
     tdint.refused("has no effect", *["run", "one.yaml", "m/A067.mseed", "--pair-demand", "mean"])

@@ -158,10 +158,10 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command
     within = tdint(*run, above, "--require", code=0).stderr
     assert f"Mean drift {100.0 * means[worst]:.3g} % (story {worst}), limit " in within
     assert within.endswith(
-        f"%: within; largest {100.0 * largest:.3g} % (story {top['story']}, {top['record']}). "
+        f"%: met; largest {100.0 * largest:.3g} % (story {top['story']}, {top['record']}). "
         "Demand of pairs: larger.\n"
     )
-    assert "%: beyond; largest" in tdint(*run, below, code=0).stderr
+    assert "%: exceeded; largest" in tdint(*run, below, code=0).stderr
     assert "is not met: stiff" in tdint(*run, below, "--require", "-o", "kept", code=5).stderr
     assert Path("kept/profiles.csv").exists()
     assert (
@@ -190,14 +190,14 @@ def test_a_gate_does_not_pass_before_all_runs_are_done(
         assert 0 < done < 16
         assert (
             required.stderr.splitlines(keepends=True)[-1]
-            == f"Error: the drift limit of 90 % is not judged: {done} of 16 runs are done\n"
+            == f"Error: the drift limit of 90 % is not checked: {done} of 16 runs are done\n"
         ), words
-    assert "is not judged" in tdint("-q", "campaign", "export", "first", *gate[:2], code=0).stderr
+    assert "is not checked" in tdint("-q", "campaign", "export", "first", *gate[:2], code=0).stderr
     assert (
-        "is not judged"
+        "is not checked"
         in tdint("campaign", "merge", "half", "-o", "all", *gate, "--partial", code=5).stderr
     )
-    assert "within" in tdint("campaign", "study.yaml", "-o", "first", *gate, code=0).stderr
+    assert "met" in tdint("campaign", "study.yaml", "-o", "first", *gate, code=0).stderr
     Path("broken.mseed").write_bytes(b"no record at all")
     Path("study.yaml").write_text(STUDY.replace("motion.mseed,", "motion.mseed, broken.mseed,"))
     tdint("campaign", "study.yaml", "-o", "lost", *gate, code=4)
@@ -217,8 +217,11 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) 
     Path("weak.yaml").write_text(STIFF.replace("name: stiff", "name: weak\ncollapse_drift: 0.02"))
     run = ("run", "weak.yaml", *MOTIONS, "--units", "m/s^2", "--factors", "factors.csv")
     result = tdint(*run, "-o", "out", "--limit", "50%", "--require", code=5)
-    assert "of 3 motions 1 collapsed; the means are those of the 2 others" in result.stderr
-    assert "beyond, for 1 of 3 motions collapsed or failed" in result.stderr
+    assert (
+        "of 3 ground motions, 1 collapsed; the means are over the remaining 2 motions"
+        in result.stderr
+    )
+    assert "exceeded, because 1 of 3 motions collapsed or failed" in result.stderr
     (row,) = (
         row
         for row in rows("out/profiles.csv")
@@ -251,16 +254,18 @@ def test_of_many_buildings_ten_are_named_and_the_others_counted(
         "note: listed more than once, and run the same number of times: weak-0.yaml"
         in result.stderr
     )
-    told = [line for line in result.stderr.splitlines() if "there is no mean" in line]
+    told = [line for line in result.stderr.splitlines() if "no mean can be computed" in line]
     lost = {
         (row["building"], row["scale"]) for row in rows("out/profiles.csv") if int(row["collapsed"])
     }
     assert (
-        len(told) == 1 and "and 9 more: of 3 motions 3 collapsed" in told[0] and len(lost) == 14
+        len(told) == 1
+        and "and 9 more: of 3 ground motions, 3 collapsed" in told[0]
+        and len(lost) == 14
     )  # 7 names at two levels; one is run twice
     assert (
-        "collapsed or failed runs of 6 more buildings or levels: see the columns collapsed and "
-        "failed of profiles.csv" in result.stderr
+        "6 more buildings or intensity levels with collapsed or failed runs: see the columns "
+        "collapsed and failed of profiles.csv" in result.stderr
     )
 
 

@@ -177,8 +177,8 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["missing.yaml"], 3, "missing.yaml: no such file"),
-        (["shaken.yaml", "--record", "missing.mseed"], 4, "missing.mseed: there is no such file"),
+        (["missing.yaml"], 3, "missing.yaml: file not found"),
+        (["shaken.yaml", "--record", "missing.mseed"], 4, "missing.mseed: file not found"),
         (["shaken.yaml", "m" * 300], 4, "File name too long"),
         (["shaken.yaml", "--component", "HNZ"], 4, "component 'HNZ' not found"),
         (["shaken.yaml", "--units", "furlong"], 2, "units 'furlong'"),
@@ -236,7 +236,7 @@ def test_outputs_are_looked_at_before_the_work(folder, tdint):
     (folder / "out").mkdir()
     (folder / "out" / "history.csv").write_text("old")
     tdint.refused(
-        "out/history.csv: exists already; give --overwrite",
+        "out/history.csv: the file exists; add --overwrite",
         "run",
         "missing.yaml",
         "-o",
@@ -358,7 +358,9 @@ def test_until_rest(folder, tdint):
 )
 def test_a_run_that_ends_before_its_record_is_told(folder, tdint, command):
     """A third of the way, by the option or by the model, which may say it for another record."""
-    told = "note: the run ends at 1 s, before so much of the Arias intensity: motion.mseed HNE "
+    told = (
+        "note: the analysis ends at 1 s and omits a part of the Arias intensity: motion.mseed HNE "
+    )
     change("shaken.yaml", ("analysis: {", "analysis: {duration: 1, "))
     words = command.split()
     assert told in tdint(*words, code=0).stderr
@@ -458,7 +460,7 @@ def test_a_history_that_the_disk_cannot_hold_is_refused_before_the_run(
         "tdint.analysis.run.run.run_case", lambda *_, **__: pytest.fail("it was run")
     )
     size = 101 * (2 + 2 * 3 + 2 * 4 + 7) * bytes_ / 1e9
-    message = f"{file}: takes {size:.3g} GB at least, 1e-06 GB are free"
+    message = f"{file}: requires at least {size:.3g} GB, but 1e-06 GB are free"
     tdint.refused(message, "run", "forced.yaml", f"--history={file}", code=6)
 
 

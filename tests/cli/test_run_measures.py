@@ -41,7 +41,7 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
     table = rows("best.csv")
     assert {row["im"] for row in table} == {"pgv", "sa", "sdi:T1:5%"}
     assert [float(row["beta"]) for row in table] == sorted(float(row["beta"]) for row in table)
-    assert f"{table[0]['im']} leaves the least: beta" in result.stderr
+    assert f"{table[0]['im']} predicts the drift best" in result.stderr
     inputs = json.loads(Path("best.json").read_text())["inputs"]
     assert [Path(read["file"]).name for read in inputs] == ["measures.csv", "runs.csv"]
     single = tdint(

@@ -91,7 +91,7 @@ def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
         for line in tdint(*scale, "geometric-mean", code=4).stderr.splitlines()
         if "single" in line
     ]
-    assert len(told) == 1 and "4 files have a single horizontal component" in told[0]
+    assert len(told) == 1 and "4 files contain a single horizontal component" in told[0]
     assert "--pairs '{}long.mseed,{}tran.mseed'" in told[0]
     for given in (names, f"rotd50,{names}"):
         said = tdint(*scale, given, code=0).stderr
@@ -109,7 +109,7 @@ def test_a_record_that_fails_keeps_a_set_but_not_the_others(folder, tdint):
     assert len(rows(result.stdout)) == 2 and "none.mseed" in result.stderr
     tdint.refused("none.mseed", *words, "--p695", code=4)
     tdint.refused(
-        "single horizontal component",
+        "only one horizontal component",
         "scale",
         "motion.mseed",
         "other.mseed",
@@ -224,7 +224,7 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
         (("--p695", "--pga", "0.4g"), "--p695 cannot be used with --pga"),
         (("--p695", "--pairs", "rotd50"), "--pairs rotd50 cannot be used with --p695"),
         ((*TARGET, "--range", "2"), "'2' is not a range; use FIRST:LAST"),
-        ((*TARGET, "--range", "0.2:9"), "has periods from 0.02 to 5 s; asked for are 0.2 to 9 s"),
+        ((*TARGET, "--range", "0.2:9"), "periods must be from 0.02 to 5 s, got 0.2 to 9 s"),
         ((*TARGET, "--rule", "asce7"), "add --at, --building or --range"),
         ((*TARGET, "--rule", "ec8"), "--rule ec8 compares spectra from 0.2 T to 2 T"),
         ((*TARGET, "--rule", "ec8", "--at", 0.5), "the rule ec8 also compares at the period 0"),
@@ -237,7 +237,7 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
             ("--pga", "0.4g", "--building", "x.yaml"),
             "--building has no effect without --target",
         ),
-        (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"), "is for 5 % damping"),
+        (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"), "has 5 % damping"),
         (
             (*TARGET, "--rule", "asce7", "--at", 0.5),
             "at least 11 pairs of components (16.2.2), got 1",
@@ -280,7 +280,7 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
             2,
             "--factors and --scale cannot be used together",
         ),
-        (("other.mseed", "--factors", "none.csv"), 3, "none.csv: no such file"),
+        (("other.mseed", "--factors", "none.csv"), 3, "none.csv: file not found"),
         (
             ("motion.mseed", "other.mseed", "--factors", "suite.csv"),
             3,

@@ -268,8 +268,8 @@ def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
             "--target has no effect",
         ),
         (("--target", EC8, "--damping", "2%"), "give the damping of a design spectrum by name"),
-        (("--target", EC8, "--period", "12"), "asked for are 12 to 12 s"),
-        (("--target", "ec8:type=1"), "ec8 needs soil, ag"),
+        (("--target", EC8, "--period", "12"), "got 12 to 12 s"),
+        (("--target", "ec8:type=1"), "ec8 requires soil, ag"),
     ],
 )
 def test_what_a_target_is_refused_with(folder, tdint, arguments, said):
@@ -337,7 +337,7 @@ def test_fourier_spectra(folder, tdint, drawn):
         ),
         (
             ("motion.mseed", *UNITS, "--fourier", "--smoothing", "1e5"),
-            "the bandwidth is from 1 to 1000",
+            "the bandwidth must be from 1 to 1000",
         ),
         (("--fourier",), "RECORD"),
     ],

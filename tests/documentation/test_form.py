@@ -109,7 +109,7 @@ def test_files_folders_and_modules_that_are_named_exist(path):
 
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
 def test_a_page_runs_from_top_to_bottom_in_one_folder(path):
-    """No command of it would end with `exists already`; a table, a record and the summary beside
+    """No command of it would end with `the file exists`; a table, a record and the summary beside
     share their name."""
     blocks = re.findall(r"^```.*?^```$", path.read_text(), flags=re.DOTALL | re.MULTILINE)
     outputs = [

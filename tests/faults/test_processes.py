@@ -66,7 +66,7 @@ def test_a_killed_worker(folder, start, done, which):
         with suppress(ProcessLookupError):
             os.kill(worker, signal.SIGKILL)
     code, _, words = command.end()
-    lost = [line for line in words.splitlines() if "ended before its time" in line]
+    lost = [line for line in words.splitlines() if "ended unexpectedly" in line]
     # It may have been between two records.
     assert (code, len(lost)) in ((5, 1), (0, 0)), words
     assert len(tables(folder)) >= 8 - len(lost)

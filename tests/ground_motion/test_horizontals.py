@@ -107,20 +107,23 @@ def test_names_that_tell_no_direction_are_taken_with_a_note():
     pair = find_horizontals([record("", source="a.txt"), record("", source="b.txt", seed=1)])
     assert (pair.source, pair.component) == ("a.txt+b.txt", "?+?")
     assert pair.notes == (
-        "directions unknown from the names: one and the other are taken as two horizontals at "
-        "right angles",
+        "the names do not state directions: one and the other are assumed to be two perpendicular "
+        "horizontal components",
     )
 
 
 @pytest.mark.parametrize(
     ("records", "message"),
     [
-        ([record("HNZ")], "two horizontal components are needed, there are 0: none"),
-        ([record("HNE"), record("HNN"), record("HN1")], "there are 3: HNE, HNN, HN1"),
+        (
+            [record("HNZ")],
+            "two horizontal components are required, but the source contains 0: none",
+        ),
+        ([record("HNE"), record("HNN"), record("HN1")], "the source contains 3: HNE, HNN, HN1"),
         ([record("67"), record("90")], "67 and 90 are 23 degrees apart, not at right angles"),
         ([record("EW"), record("EW", seed=1)], "EW and EW are 0 degrees apart"),
         ([record("H1"), record("H1", seed=1)], "both components are called H1"),
-        ([record("HNE"), record("HNN", dt=0.02)], "sampled at 0.01 and 0.02 s"),
+        ([record("HNE"), record("HNN", dt=0.02)], "different sampling intervals, 0.01 and 0.02 s"),
         (
             [record("HNE"), record("HNN", station="N.ELSE")],
             "of different stations, N.STA and N.ELSE",
@@ -130,11 +133,11 @@ def test_names_that_tell_no_direction_are_taken_with_a_note():
                 record("HNE", start="2024-01-01T00:00:00.000000Z"),
                 record("HNN", start="2024-01-01T00:00:00.250000Z"),
             ],
-            "the components begin 0.25 s apart",
+            "the components start 0.25 s apart",
         ),
         (
             [record("HNE"), record("HNN", samples=90)],
-            "have 100 and 90 samples; cut them to equal length",
+            "have 100 and 90 samples; trim them to equal length",
         ),
     ],
 )
@@ -146,17 +149,17 @@ def test_what_is_no_pair(records, message):
 def test_the_same_motion_twice():
     one = record("HNE")
     twice = Record(one.acceleration, one.dt, "", "", "HNN", "b.x")
-    with pytest.raises(RecordError, match="both components are the same"):
+    with pytest.raises(RecordError, match="both components are identical"):
         find_horizontals([one, twice])
 
 
 @pytest.mark.parametrize(
-    ("samples", "words"), [(99, "the last sample of HNE"), (97, "the last 3 samples of HNE")]
+    ("samples", "words"), [(99, "last sample of HNE"), (97, "last 3 samples of HNE")]
 )
 def test_the_end_that_one_alone_has_is_left_out(samples, words):
     pair = find_horizontals([record("HNE"), record("HNN", samples=samples)])
     assert pair.first.acceleration.size == pair.second.acceleration.size == samples
-    assert pair.notes == (f"{words} left out: the other component is shorter",)
+    assert pair.notes == (f"{words} omitted, because the other component is shorter",)
 
 
 SAME_MOTION = [
@@ -218,7 +221,7 @@ def test_pairs_by_names_that_are_given():
         ("x/N/2.txt",),
     ]
     with pytest.raises(
-        UsageError, match=r"no file is named N/\{\}.txt or E/\{\}.txt; there are a.txt"
+        UsageError, match=r"no file name matches N/\{\}.txt or E/\{\}.txt; the files are a.txt"
     ):
         files_of_motions(["a.txt"], folders)
 
@@ -227,7 +230,7 @@ def test_pairs_by_names_that_are_given():
     "text", ["{}_N.txt", "{}_N.txt,{}_N.txt", "{}_N.txt,{}_E.txt,{}_Z.txt", "{}{},{}_E", "a,{}_b"]
 )
 def test_names_that_make_no_pair(text):
-    with pytest.raises(UsageError, match="write two names with"):
+    with pytest.raises(UsageError, match="must be two file name patterns"):
         PairNames.parse(text)
 
 
@@ -256,7 +259,7 @@ def test_files_without_a_partner_are_told_once(files, names):
             find_horizontals([record("", source=file)])
         failures.append(caught.value)
     (told,) = told_once(failures)
-    assert str(told).startswith(f"{len(files)} files have a single horizontal component")
+    assert str(told).startswith(f"{len(files)} files contain a single horizontal component")
     assert f"--pairs '{names}'" in str(told)
     assert [len(motion) for motion in files_of_motions(files, PairNames.parse(names))[0]] == [2, 2]
     assert told_once(failures[:1]) == failures[:1]

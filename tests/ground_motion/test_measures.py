@@ -59,7 +59,7 @@ class TestClosedForms:
             replace(record([2.0] * 21), source="step"),
             replace(record(np.arange(21.0)), source="ramp"),
         )
-        told = "the run ends at 5 s, before so much of the Arias intensity: "
+        told = "the analysis ends at 5 s and omits a part of the Arias intensity: "
         assert cut_off([step, ramp], 5.0) == [f"{told}step 50 %, ramp 88 %"]
         # 5 % are left after 9.5 s of the one, and after 10 * 0.95^(1/3) = 9.83 s of the other.
         assert cut_off([step], 9.5) == [] and "ramp 14 %" in cut_off([step, ramp], 9.5)[0]
@@ -168,15 +168,24 @@ class TestUnusualRecords:
     @pytest.mark.parametrize(
         ("samples", "notes"),
         [
-            ([0] * 30 + [1, -2, 1] * 20 + [0], ["the first 30 of 91 samples are zero: padded?"]),
-            ([0, 1, -2, 1] * 10 + [0] * 30, ["the last 30 of 70 samples are zero: padded?"]),
+            (
+                [0] * 30 + [1, -2, 1] * 20 + [0],
+                ["the first 30 of 91 samples are zero; check whether zeros were added"],
+            ),
+            (
+                [0, 1, -2, 1] * 10 + [0] * 30,
+                ["the last 30 of 70 samples are zero; check whether zeros were added"],
+            ),
             (
                 [1, -0.5, 0, 1, -2, 1, 0],
-                ["the first sample is 1 m/s^2, 50% of the peak: cut off before it?"],
+                [
+                    "the first sample is 1 m/s^2, 50% of the peak; check whether the start of the "
+                    "motion is missing"
+                ],
             ),
             (
                 [0, 1, 1, 0],
-                ["the velocity at the end is 1 m/s, 100% of its peak: a baseline that drifts?"],
+                ["the velocity at the end is 1 m/s, 100% of its peak; check for baseline drift"],
             ),
             ([0, 1, -2, 1, 0], []),
         ],

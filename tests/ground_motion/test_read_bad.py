@@ -17,7 +17,7 @@ from tdint.ground_motion.reading.read import make_record, read_record, read_reco
 
 class TestNoFile:
     def test_missing_or_a_directory(self, tmp_path):
-        refused(tmp_path / "none.mseed", "no such file")
+        refused(tmp_path / "none.mseed", "file not found")
         refused(tmp_path, "is a directory")
 
     def test_empty(self, tmp_path, monkeypatch):

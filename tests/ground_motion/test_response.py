@@ -186,11 +186,7 @@ def test_what_is_missing(tmp_path, channel, start, options, message):
 def test_no_station_xml(tmp_path, data):
     if data is not None:
         (tmp_path / "a.xml").write_bytes(data)
-    message = (
-        "there is no such file"
-        if data is None
-        else "the file is empty|cannot be read as StationXML"
-    )
+    message = "file not found" if data is None else "the file is empty|cannot be read as StationXML"
     with pytest.raises(RecordError, match=rf"a\.xml: ({message})"):
         read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=tmp_path / "a.xml")
 

@@ -83,7 +83,7 @@ def test_a_table(suite, tmp_path) -> None:
     with pytest.raises(UsageError, match=r"units\.csv:3: a\.sac has two units, g and gal"):
         read_record(suite["sac"], units=str(table))
     table.write_text("record,units,component\na.sac,g,HNE\n")
-    with pytest.raises(UsageError, match=r"columns that nothing is done with: component"):
+    with pytest.raises(UsageError, match=r"unknown columns are ignored: component"):
         read_record(suite["sac"], units=str(table))
     table.write_text("record,unit\na.sac,g\n")
     with pytest.raises(ModelError, match=r"units\.csv:1: no column units"):
@@ -103,14 +103,15 @@ def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
     [
         (
             "SAK=g",
-            r"of 'SAK': no format of records; a file is named as \*\.txt; did you mean 'SAC'",
+            r"of 'SAK': unknown file format; specify files with a pattern such as \*\.txt; did you "
+            r"mean 'SAC'",
         ),
         ("*.sac=gg", r"of '\*\.sac', units 'gg'"),
-        ("SAC=g,gal", "'gal': write FORMAT=UNITS"),
-        ("=g", "'=g': write FORMAT=UNITS"),
+        ("SAC=g,gal", "'gal'; expected FORMAT=UNITS"),
+        ("=g", "'=g'; expected FORMAT=UNITS"),
         ({"SAC": 9.81}, "units of 'SAC' are a text"),
-        ("SAC=g,SAC=m/s^2", "'SAC' is given twice, g and m/s"),
-        ("SAC=g,sac=g", "'sac' is given twice"),
+        ("SAC=g,SAC=m/s^2", "'SAC' is specified twice, as g and m/s"),
+        ("SAC=g,sac=g", "'sac' is specified twice"),
     ],
 )
 def test_what_is_refused(suite, units, message) -> None:
@@ -125,7 +126,7 @@ def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
         read_record(write(tmp_path / "assumed", trace(wave(peak=1.0))), units={"AT2": "g"})
     folder = str(suite["sac"].parent)
     for units, unfit in (("SAC=g,AT2=g", "'at2'"), ("*.sac=g,*.mseeed=g,b*=gal", r"'\*\.mseeed'")):
-        with pytest.raises(UsageError, match=f"units of {unfit}: fit no file of this call"):
+        with pytest.raises(UsageError, match=f"units of {unfit}: no file of this call matches"):
             records_of([folder], RecordChoice(units=units))
     records_of([folder], RecordChoice(units="SAC=g,*.mseed=m/s^2,SLIST=gal"))
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:

@@ -159,7 +159,7 @@ def test_where_no_process_can_be_started_the_run_goes_on(of_user, monkeypatch, c
 
     monkeypatch.setattr(load_or_compile, "spawn_detached", refused)
     assert begun()
-    assert "no process can be started" in caplog.text
+    assert "cannot be started" in caplog.text
     assert "in the background" not in caplog.text
 
 

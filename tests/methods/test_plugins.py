@@ -77,7 +77,7 @@ def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
     false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
     of_order, of_limit = check_method(replace(integrator, method=false)).faults
     assert of_order == "verlet: declares order 4, observed is 2.00"
-    assert "stable up to omega dt 2.2, measured is 2;" in of_limit
+    assert "stability limit is omega dt = 2.2, the measured limit is 2;" in of_limit
 
 
 MISTAKES = {
@@ -315,11 +315,11 @@ def test_no_two_files_of_one_name(tmp_path, verlet):
 def test_a_law_of_no_file_is_refused():
     law = definition.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
-    with pytest.raises(UsageError, match="so that another process can import it"):
+    with pytest.raises(UsageError, match="so that other processes can import it"):
         definition.register_law(alone)
-    with pytest.raises(UsageError, match="a law is a tdint"):
+    with pytest.raises(UsageError, match="a law must be a tdint"):
         definition.register_law("tanh")
-    with pytest.raises(UsageError, match="a method is a tdint"):
+    with pytest.raises(UsageError, match="a method must be a tdint"):
         methods.register_method(law)
 
 

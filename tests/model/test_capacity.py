@@ -102,7 +102,7 @@ def test_mass_and_damping():
     [
         ([(0.01, 0.1)], "two to four points, got 1"),
         ([(0.01 * i, 0.1) for i in range(1, 6)], "two to four points, got 5"),
-        ([(0.01, 0.1), (0.01, 0.2)], "rise from point to point"),
+        ([(0.01, 0.1), (0.01, 0.2)], "increase from point to point"),
         ([(0.01, 0.1), (0.02, -0.2)], "are positive"),
         ([(0.01, 0.1), (math.inf, 0.2)], "are positive"),
     ],

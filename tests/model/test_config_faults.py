@@ -366,10 +366,10 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     missing = tmp_path / "none.yaml"
     assert (
         refusal(missing)
-        == f"{missing}: no such file; give a model file (YAML) or - for standard input"
+        == f"{missing}: file not found; specify a model file (YAML) or - for standard input"
     )
-    assert refusal(str(tmp_path)) == f"{tmp_path}: is a directory; give a model file (YAML)"
-    assert refusal("") == ".: is a directory; give a model file (YAML)"
+    assert refusal(str(tmp_path)) == f"{tmp_path}: this is a directory; specify a model file (YAML)"
+    assert refusal("") == ".: this is a directory; specify a model file (YAML)"
     assert refusal("a\0b") == "a\0b: cannot be read: the name contains a null character"
     assert refusal(f"{tmp_path}/{'x' * 300}").endswith("cannot be read: File name too long")
 
@@ -398,7 +398,7 @@ def test_file_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 def test_closed_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", None)
-    assert refusal("-") == "-: standard input is closed; give a model file"
+    assert refusal("-") == "-: standard input is closed; specify a model file"
 
 
 def test_streams_that_are_not_utf8(tmp_path: Path) -> None:

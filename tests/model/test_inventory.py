@@ -223,7 +223,7 @@ def test_rows_together_are_as_each_alone(tmp_path: Path, cells: list[tuple[str, 
         said += [(number, fault.column, fault.message) for fault in wrong]
         for row in alone:
             twice = f"{row.id!r} is already on line {rows[row.id][1]}" if row.id in rows else ""
-            said += [(number, 1, f"{twice}; give each building its own")] * bool(twice)
+            said += [(number, 1, f"{twice}; each building requires a different id")] * bool(twice)
             rows.setdefault(row.id, (row, number))
     assert list(together) == [row for row, _ in rows.values()]
     assert [(fault.line, fault.column, fault.message) for fault in faults] == sorted(

@@ -83,7 +83,7 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
             {tmp_path / "b.csv": writes(b"x"), file: writes(b"x")}, overwrite=False
         ),
     ):
-        with pytest.raises(OutputError, match=r"a\.csv: exists already; give --overwrite"):
+        with pytest.raises(OutputError, match=r"a\.csv: the file exists; add --overwrite"):
             call()
     assert file.read_bytes() == b"old"
     assert names(tmp_path) == ["a.csv"]
@@ -94,7 +94,7 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
 @pytest.mark.usefixtures("linkable")
 def test_a_file_that_comes_up_while_writing_is_kept(tmp_path):
     file = tmp_path / "a.csv"
-    with pytest.raises(OutputError, match="exists already"):
+    with pytest.raises(OutputError, match="the file exists"):
         write_file(file, lambda stream: file.write_bytes(b"theirs"), overwrite=False)
     assert file.read_bytes() == b"theirs"
     assert names(tmp_path) == ["a.csv"]
@@ -139,22 +139,22 @@ def test_what_stands_in_the_way_is_named(tmp_path):
     (tmp_path / "file").write_bytes(b"")
     os.mkfifo(tmp_path / "pipe")
     for path, message in (
-        ("folder", "is a directory; give the name of a file"),
+        ("folder", "this is a directory; specify a file"),
         ("file/a.csv", "file is a file, not a directory"),
         ("file/new/a.csv", "file is a file, not a directory"),
-        ("pipe", "is a device or a pipe, not a file"),
+        ("pipe", "this is a device or a pipe"),
         ("x" * 300, "File name too long"),
         ("a\0b", "must not contain a null character"),
     ):
         with pytest.raises(OutputError, match=message):
             check_outputs([tmp_path / path], overwrite=True)  # fmt: skip
-    with pytest.raises(OutputError, match="two outputs would have this name"):
+    with pytest.raises(OutputError, match="two outputs have this file name"):
         check_outputs([tmp_path / "a.csv", tmp_path / "folder" / ".." / "a.csv"], overwrite=True)
 
 
 def test_a_folder_without_permission_is_named_before_the_work(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
-    with pytest.raises(OutputError, match="no permission to write in the directory"):
+    with pytest.raises(OutputError, match="no permission to write to the directory"):
         check_outputs([tmp_path / "a.csv"], overwrite=False)
 
 
@@ -207,9 +207,9 @@ def test_what_is_read_is_never_written_or_removed(tmp_path):
         PROTECTED.set({})
         protect_input(read)
         for file in (model, link, hard, tmp_path / "." / "m.yaml"):
-            with pytest.raises(OutputError, match="is read by this command"):
+            with pytest.raises(OutputError, match="this command reads the file"):
                 write_files({other: b"new", file: b"new"}, overwrite=True)
-            with pytest.raises(OutputError, match="is read by this command"):
+            with pytest.raises(OutputError, match="this command reads the file"):
                 refuse_protected([file])
     assert (model.read_bytes(), other.read_bytes()) == (b"mine", b"old")
     write_files({other: b"new"}, overwrite=True, stale={model: sha256(b"mine").hexdigest()})

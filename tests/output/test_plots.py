@@ -192,7 +192,7 @@ def test_formats(tmp_path, suffix):
     spectra = [spectrum(motion(), np.array([0.1, 1.0]))]
     for name in (file, again):
         draw_spectra(spectra, name)
-        with pytest.raises(OutputError, match="exists already"):
+        with pytest.raises(OutputError, match="the file exists"):
             draw_spectra(spectra, name)
     assert file.read_bytes().startswith(STARTS[suffix])
     assert file.read_bytes() == again.read_bytes()

@@ -69,7 +69,7 @@ def el_centro_cases() -> tuple[ValidationCase, ...]:
     return (
         ValidationCase(
             "chopra-6",
-            "largest displacements of oscillators under El Centro, at its samples",
+            "maximum displacements of oscillators under El Centro, at its samples",
             book,
             "in",
             tuple(f"T {period} s, {damping:.0%}" for period, damping in pairs),
@@ -81,7 +81,7 @@ def el_centro_cases() -> tuple[ValidationCase, ...]:
         ),
         ValidationCase(
             "structdyn-spectra",
-            "two of them as StructDyn computes them",
+            "two of these spectral ordinates, computed by StructDyn",
             "StructDyn, tests/test_sdf.py",
             "m",
             ("T 0.5 s, 2 %", "T 2 s, 2 %"),
@@ -90,7 +90,7 @@ def el_centro_cases() -> tuple[ValidationCase, ...]:
             1e-6,
             NUMERICAL,
             relative=True,
-            remark="its g of 9.81 taken off; it steps with its own method",
+            remark="corrected for its g of 9.81; StructDyn uses a different method",
         ),
         ValidationCase(
             "chopra-13",
@@ -103,8 +103,8 @@ def el_centro_cases() -> tuple[ValidationCase, ...]:
             1.5e-3,
             ROUNDING,
             relative=True,
-            remark="the book's g is 9.81, and it steps; a state-space solution of our own agrees "
-            "to 6 digits",
+            remark="the book uses g = 9.81 and a time-stepping method; a separate state-space "
+            "solution agrees to 6 digits",
         ),
         ValidationCase(
             "nptel-3.6",
@@ -117,7 +117,7 @@ def el_centro_cases() -> tuple[ValidationCase, ...]:
             5e-3,
             ROUNDING,
             relative=True,
-            remark="the course's record has its own rounding",
+            remark="the record of the course is rounded differently",
         ),
     )
 
@@ -148,7 +148,8 @@ def berkeley_cases() -> tuple[ValidationCase, ...]:
             3e-3,
             ROUNDING,
             relative=True,
-            remark="published from 12 200 samples with pads, delivered are 8200: seen at 5 s",
+            remark="the published spectra are from 12 200 samples with padding, the available "
+            "record has 8200: the effect is visible at 5 s",
         )
         for damping, numbers in published.items()
     )
@@ -188,7 +189,7 @@ def kaikoura_cases() -> tuple[ValidationCase, ...]:
             ),
             ValidationCase(
                 f"kaikoura-{name}-pgv",
-                "peak velocities stated by the network, and those of integration",
+                "peak velocities stated by the network, compared with integrated velocities",
                 source,
                 "m/s",
                 quantities,
@@ -197,7 +198,7 @@ def kaikoura_cases() -> tuple[ValidationCase, ...]:
                 6e-2,
                 MODEL,
                 relative=True,
-                remark="the network's velocities went through its filters and are no integrals of "
+                remark="the velocities of the network are filtered and not integrated from "
                 "these 0.02 s samples",
             ),
         ]

@@ -56,7 +56,7 @@ def problems() -> dict[str, Frame]:
     springs = np.full(10, 3.5e8)
     steps = np.arange(10)
     uneven = Frame(
-        "ten unequal stories that yield",
+        "ten different yielding stories",
         ten * (1.0 - 0.03 * steps),
         springs * (1.2 - 0.07 * steps),
         3.0e6 * (1.0 - 0.06 * steps),
@@ -65,7 +65,11 @@ def problems() -> dict[str, Frame]:
     return {
         "linear": Frame("ten equal stories", ten, springs, np.full(10, math.nan)),
         "yielding": Frame(
-            "ten equal stories that yield at 2500 kN", ten, springs, np.full(10, 2.5e6), 0.03
+            "ten equal stories with a yield force of 2500 kN",
+            ten,
+            springs,
+            np.full(10, 2.5e6),
+            0.03,
         ),
         "uneven": uneven,
     }

@@ -44,17 +44,16 @@ PAGE = HERE / "README.md"
 
 INTRODUCTION = f"""# Validation
 
-What is known from elsewhere, beside what this version computes: exact solutions, tables of textbooks, other programs,
-spectra that networks publish, a recorded structure. One command writes this page, on your machine, too, in a few
-minutes:
+This page compares results of this version with exact solutions, textbook tables, other programs, published response
+spectra, and a recorded structure. One command generates the page, also on your machine, in a few minutes:
 
 ```
 $ python tests/validation/run.py
 ```
 
-`tdint validate` carries out the cases that need no file in seconds. Each case says what its difference is:
-**{NUMERICAL}** (of method and step), **{MODEL}** (a row of masses is not that structure), **{ROUNDING}** (printed
-digits, the book's g). What is outside its tolerance stays on the page and is marked so.
+`tdint validate` runs, in seconds, the cases that need no additional file. Each case states the cause of its difference:
+**{NUMERICAL}** (of method and step), **{MODEL}** (a shear building represents the structure only approximately), **{ROUNDING}** (printed
+digits, or another value of g). Differences that exceed their tolerance are marked **outside**.
 """  # noqa: E501
 
 
@@ -115,8 +114,8 @@ def with_file(
     source = SOURCES[name]
     if not source.here():
         return (
-            f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, "
-            "then this page anew.\n"
+            f"The file `{name}` is missing ({source.what}): run `python "
+            f"tests/validation/fetch.py {name}`, then generate this page again.\n"
         )
     return cases(results, group())
 
@@ -150,10 +149,11 @@ def code_verification(results: list[ValidationResult]) -> str:
         "velocity and acceleration.\n\n"
         + table(["method", "declared", *_QUANTITIES], orders)
         + "\n### Manufactured solutions, smooth laws\n\n"
-        f"The motion {AMPLITUDE} sin 5t m is chosen and the force that makes it is given as its "
-        "harmonics ([manufactured.py](manufactured.py)): largest error of the displacement over "
-        "the amplitude, and the order of the last two steps that are not rounding. T is the period "
-        "of the motion.\n\n" + table(["law", "method", "observed", *steps], manufactured)
+        f"The motion {AMPLITUDE} sin 5t m is prescribed, and the force that causes it is applied "
+        "as harmonics ([manufactured.py](manufactured.py)): maximum error of the displacement "
+        "divided by the amplitude, and the order of the last two steps with errors above rounding. "
+        "T is the period of the motion.\n\n"
+        + table(["law", "method", "observed", *steps], manufactured)
     )
 
 
@@ -177,19 +177,19 @@ def other_programs() -> str:
         worst = float(np.max(np.abs(ours / np.asarray(theirs) - 1.0)))
         lines.append([name, one.what, number(theirs[0]), number(float(ours[0])), f"{worst:.1e}"])
     origin = (
-        "made anew on this machine"
+        "computed on this machine"
         if made
-        else f"kept from {kept['version']}; OpenSeesPy is not installed here"
+        else f"stored with {kept['version']}, because OpenSeesPy is not installed"
     )
     return (
-        "Peak drifts at the steps of the same models with the same method and step: average "
-        f"acceleration, 0.01 s, [opensees.py](opensees.py). OpenSees' numbers: {origin}. "
+        "Peak drifts at the time steps of equal models with the same method and step: average "
+        f"acceleration, 0.01 s, [opensees.py](opensees.py). The results of OpenSees were {origin}. "
         f"Differences are {NUMERICAL}: OpenSees iterates to a tolerance of 1e-9 of the largest "
         "inertia force.\n\n"
         + table(
             [
                 "model",
-                "what it is",
+                "description",
                 "OpenSees, story 1, m",
                 "tdint",
                 "largest relative difference of a story",
@@ -216,9 +216,9 @@ def work_precision() -> str:
         if row["outcome"] in ("done", "collapsed") and row["peak_drift_error"]
     ]
     return (
-        f"`{command}`: ten stories that yield, 40 s, "
-        "processor time of the loops alone on this machine (above), error of the worst story's "
-        "peak drift against a reference that a second method confirms.\n\n![Time over error of "
+        f"`{command}`: ten yielding stories, 40 s, "
+        "processor time of the time loops on this machine (above), maximum error of the peak "
+        "drifts relative to a reference that a second method confirms.\n\n![Time over error of "
         "methods and of other programs](work-precision.png)\n\n"
         + table(["method", "time at dt 0.01 s, ms", "error of peak drift"], shown_rows)
     )
@@ -238,8 +238,8 @@ def recorded_structures(results: list[ValidationResult]) -> str:
     source = SOURCES["shake-table"]
     if not source.here():
         return (
-            f"`shake-table` is not here ({source.what}): `python tests/validation/fetch.py "
-            "shake-table` says how to get it.\n"
+            f"The file `shake-table` is missing ({source.what}): `python tests/validation/fetch.py "
+            "shake-table` explains how to get it.\n"
         )
     import shake_table
 
@@ -277,7 +277,7 @@ def page() -> tuple[str, list[ValidationResult]]:
         + "\n### GeoNet, Kaikoura 2016\n\nHorizontal HN1 and HN2, vertical HNZ "
         "([records](../../records/README.md)).\n\n" + cases(results, kaikoura_cases()),
         "A recorded structure": recorded_structures(results),
-        "Time against accuracy": work_precision(),
+        "Work-precision diagram": work_precision(),
     }
     outside = [result.case.name for result in results if not result.within]
     verdict = f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances"

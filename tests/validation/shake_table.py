@@ -51,15 +51,15 @@ def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[Validati
         ValidationCase(
             "shake-table",
             "a model frame under the Northridge motion, absolute accelerations of its floors",
-            "chrystalchern/mdof (C. Chern 2023, doi 10.5281/zenodo.11660200); the published side "
-            "is a computation of the same shear building apart from this program",
+            "chrystalchern/mdof (C. Chern 2023, doi 10.5281/zenodo.11660200); the published "
+            "values are a separate computation of the same shear building",
             "1",
             floors,
             PUBLISHED,
             lambda: compared(path, command),
             2e-3,
             ROUNDING,
-            remark="how far the ratios are from 1 is model error: a shear building of three "
-            "masses is not that frame",
+            remark="the deviation of the ratios from 1 is model error: a shear building of "
+            "three masses represents the frame only approximately",
         ),
     )

@@ -230,9 +230,7 @@ def _general_figures(drawn: Sequence[Example], kind: str) -> dict[str, Content]:
     }
     for example in drawn:
         if example.drawn_as:
-            title = (
-                f"Figure {example.drawn_as}, our drawing: example {example.number}, {example.about}"
-            )
+            title = f"Figure {example.drawn_as}, redrawn: example {example.number}, {example.about}"
             drawings[_name(example.drawn_as)] = partial(
                 figures.examples.row_picture, title, example.model
             )
@@ -308,15 +306,15 @@ def _say_example(example: Example, runs: list[ExampleRun], reference: str, remar
     say(f"Example {example.number}: {example.about}")
     paper, other = gap(example, dt, EXACT, exact_steps(example, dt)), gap(example, dt, _CONFIRMS)
     say(
-        f"The paper's exact motion, {_exact(example, dt, 'paper')}, is off by {paper:.1e} m: "
-        "against"
+        f"The reference solution of the paper ({_exact(example, dt, 'paper')}) differs by "
+        f"{paper:.1e} m from"
     )
     say(
-        f"{_exact(example, dt, 'finer')}, from which {_CONFIRMS} with as many steps differs by "
-        f"{other:.1e} m."
+        f"{_exact(example, dt, 'finer')}; {_CONFIRMS} with the same time step differs from the "
+        f"latter by {other:.1e} m."
     )
     say(
-        f"Largest errors of the displacement at dt {dt:g} s, against "
+        f"Maximum displacement errors with dt {dt:g} s, relative to "
         f"{_exact(example, dt, reference)}:"
     )
     errors = [(run.error("displacement", reference), run) for run in runs if run.outcome == "done"]

@@ -41,29 +41,33 @@ _FIT = Mode(
             "pair_demand",
         )
     ),
-    {"sufficiency": "it compares measures: give several with --im"},
+    {"sufficiency": "it compares intensity measures; specify several with --im"},
 )
-_COMPARE = Mode("with several measures (--im), which are compared", frozenset({"sufficiency"}))
+_COMPARE = Mode(
+    "with several measures (--im), because they are compared", frozenset({"sufficiency"})
+)
 MODES = (_FIT, _COMPARE)
 
 SIGNIFICANT = 0.05
 """P-value below which a slope is reported as significant."""
 
 
-_OF_OPENQUAKE = (
+_OPENQUAKE_OPTIONS = (
     options.output.option(
         "--openquake",
         type=FileName(written=True),
         metavar="FILE.xml",
-        help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name "
-        "as their id, or those of types under their names; of types with losses also "
-        "FILE-vulnerability.xml, for its scenario_risk.",
+        help="Also write the functions as a fragility model of OpenQuake (NRML 0.5). The id of "
+        "a function is the name of the file; with --by type, the name of the type. If the "
+        "damage states have loss ratios, --by type also writes FILE-vulnerability.xml for the "
+        "scenario_risk calculator.",
     ),
     options.output.option(
         "--states",
         type=ListOf(Name()),
         needs="--openquake",
-        help="Names of its limit states, by rising thresholds; ds1, ds2, ... by default.",
+        help="Names of the limit states in the OpenQuake file, in order of increasing "
+        "threshold; ds1, ds2, ... by default.",
     ),
 )
 
@@ -78,54 +82,59 @@ class Request:
     table: str = options.argument("TABLE.csv|DIR", type=FileName())
     fit: str | None = options.option(
         type=click.Choice(_FITS),
-        help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, "
-        "maximum likelihood if some are censored; cloud: a line through ln EDP over ln IM. By "
-        "default what the table's columns are for.",
+        help="stripes: maximum likelihood from the number of exceedances at each intensity "
+        "level. ida: mean and standard deviation of ln capacity, or maximum likelihood if some "
+        "capacities are censored. cloud: regression line of ln demand (EDP) over ln intensity "
+        "(IM). By default, the columns of the table decide.",
     )
     threshold: tuple[float, ...] | None = options.studies.threshold(
-        help="Drift ratios, or other demands, whose exceedance is meant; by default those of the "
-        "table."
+        help="Limits of the drift ratio (or of another demand); a function is the probability "
+        "of exceeding its limit. By default, the thresholds of the table."
     )
     by: str | None = options.option(
         type=click.Choice(["type", "building"]),
-        help="A function for each type (class) of buildings of a campaign, or for each building, "
-        "and each of its damage states: DIR is the folder of a campaign with `damage`; of "
-        "buildings --threshold may be given instead.",
+        help="Fit one function per damage state for each building type (class), or for each "
+        "building, of a campaign with `damage`; DIR is the directory of the campaign. With --by "
+        "building, --threshold can replace the damage states.",
     )
     edp_range: tuple[float, float] | None = options.option(
         type=span,
-        help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above "
-        "it. One may be left out.",
+        help="For --fit cloud: ignore demands below LOW, and treat demands above HIGH as "
+        "censored (known only to be larger than HIGH). LOW or HIGH may be omitted.",
     )
     im: tuple[str, ...] | None = options.option(
         type=ListOf(Name()),
-        help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what "
-        "`tdint campaign --im` has found (pgv, sa:0.6, ...); of pairs the geometric mean of both "
-        "components. Several are compared, by how well they tell the largest drift: another table.",
+        help="Intensity measure of the runs of a campaign: sa at the first period (default), "
+        "pga, or a measure of `tdint campaign --im` (pgv, sa:0.6, ...). For pairs of "
+        "components, the geometric mean of both. With several measures, the output is a table "
+        "that compares how well each measure predicts the maximum drift.",
     )
     sufficiency: str | None = options.option(
         needs="--im",
         type=FileName(),
         metavar="FILE.csv",
         rare=True,
-        help="With several: characteristics of the motions (record,magnitude,...), on which what "
-        "a measure leaves should not depend. Runs under one motion count as alike, or those of one "
-        "event with a column `event`.",
+        help="With several measures: table of characteristics of the ground motions (columns "
+        "record, magnitude, ...). For each characteristic, test whether the residuals of the "
+        "regression depend on it (sufficiency). Runs under one ground motion, or with a column "
+        "`event` under the ground motions of one event, are not independent; the test accounts "
+        "for this.",
     )
     pair_demand: str | None = options.option(
         "--pair-demand",
         type=click.Choice(("larger", "mean", "separate")),
         rare=True,
-        help="How the two horizontal components of a recording count: as one motion with their "
-        "larger or their mean demand, or separately; by default as in the study.",
+        help="Treatment of the two horizontal components of a recording: one ground motion with "
+        "the larger or the mean demand of both, or two separate ground motions. The default is "
+        "the treatment in the study.",
     )
     modeling_dispersion: float = options.option(
         type=Number(0.0, 10.0),
         default=0.0,
         metavar="BETA",
         rare=True,
-        help="Standard deviation (of the logarithm) of what is not known of the model: adds the "
-        "column beta_total, the root of the sum of squares.",
+        help="Modeling uncertainty: standard deviation of the logarithm of the demand. Adds the "
+        "column beta_total, the square root of beta^2 + BETA^2.",
     )
 
 
@@ -135,27 +144,30 @@ class Request:
     "tdint fragility stripes.csv -o curve.csv --plot",
 )
 @options.output.to_files(
-    picture="Also draw functions, observations and confidence bands, to this file (.png, .pdf, "
-    ".svg) or beside -o under its name.",
+    picture="Also plot the functions with observations and confidence bands: to this file "
+    "(.png, .pdf, .svg), or without a file name next to -o, with its name.",
     page=True,
-    more=_OF_OPENQUAKE,
+    more=_OPENQUAKE_OPTIONS,
 )
 @options.of(Request)
 def command(request: Request) -> None:
     """Fit fragility functions: probability of exceedance over intensity.
 
-    TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or
-    im,edp[,censored] (cloud). It may have threshold, im_name, unit; - is standard input. DIR is a
-    folder of `tdint ida` or `tdint campaign`; --by type fits the types of buildings of a campaign's
-    damage states. CSV: median theta and dispersion beta of a lognormal distribution for each
-    threshold, with the standard errors of ln theta and beta: by leaving out ground motions, or
-    events where these are known; of tables that tell neither from the information matrix. The
-    picture has 95 % confidence bands by the delta method.
+    TABLE.csv (- is standard input) has the columns im,collapses,records (stripes),
+    capacity[,censored] (ida) or im,edp[,censored] (cloud), and optionally threshold, im_name and
+    unit. DIR is a directory written by `tdint ida` or `tdint campaign`. With --by type, one
+    function is fitted for each building type and damage state of a campaign.
 
-    With several measures of --im no function is fitted: CSV, from the best on, the line of ln drift
-    over ln IM of the runs that ended, beta about it (efficiency), beta over the slope
-    (proficiency), and for each characteristic the slope of what is left with its p-value
-    (sufficiency).
+    CSV, one row per threshold: median theta and dispersion beta of a lognormal distribution, and
+    the standard errors of ln theta and beta. The standard errors are jackknife estimates over
+    ground motions, or over events if the events are known. If the table names neither, the errors
+    are computed from the information matrix. The figure shows 95 % confidence bands (delta method).
+
+    With several measures of --im, the measures are compared and no function is fitted. CSV, one row
+    per measure, the best measure first: the regression line of ln drift over ln IM, the standard
+    deviation beta about this line (efficiency), beta divided by the slope (proficiency), and for
+    each characteristic the slope of the residuals with its p-value (sufficiency). Collapsed and
+    failed runs are excluded.
     """
     several = bool(request.im and len(request.im) > 1)
     refuse_idle(_COMPARE if several else _FIT, MODES)
@@ -175,14 +187,15 @@ def _compare(request: Request) -> None:
     request.outputs.deliver(tables.studies.comparison_of_measures(fits))
     best = fits[0]
     say(
-        f"{best.im} leaves the least: beta {best.beta:.3g} about its line, "
-        f"{pluralize(best.runs, 'run')}; {best.left_out} left out."
+        f"{best.im} predicts the drift best: standard deviation of ln drift about the "
+        f"regression line {best.beta:.3g} (beta), from {pluralize(best.runs, 'run')}; "
+        f"{best.left_out} excluded."
     )
     for slope in best.dependences:
         if slope.p_value < SIGNIFICANT:
             say(
-                f"What it leaves depends on {slope.characteristic}: slope {slope.slope:.3g}, p "
-                f"{slope.p_value:.2g}."
+                f"The residuals depend on {slope.characteristic}: slope {slope.slope:.3g}, "
+                f"p-value {slope.p_value:.2g}."
             )
 
 
@@ -196,20 +209,23 @@ def _fragility(request: Request) -> None:
 
     outputs, by = request.outputs, request.by
     if by == "type" and request.states:
-        raise UsageError("--states is not for --by type: the states are those of the campaign")
+        raise UsageError(
+            "--states cannot be used with --by type, because the campaign defines the names of "
+            "the states; omit --states"
+        )
     if by and request.states and not request.threshold:
         raise UsageError(
-            "--states names thresholds: give --threshold, or leave it out for the states of the "
-            "campaign"
+            "--states with --by building requires --threshold; add --threshold, or omit "
+            "--states to use the states of the campaign"
         )
     if request.edp_range is not None and request.fit not in (None, "cloud"):
-        raise UsageError("--edp-range is for --fit cloud")
+        raise UsageError("--edp-range can only be used with --fit cloud; omit --edp-range")
     model = [Path(request.openquake)] if request.openquake else []
     # If the damage states have loss ratios, a vulnerability model is written next to the functions.
     losses = _losses(Path(request.table)) if by == "type" and model else {}
     beside = [file.with_name(f"{file.stem}-vulnerability.xml") for file in model if losses]
     check_outputs([*model, *beside], overwrite=outputs.overwrite)
-    asked = FragilityRequest(
+    fit_request = FragilityRequest(
         fit=request.fit,
         thresholds=request.threshold or (),
         edp_range=request.edp_range or EVERY_DEMAND,
@@ -218,7 +234,11 @@ def _fragility(request: Request) -> None:
         states=(request.states or ()) if by else (),
         pair_demand=request.pair_demand,
     )
-    result = fit_types(Path(request.table), asked, by) if by else fit_table(request.table, asked)
+    result = (
+        fit_types(Path(request.table), fit_request, by)
+        if by
+        else fit_table(request.table, fit_request)
+    )
     note(*result.notes)
     warn(*result.warnings, *result.disagreements)
     if not result.functions:
@@ -239,7 +259,12 @@ def _fragility(request: Request) -> None:
         whole, partial = (
             whole_types(result.functions) if result.functions[0].type else (result.functions, [])
         )
-        warn(*(f"{file}: without {name}, which has no function of some states" for name in partial))
+        warn(
+            *(
+                f"{file}: {name} is omitted, because some of its damage states have no function"
+                for name in partial
+            )
+        )
         written = {file: fragility_model(whole, file.stem, request.states or ())}
         written |= {other: vulnerability_model(whole, losses, file.stem) for other in beside}
         write_files(written, overwrite=outputs.overwrite)
@@ -266,7 +291,7 @@ def _fragility(request: Request) -> None:
         fits = " and ".join(dict.fromkeys(function.fit for function in functions))
         say(f"{pluralize(len(functions), 'function')} of {pluralize(len(types), by)}: {fits}.")
     else:
-        say(*map(_words, functions))
+        say(*map(_function_text, functions))
     warn(*map(str, result.failures))
 
 
@@ -322,14 +347,14 @@ def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
         }
 
 
-def _words(function: Fragility) -> str:
+def _function_text(function: Fragility) -> str:
     """Return a sentence with the median and the dispersion and their 95 % confidence intervals."""
     name = f"{function.im or 'im'}"
-    words = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
+    subject = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
     if function.damage == function.damage:
-        words += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
+        subject += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
     unit = f" {function.unit}" if function.unit else ""
-    text = f"{words}{function.fit}, median {name} {function.theta:.4g}{unit}"
+    text = f"{subject}{function.fit}, median {name} {function.theta:.4g}{unit}"
     if function.theta_error == function.theta_error:
         factor = math.exp(1.96 * function.theta_error)
         text += f" (95 %: {function.theta / factor:.4g} to {function.theta * factor:.4g})"
@@ -337,7 +362,7 @@ def _words(function: Fragility) -> str:
         text += (
             " (extrapolated)"
             if function.extrapolated
-            else " (no interval: less than three motions tell it)"
+            else " (no confidence interval: it requires at least three ground motions)"
         )
     text += f", beta {function.beta:.3f}"
     if function.beta_error == function.beta_error:

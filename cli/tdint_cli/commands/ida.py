@@ -39,7 +39,12 @@ class _Measure(Name):
         from tdint.campaign.intensity import without_levels
 
         if reason := without_levels(value):
-            self.fail(f"{value}: {reason}; there are no levels of it", param, ctx)
+            self.fail(
+                f"{value}: ground motions cannot be scaled to levels of this measure, because "
+                f"{reason}; use one of {', '.join(self.names())}",
+                param,
+                ctx,
+            )
         return click.Choice(list(self.names())).convert(value, param, ctx)
 
 
@@ -57,17 +62,17 @@ class IdaRequest(RecordsRequest):
     im: str = options.studies.option(
         type=_Measure(_measures),
         default="sa",
-        help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric "
-        "mean of Sa about a period, Arias intensity or CAV.",
+        help="Intensity measure: Sa at a period (sa, default), PGA, PGV, the geometric mean of "
+        "Sa around a period (sa-avg), Arias intensity or CAV.",
     )
     period: float | None = options.studies.option(
         needs="--im sa or sa-avg",
         type=period,
-        help="Period of sa and sa-avg; by default T1, the first one of the building.",
+        help="Period of sa and sa-avg; by default T1, the first natural period of the building.",
     )
     pairs: PairWish | None = options.studies.pairs(
-        "Take the two horizontal components of a motion together: both are run, at levels of this "
-        "measure."
+        "Scale the two horizontal components of a ground motion together, to levels of this "
+        "measure of the pair; both components are run."
     )
     factors: str | None = options.studies.factors(
         "The records replace RECORD. The analysis scales each record itself and does not use the "
@@ -77,44 +82,49 @@ class IdaRequest(RecordsRequest):
         "--pair-demand",
         type=click.Choice(("larger", "mean", "separate")),
         rare=True,
-        help="How the two horizontal components of a recording count: as one motion with their "
-        "larger demand (by default) or their mean demand, or separately, as two motions.",
+        help="Treatment of the two horizontal components of a recording: one ground motion with "
+        "the larger (default) or the mean demand of both, or two separate ground motions.",
     )
     damping: float = options.studies.damping("--im sa or sa-avg")
     max_im: Units | None = options.studies.option(
         rare=True,
         type=intensity("acceleration", "velocity", "displacement"),
-        help="The largest intensity, with its unit (3g): capacities above it are censored.",
+        help="Maximum intensity, with its unit (3g). Capacities above it are censored: known "
+        "only to be larger.",
     )
     precision: float = options.analysis.option(
         type=Ratio(0.0, 0.5, min_open=True),
         default=0.05,
         metavar="5%",
-        help="Bracket of the capacity against collapse; 5% by default.",
+        help="Precision of the collapse capacity: maximum relative distance between the highest "
+        "level without collapse and the lowest level with collapse; 5% by default.",
     )
     collapse_drift: float | None = options.analysis.option(
         type=Ratio(0.0, min_open=True),
         metavar="10%",
-        help="Drift ratio over which the building has collapsed; by default the model's.",
+        help="Drift ratio above which the building counts as collapsed; by default the value of "
+        "the model.",
     )
     threshold: tuple[float, ...] | None = options.studies.threshold(
-        help="Drift ratios whose capacities are told beside that of collapse; by default the "
-        "medians of the model's damage states by drift_ratio, else 1%,2%,4%."
+        help="Also report the intensities at which these drift ratios are exceeded. By default "
+        "the medians of the damage states of the model, if they refer to drift_ratio; otherwise "
+        "1%,2%,4%."
     )
     after: str | None = options.option(
         needs="--damage",
         type=FileName(),
         metavar="MAIN",
         rare=True,
-        help="Do the same once more for the building that this mainshock has damaged: each RECORD "
-        "is an aftershock, which finds it at rest.",
+        help="Repeat the analysis for the building damaged by this main shock. Each RECORD is "
+        "then an aftershock, which starts when the building is at rest.",
     )
     damage: tuple[float, ...] | None = options.option(
         needs="--after",
         type=ListOf(Ratio(0.0, min_open=True)),
         metavar="2%,...",
         rare=True,
-        help="Drift ratios to which the mainshock is scaled; a study for each.",
+        help="Drift ratios of the damaged building: the main shock is scaled to each of them, "
+        "and the analysis is repeated for each.",
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt
@@ -122,22 +132,23 @@ class IdaRequest(RecordsRequest):
     until_rest: bool = options.analysis.until_rest
     check: bool = options.analysis.option(
         rare=True,
-        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them.",
+        help=f"Add columns <name>_error with estimated errors to {RUNS}, as in `tdint run "
+        "--check`.",
     )
     output: str | None = options.output.output(
         "DIR",
-        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an "
-        "interrupted call of the same kind left.",
+        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} to this directory. If it contains an "
+        "interrupted analysis with the same settings, continue that analysis.",
     )
     plot: str | None = options.output.plot(
-        "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or "
-        "alone as ida.png into the folder of -o."
+        "Also plot all curves with fractiles and capacities: to this file (.png, .pdf, .svg), "
+        "or without a file name to ida.png in the directory of -o."
     )
     report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
     jobs: int | None = options.output.threads(
-        "Threads that share the records; as many as processors", options.grammar.GENERAL
+        "Number of threads; one per processor", options.grammar.GENERAL
     )
 
     @property
@@ -157,20 +168,23 @@ class IdaRequest(RecordsRequest):
 def command(request: IdaRequest) -> None:
     """Run incremental dynamic analyses: story drift over intensity, up to collapse.
 
-    MODEL.yaml is a model file, RECORD a file, or a folder for all records in it; all horizontal
-    components are taken, each for itself, unless --component names one. Every record is scaled up
-    by 1.5 until the building collapses, its capacity bracketed, the curve filled where the drift
-    changes by more than 20 %, and two levels tried above the collapse, where a building may stand
-    again (resurrection). A run that does not converge or diverges is repeated with half the step,
-    up to three times, and counts neither as standing nor as collapse if that does not help.
+    MODEL.yaml is a model file. RECORD is a file, or a directory (all records in it). Every
+    horizontal component is a separate ground motion unless --component selects one.
 
-    With --after and --damage the tables have a column damage, 0 for the intact building; `tdint
-    fragility` fits each state for itself. Drifts are then the largest in the aftershock, counted
-    from where the building stood at first.
+    Each ground motion is scaled up in steps of 1.5 until the building collapses. The collapse
+    capacity is then bracketed to --precision, and levels are added wherever the drift changes by
+    more than 20 %. Two levels above the collapse are also run, because some buildings survive a
+    higher intensity than the intensity of their first collapse (resurrection). A run that does not
+    converge is repeated with half the time step, up to three times. If it still has no result, it
+    counts neither as survival nor as collapse.
 
-    CSV of the capacities on standard output, or with -o a folder: one row per record and drift
-    threshold, the collapse drift last. The same call again goes on where it was interrupted;
-    --overwrite begins anew.
+    With --after and --damage, the tables have a column damage, which is 0 for the intact building;
+    `tdint fragility` fits a function for each value. Drifts are the maximum drifts during the
+    aftershock, measured from the undeformed building.
+
+    CSV of the capacities on standard output, or with -o in a directory: one row per record and
+    drift threshold; the collapse drift is the last threshold. The same call continues an
+    interrupted analysis; --overwrite starts again.
     """
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
@@ -193,7 +207,10 @@ def command(request: IdaRequest) -> None:
     measure = measure_at(request.im, request.damping, period)
     largest = request.max_im
     if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
-        raise UsageError(f"--max-im {largest.text}: {measure.name} is in {measure.unit}")
+        raise UsageError(
+            f"--max-im {largest.text}: wrong unit for {measure.name}; specify the maximum in "
+            f"{measure.unit}"
+        )
     settings = IdaSettings(
         precision=request.precision,
         collapse_drift=request.collapse_drift,
@@ -405,9 +422,9 @@ def _report(study: IdaStudy, precision: float) -> None:
 
     runs = [run for curve in study.curves for run in curve.runs]
     if study.resumed == len(study.curves):
-        note("nothing to do: all records were done")
+        note("all records were completed by an earlier call; nothing to do")
     elif study.resumed:
-        note(f"{study.resumed} of {len(study.curves)} records were done before")
+        note(f"{study.resumed} of {len(study.curves)} records were completed by an earlier call")
     options.analysis.warn_of(study.model)
     note(*study.remarks)
     paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
@@ -420,14 +437,14 @@ def _report(study: IdaStudy, precision: float) -> None:
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
         note(
-            f"{pluralize(finer, 'run')} repeated with a finer step, for want of a result with the "
-            "first one"
+            f"{pluralize(finer, 'run')} repeated with a smaller time step, because the first "
+            "time step gave no result"
         )
     again = sum(curve.resurrection for curve in study.curves)
     if again:
         note(
-            f"the building stands again at a level tried above its first collapse under {again} of "
-            f"{len(study.curves)} records"
+            f"for {again} of {len(study.curves)} records the building survives an intensity "
+            "above its lowest collapse intensity (resurrection)"
         )
     warn(*_doubts(study, precision))
 
@@ -446,8 +463,8 @@ def _doubts(study: IdaStudy, precision: float) -> list[str]:
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         doubts.append(
-            f"{lost} of {len(runs)} runs have no result, also with a finer step; they count "
-            "neither way"
+            f"{lost} of {len(runs)} runs have no result, not even with a smaller time step; "
+            "they count neither as survival nor as collapse"
         )
     capacities = [curve.collapse for curve in study.curves if not curve.collapse.censored]
     wide = sum(
@@ -456,14 +473,14 @@ def _doubts(study: IdaStudy, precision: float) -> list[str]:
     )
     if wide:
         doubts.append(
-            f"{wide} of {len(capacities)} capacities are bracketed less closely than "
-            f"{100.0 * precision:g} %"
+            f"{wide} of {len(capacities)} capacities are known less precisely than "
+            f"{100.0 * precision:g} % (--precision)"
         )
     off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
     if off:
         doubts.append(
-            f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a "
-            "smaller step"
+            f"the energy balance error of {off} of {len(runs)} runs exceeds 1 %; use a smaller "
+            "time step (--dt)"
         )
     return doubts
 
@@ -488,13 +505,13 @@ def _median(study: IdaStudy) -> str:
     capacity = (
         f"{study.im_name} = {middle:.4g} {unit}"
         if middle == middle
-        else "above the largest intensity"
+        else "above the maximum intensity"
     )
-    state = f", damaged to {100.0 * damage:g} %" if damage else ""
-    text = f"Median capacity against collapse{state}: {capacity}"
+    state = f" of the building damaged to a drift ratio of {100.0 * damage:g} %" if damage else ""
+    text = f"Median collapse capacity{state}: {capacity}"
     if count > 1 and low == low and high == high:
         text += (
-            f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is "
-            "a geometric mean)"
+            f", 16 and 84 % fractiles {low:.4g} and {high:.4g} (by rank; `tdint fragility` "
+            "reports a geometric mean instead)"
         )
     return text + (f"; {censored} of {count} censored." if censored else ".")

@@ -73,9 +73,9 @@ _EXPORT = options.output.option(
     "--export",
     type=FileName(written=True),
     callback=options.output.refuse_empty,
-    help="Also write the motions as they are after all that is done, to this .mseed or .csv file; "
-    "acceleration, velocity and displacement: all components as MiniSEED in SI units, or one as "
-    "CSV; what they are and what was done stands in a JSON file beside.",
+    help="Also write the processed ground motions to this file: acceleration, velocity and "
+    "displacement. A .mseed file (MiniSEED, SI units) contains all components, a .csv file one "
+    "component. A JSON file next to it describes the components and their processing.",
 )
 
 
@@ -83,12 +83,12 @@ _EXPORT = options.output.option(
     "info",
     "tdint info office-motion.txt -o info.csv --plot",
     "tdint info office-motion.txt --highpass 0.1 --export filtered.csv",
-    exits={4: "a record cannot be read; the others are done"},
+    exits={4: "a record cannot be read; the other records are processed"},
 )
 @options.record.of_records
 @options.output.to_files(
-    "Write the table to this file instead of standard output, and what the records are to a JSON "
-    "file beside it.",
+    "Write the table to this file instead of standard output, and a description of the records "
+    "to a JSON file next to it.",
     picture=options.output.PICTURE,
     more=[_EXPORT],
 )
@@ -96,14 +96,14 @@ _EXPORT = options.output.option(
 def command(request: Request) -> None:
     """Summarize ground-motion records: sampling, peaks, Arias intensity, duration.
 
-    RECORD is a file, or a folder for all records in it, - is standard input; all components are
-    taken unless
-    --component names one. CSV, a row each: samples, units and how they are known, peak
-    acceleration, velocity and displacement (from rest, nothing corrected), Arias intensity and its
-    significant durations, cumulative absolute velocity, Housner's spectrum intensity (5 % damping,
-    0.1 to 2.5 s), zeros at the ends, and notes on what was assumed or looks wrong. The measures are
-    exact for a ground motion that is linear between its samples. The picture shows the first
-    components. A record that fails does not keep the others from being done.
+    RECORD is a file, a directory (all records in it), or - (standard input). All components are
+    listed unless --component selects one. CSV, one row per component: samples, units and their
+    source, peak acceleration, velocity and displacement (integrated from rest, without baseline
+    correction), Arias intensity and significant durations, cumulative absolute velocity, Housner's
+    spectrum intensity (5 % damping, 0.1 to 2.5 s), zeros at both ends, and notes about assumptions
+    and suspect values. The measures are exact for a ground motion that is linear between its
+    samples. The figure shows the first components. If a record cannot be read, the other records
+    are still processed.
     """
     from tdint.ground_motion.reading.suites import records_of
     from tdint.output.summary import table_summary
@@ -143,7 +143,10 @@ def command(request: Request) -> None:
         )
     warn(*warnings)
     if outputs.picture and (left_out := len(infos) - figures.comparison.MOST_RECORDS) > 0:
-        note(f"the picture shows the first components and leaves out {left_out} more")
+        note(
+            f"the figure shows only the first {figures.comparison.MOST_RECORDS} components; "
+            f"{left_out} are omitted"
+        )
     note(*notes)
     if failures:
         raise Failures(failures)
@@ -161,7 +164,9 @@ def _exported_files(request: Request) -> list[Path]:
         return []
     file = Path(request.export)
     if file.suffix.lower() not in (_MSEED, _CSV):
-        raise UsageError(f"--export {request.export[:60]}: the name ends with {_MSEED} or {_CSV}")
+        raise UsageError(
+            f"--export {request.export[:60]}: unknown file type; use the suffix {_MSEED} or {_CSV}"
+        )
     return [file, beside(file, ".json")]
 
 
@@ -188,8 +193,9 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     if file.suffix.lower() == _MSEED:
         if len({record.dt for record in motions}) > 1:
             raise UsageError(
-                f"--export {request.export[:60]}: the records have different sampling intervals, "
-                "with which no program reads a file: export them one by one, or give --resample"
+                f"--export {request.export[:60]}: the records have different sampling intervals "
+                "and cannot be written to one file; export each record separately, or add "
+                "--resample"
             )
         channels = channels_of(motions)
         content, notes = to_mseed(channels)
@@ -199,8 +205,9 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
             summary["exported_as"] = channel.id
     elif len(motions) > 1:
         raise UsageError(
-            f"--export {request.export[:60]}: a CSV file has one component, there are "
-            f"{len(motions)}: choose one by --component, or give FILE{_MSEED}, which has all"
+            f"--export {request.export[:60]}: a CSV file can contain one component, got "
+            f"{len(motions)}; select one with --component, or use FILE{_MSEED} for all "
+            "components"
         )
     else:
         units = request.outputs.shown_units

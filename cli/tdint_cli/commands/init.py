@@ -34,39 +34,43 @@ def _structures() -> list[str]:
 
 
 def _weights(text: str) -> tuple[float, ...]:
-    """Positive numbers with commas between them, equal ones as COUNTxNUMBER: one for each floor."""
+    """Return the weights of the floors from a comma-separated list of NUMBER or COUNTxNUMBER."""
     weights: list[float] = []
     for word in text.split(","):
         count, times, number = word.strip().rpartition("x")
-        # Without a count before it a weight is that of one floor.
-        whole = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
+        # A weight without a count is the weight of one floor. Zero marks an invalid count.
+        floors = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
         try:
             weight = float(number)
         except ValueError:
             weight = math.nan
-        if not (1 <= whole <= _MOST_STORIES and 0.0 < weight < math.inf):
+        if not (1 <= floors <= _MOST_STORIES and 0.0 < weight < math.inf):
             raise click.BadParameter(
-                f"{word.strip()!r} is no weight; write 4200, or 6x3900 for six floors"
+                f"invalid weight {word.strip()!r}; write 4200, or 6x3900 for six floors of 3900"
             )
-        weights += [weight] * whole
+        weights += [weight] * floors
     if len(weights) > _MOST_STORIES:
-        raise click.BadParameter(f"{len(weights)} floors are more than {_MOST_STORIES}")
+        raise click.BadParameter(
+            f"{len(weights)} weights exceed the maximum of {_MOST_STORIES} floors"
+        )
     return tuple(weights)
 
 
 _EQUAL = Mode("without --weights and --type", frozenset(("stories", "period")))
 _WEIGHTS = Mode(
-    "with --weights", frozenset(("weights", "period")), {"stories": "there is one for each weight"}
+    "with --weights",
+    frozenset(("weights", "period")),
+    {"stories": "the number of stories is the number of weights"},
 )
 _CURVES = Mode(
-    "with --from-pushover", frozenset({"weights"}), {"period": "the curves give the stiffness"}
+    "with --from-pushover", frozenset({"weights"}), {"period": "the curves define the stiffnesses"}
 )
 _TYPE = Mode(
     "with --type",
     frozenset({"stories"}),
     {
-        "weights": "the rules of the type give the masses",
-        "period": "the rules of the type give the period",
+        "weights": "the rules of the building type define the masses",
+        "period": "the rules of the building type define the period",
     },
 )
 MODES = (_EQUAL, _WEIGHTS, _CURVES, _TYPE)
@@ -78,63 +82,66 @@ class Request:
 
     file: str = options.argument("[FILE]", default=FILE, type=FileName(written=True))
     stories: int = options.option(
-        type=Count(1, _MOST_STORIES), default=_STORIES, help=f"Stories; {_STORIES} by default."
+        type=Count(1, _MOST_STORIES),
+        default=_STORIES,
+        help=f"Number of stories; {_STORIES} by default.",
     )
     period: float | None = options.option(
         type=click.FloatRange(0.0, 100.0, min_open=True),
         metavar="SECONDS",
-        help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by "
-        "default.",
+        help="Fundamental period; 0.1 s per story by default.",
     )
     weights: tuple[float, ...] | None = options.option(
         type=Written("weight,...", _weights),
-        help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as "
-        "6x3900: one story each, stiffnesses such that the first mode is a straight line with "
+        help="Weights of the floors from the ground up, in kN (with --units us, kip); "
+        "COUNTxWEIGHT for equal floors, such as 6x3900. Each floor has one story; the "
+        "stiffnesses are chosen such that the first mode is a straight line and has the period "
         "--period.",
     )
     from_pushover: str | None = options.option(
         type=FileName(),
         needs="--weights",
         metavar="CURVES.csv",
-        help="Fit the law of each story to its curve in this CSV file, with the columns story, "
-        "drift_m and shear_N (or in other units); says the misfit.",
+        help="Fit the hysteretic law of each story to a force-drift curve in this CSV file with "
+        "the columns story, drift_m and shear_N (or other units), and report the misfit.",
     )
     law: str = options.option(
         needs="--from-pushover",
         type=click.Choice(["bilinear", "trilinear", "multilinear"]),
         default="bilinear",
-        help="What is fitted; bilinear by default. A multilinear one has four points and may "
-        "fall; none of them pinches.",
+        help="Hysteretic law to fit; bilinear by default. multilinear has four points and may "
+        "have a descending branch. The fitted laws have no pinching.",
     )
     motion: str | None = options.option(
         metavar="NAME:PARAMETERS",
-        help="The artificial motion beside the model: sine:frequency=1.5,duration=20,pga=0.1g "
-        "(Hz, s), sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 "
-        "(m/s).",
+        help="Artificial ground motion that is written next to the model: "
+        "sine:frequency=1.5,duration=20,pga=0.1g (Hz, s), "
+        "sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 (s, "
+        "m/s; default).",
     )
     structure: str | None = options.option(
         "--type",
         type=Name(_structures),
-        help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with "
-        "--year and --area.",
+        help="Generate a building of this Hazus type (W1, S1, C1, RM1, URM, ...) from general "
+        "rules; requires --year and --area.",
     )
     year: int | None = options.option(
         type=click.IntRange(1000, 2200),
         needs="--type",
         metavar="YEAR",
-        help="Its year of construction.",
+        help="Year of construction.",
     )
     area: float | None = options.option(
         needs="--type",
         type=click.FloatRange(0.0, min_open=True),
         metavar="AREA",
-        help="The area of one floor, in m^2, of --units us in ft^2.",
+        help="Area of one floor, in m^2 (with --units us, ft^2).",
     )
     units: str = options.option(
         type=click.Choice(["si", "us"]),
         default="si",
-        help="Units of the file and of its output: kN, m, t, or kip, in and weights; si by "
-        "default.",
+        help="Units of the model and of its output: si (kN, m, t; default) or us (kip, in, and "
+        "weights instead of masses).",
     )
     overwrite: bool = options.output.overwrite
 
@@ -148,10 +155,10 @@ class Request:
 def command(request: Request) -> None:
     """Create a commented example model, ready to run.
 
-    FILE (building.yaml if there is none) gets the model; beside it lies an artificial ground
-    motion, so that `tdint run FILE` shows something until you have a record. The motion is FILE
-    without its suffix and with -motion.txt. FILE may be -, standard output: that model vibrates
-    freely, without a record.
+    The model is written to FILE (building.yaml by default). An artificial ground motion is written
+    next to it, so that `tdint run FILE` works before you have a record; its file has the name of
+    the model with -motion.txt instead of the suffix. If FILE is - (standard output), the model has
+    no ground motion and vibrates freely.
     """
     _check(request)
     if request.file == "-":
@@ -169,34 +176,40 @@ def command(request: Request) -> None:
         ),
     }
     write_files({path: text.encode() for path, text in texts.items()}, overwrite=request.overwrite)
-    say(f"{file} is a model that runs as it is, under the artificial motion {motion}. Next:")
+    say(f"{file}: model, ready to run under the artificial ground motion {motion}. Next:")
     name = shlex.quote(str(file))
     say(f"  tdint check {name}\n  tdint run {name} -o out --plot")
 
 
 def _check(request: Request) -> None:
-    """Refuse what does not go together.
+    """Check the options before the model is generated.
 
     Raises
     ------
     UsageError
-        A name or a period that no model has; a period beside a type, or a type without its facts.
+        The file name or the period is invalid, options contradict each other, or --type lacks
+        --year or --area.
     """
-    # Of a name that ends in .gz the content would be packed, which no model is.
+    # A file with the suffix .gz would be compressed, and models cannot be read from such files.
     if (
         not Path(request.file).stem.strip()
         or Path(request.file).name == ".."
         or request.file.lower().endswith(".gz")
     ):
-        raise UsageError(f"{request.file!r} is no name of a file; give one such as {FILE}")
-    if not request.file.isprintable():  # nor are bytes that are no UTF-8
+        raise UsageError(f"{request.file!r} is not a valid file name; use a name such as {FILE}")
+    if (
+        not request.file.isprintable()
+    ):  # This is also False if the name contains bytes that are not UTF-8.
         raise UsageError(
-            f"{request.file!a:.100}: a model's name is a line of UTF-8 without control characters"
+            f"{request.file!a:.100}: the file name must be UTF-8 without control characters"
         )
     if request.period is not None and not request.period >= _SHORTEST:
         raise UsageError(f"--period must be from {_SHORTEST:g} to 100 s, got {request.period:g}")
     if request.motion and request.file == "-":
-        raise UsageError("--motion is a file beside the model's; give that a name")
+        raise UsageError(
+            "--motion cannot be used with standard output (-), because it writes a second file; "
+            "specify a file name, or omit --motion"
+        )
     if request.structure is None:
         of_weights = _CURVES if request.from_pushover else _WEIGHTS
         refuse_idle(of_weights if request.weights else _EQUAL, MODES)
@@ -204,29 +217,36 @@ def _check(request: Request) -> None:
     refuse_idle(_TYPE, MODES)
     structures = _structures()
     if request.structure not in structures:
-        raise UsageError(f"unknown type {request.structure!r}; known: {', '.join(structures)}")
+        raise UsageError(
+            f"unknown building type {request.structure!r}; available types: {', '.join(structures)}"
+        )
     if request.year is None or request.area is None:
-        raise UsageError("--type needs --year and --area, such as --type C1 --year 1985 --area 600")
+        raise UsageError(
+            "--type requires --year and --area, such as --type C1 --year 1985 --area 600"
+        )
 
 
 def _laws(request: Request) -> list[FittedLaw]:
-    """The laws of the stories, fitted to their curves, and how well they fit."""
+    """Fit the hysteretic law of each story to its curve, and report the misfit."""
     from tdint.model.story_curves import fit_story, read_story_curves
 
     assert request.from_pushover is not None and request.weights is not None
     curves = read_story_curves(request.from_pushover)
-    # Each floor stands on one story: there is a curve for each weight.
+    # Each floor has one story below it, so each weight requires one curve.
     if len(curves) != len(request.weights):
         stories, floors = pluralize(len(curves), "story"), pluralize(len(request.weights), "floor")
-        raise UsageError(f"{request.from_pushover} has {stories}, --weights {floors}")
+        raise UsageError(
+            f"{request.from_pushover} has curves for {stories}, but --weights has {floors}; "
+            "each floor requires one story"
+        )
     fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
     worst = max(fits, key=lambda fit: fit.misfit)
     listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_MAX_LISTED_MISFITS]) + (
         " ..." if len(fits) > _MAX_LISTED_MISFITS else ""
     )
     say(
-        f"Misfit of the stories (root mean square over the largest shear): {listed} %; the worst "
-        f"is story {worst.story}, {100.0 * worst.misfit:.2g} %."
+        f"Misfit of the stories (root mean square, divided by the maximum shear): {listed} %; "
+        f"the maximum is {100.0 * worst.misfit:.2g} % in story {worst.story}."
     )
     return [fit.law for fit in fits]
 

@@ -32,8 +32,7 @@ _MODELS = options.output.option(
     "--models",
     type=FileName(folder=True, written=True),
     metavar="DIR",
-    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this "
-    "folder.",
+    help="Also write a model file ID.yaml for each building to this directory, for `tdint run`.",
 )
 
 
@@ -47,32 +46,33 @@ class Request:
     units: str = options.option(
         type=click.Choice(["ft", "m"]),
         required=True,
-        help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in "
-        "SimCenter's files.",
+        help="Unit of lengths in the file; areas are in the square of this unit. It has no "
+        "default; files of SimCenter use ft.",
     )
     rules: str = options.option(
         type=click.Choice(RULES),
         default=RULES[0],
-        help="Rules of the buildings; mdof-lu by default.",
+        help="Rules that generate the buildings; mdof-lu by default.",
     )
     classes: str | None = options.option(
         type=FileName(),
         needs="--rules capacity",
-        help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to "
-        "four rows for each, and, if they are wanted, soft_story and degradation (true or false).",
+        help="Capacity curves of the building classes, for --rules capacity: CSV with the "
+        "columns class, sd_m and sa_g, two to four rows per class, and optionally soft_story "
+        "and degradation (true or false).",
     )
     mapping: str | None = options.option(
         type=FileName(),
         metavar="FILE.csv",
-        help="Read an exposure model of OpenQuake (NRML, or CSV files that it names); FILE.csv has "
-        "a row per taxonomy with the column taxonomy and the columns that the rules need, such as "
-        "class and NumberOfStories.",
+        help="Read BUILDINGS as an exposure model of OpenQuake (NRML, or CSV files that it "
+        "names). FILE.csv has one row per taxonomy: the column taxonomy, and the columns that "
+        "the rules require, such as class and NumberOfStories.",
     )
     damping: str = options.option(
         type=click.Choice(["full", "mass-only"]),
         default="full",
-        help="full by default; mass-only leaves out the stiffness-proportional part, as programs "
-        "do that lose it.",
+        help="Damping: full (default), or mass-only, which omits the part proportional to "
+        "stiffness. mass-only reproduces programs that lose this part.",
     )
 
 
@@ -80,28 +80,30 @@ class Request:
     "inventory",
     "tdint inventory buildings.csv --units ft -o stories.csv",
     "tdint inventory buildings.csv --units ft --models models",
-    exits={3: "a row cannot be used; the others are done"},
+    exits={3: "a row cannot be used; the other rows are processed"},
 )
 @options.output.to_files(more=[_MODELS])
 @options.of(Request)
 def command(request: Request) -> None:
     """Generate shear buildings from a table of buildings (an inventory).
 
-    BUILDINGS.csv has a row per building, and the table has a row per story. The columns are id,
-    NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5 C1-C3 PC1 PC2 RM1 RM2 URM MH) and
-    PlanArea (of one floor); optional are height (of the whole building), seismicZone (Z4 by
-    default), DampingRatio and DesignLevel; other columns are not read; - is standard input. The
-    rules mdof-lu are those of Lu et al. (2014, 2020) with the building types of Hazus: trilinear
-    stories that pinch. CSV, one row per story.
+    BUILDINGS.csv (- is standard input) has one row per building; the output, a CSV table, has one
+    row per story. Required columns are id, NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5
+    C1-C3 PC1 PC2 RM1 RM2 URM MH) and PlanArea (of one floor). Optional columns are height (of the
+    building), seismicZone (Z4 by default), DampingRatio and DesignLevel. Other columns are ignored.
+    The rules mdof-lu were published by Lu et al. (2014, 2020) for the building types of Hazus; the
+    stories are trilinear with pinching.
 
-    With --rules capacity a building has the columns id, class and NumberOfStories, optional height,
-    mass_kg (of all floors; 1000 by default) and DampingRatio: its stories follow from the capacity
-    curve of its class as in GEM's vulnerability toolkit (oq-vmtk), with the period of the curve.
+    With --rules capacity, the required columns are id, class and NumberOfStories; optional columns
+    are height, mass_kg (of all floors; 1000 by default) and DampingRatio. The stories are derived
+    from the capacity curve of the class as in GEM's vulnerability toolkit (oq-vmtk). The building
+    has the period of this curve.
 
-    With --mapping FILE.csv, BUILDINGS is an exposure model of OpenQuake: id, place, number and
-    structural cost are those of its assets.
+    With --mapping FILE.csv, BUILDINGS is an exposure model of OpenQuake. Ids, coordinates, numbers
+    of buildings and structural costs are read from its assets.
 
-    Rows that cannot be used are told together, the others are done, and the exit code is 3.
+    If rows cannot be used, all errors are listed, the other rows are processed, and the exit code
+    is 3.
     """
     from tdint.model.capacity import read_classes
     from tdint.model.inventory import CAPACITY, derive_all, read_inventory
@@ -111,7 +113,8 @@ def command(request: Request) -> None:
     rules = request.rules
     if (rules == CAPACITY) != (request.classes is not None):
         raise UsageError(
-            f"the rules {CAPACITY} need --classes FILE, the capacity curves of the classes"
+            f"--rules {CAPACITY} and --classes FILE (the capacity curves of the building "
+            "classes) must be used together"
         )
     classes = read_classes(request.classes) if request.classes else None
     rows, faults = read_inventory(
@@ -123,7 +126,7 @@ def command(request: Request) -> None:
     )
     derived = derive_all(rows, rules)
     files = _model_files(derived, rules, request.models) if request.models else {}
-    # Model files are checked with the table's, before either is written.
+    # Check all output files before the first of them is written.
     if files:
         check_outputs([*files, *request.outputs.files], overwrite=request.outputs.overwrite)
         write_files(files, overwrite=request.outputs.overwrite)
@@ -131,12 +134,12 @@ def command(request: Request) -> None:
         Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived)
     )
     say(
-        f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by "
-        f"the rules {rules}."
+        f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings "
+        f"generated by the rules {rules}."
     )
-    # A column that is wrong throughout has as many faults as rows.
+    # Abbreviate the list, because a wrong column causes one error per row.
     if len(faults) > _SHOWN:
-        more = f"{request.buildings}: and {len(faults) - _SHOWN} more faults, {len(faults)} in all"
+        more = f"{request.buildings}: {len(faults) - _SHOWN} more errors, {len(faults)} in total"
         raise ModelError("\n".join([*map(str, faults[:_SHOWN]), more]))
     if faults:
         raise ModelError(faults)
@@ -145,12 +148,12 @@ def command(request: Request) -> None:
 def _model_files(
     derived: Sequence[InventoryBuilding], rules: str, folder: str
 ) -> dict[Path, bytes]:
-    """The model files.
+    """Return the contents of the model files.
 
     Raises
     ------
     UsageError
-        An id that is no file name.
+        An id cannot be used as a file name.
     """
     from tdint.model.inventory import model_text
 
@@ -159,8 +162,8 @@ def _model_files(
         name = building.row.id
         if not _FILE_NAME.fullmatch(name):
             raise UsageError(
-                f"the id {name!r} does not make a file name; --models needs ids of letters, "
-                "digits, -, _ and ."
+                f"the id {name!r} cannot be used as a file name; with --models, ids must "
+                "consist of letters, digits, -, _ and ."
             )
         files[Path(folder) / f"{name}.yaml"] = model_text(name, building.building, rules).encode()
     return files

@@ -10,6 +10,7 @@ import click
 
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
+from tdint.number_parsing import pluralize
 from tdint.output import figures, tables
 from tdint_cli import options
 from tdint_cli.options.analysis import damping_ratio
@@ -43,17 +44,16 @@ class MatchRequest(RecordsRequest):
 
     output: str | None = options.output.output(
         "DIR",
-        f"Write {MATCHED} and each motion, under its record's name, into this folder, which is "
-        "made.",
+        f"Write {MATCHED} and each matched ground motion, with the name of its record, to this "
+        "directory, which is created if necessary.",
     )
     target: str = options.option(
         required=True,
         metavar="SPECTRUM",
-        help="The spectrum to match: a CSV file, or a design spectrum such as "
-        "asce7:sds=1,sd1=0.6,tl=8.",
+        help="Target spectrum: a CSV file, or a design spectrum such as asce7:sds=1,sd1=0.6,tl=8.",
     )
     range: tuple[float, float] = options.option(
-        type=span, default="0.05:4", help="Periods over which it is matched, s; 0.05:4 by default."
+        type=span, default="0.05:4", help="Range of the matched periods, s; 0.05:4 by default."
     )
     damping: tuple[float, ...] = options.option(
         type=ListOf(damping_ratio),
@@ -67,36 +67,40 @@ class MatchRequest(RecordsRequest):
     format: str = options.option(
         type=click.Choice(("mseed", "at2", "csv")),
         default="mseed",
-        help="Of the motions: mseed (MiniSEED, by default), at2 (PEER, in g) or csv.",
+        help="File format of the matched ground motions: mseed (MiniSEED, default), at2 (PEER, "
+        "in g) or csv.",
     )
     pairs: PairWish | None = options.option(
         type=PairsType((PAIR,)),
         metavar=f"{PAIR}[,NAMES]",
-        help="Change the two horizontal components of a motion together until their RotD100 is "
-        "the target. Files of a pair are named alike but for the component, or as NAMES says: "
-        "'{}_a.txt,{}_b.txt'.",
+        help="Match the two horizontal components of a ground motion together, such that their "
+        "RotD100 spectrum is the target. The file names of a pair differ only in the component, "
+        "or follow the patterns NAMES: '{}_a.txt,{}_b.txt'.",
     )
     suite: str = options.option(
         type=click.Choice(SUITES),
         default=SUITES[0],
-        help="each (by default): all motions to the target. mean: their mean to it, each to its "
-        "own scaled spectrum times target over mean, so that their scatter is kept.",
+        help="each (default): match every ground motion to the target. mean: match only the "
+        "mean spectrum of the suite to the target; each ground motion is matched to its own "
+        "scaled spectrum times (target / mean), which keeps the scatter of the suite.",
     )
     factors: str | None = options.studies.factors(
-        "The records replace RECORD. With --suite mean the spectra of the suite are those with "
-        "these factors; without it each motion is scaled to the target first."
+        "The records replace RECORD. With --suite mean, these factors define the initial "
+        "spectra of the suite. Otherwise they have no effect, because each ground motion is "
+        "first scaled to the target."
     )
     max_misfit: float = options.option(
         type=Ratio(0.0, 1.0, min_open=True),
         metavar="5%",
         default="5%",
-        help="The largest misfit that is not warned of; 5% by default.",
+        help="Maximum misfit without a warning; 5% by default.",
     )
-    require: bool = options.option(help="Exit with 5 where a misfit stays above --max-misfit.")
+    require: bool = options.option(help="Exit with code 5 if a misfit exceeds --max-misfit.")
     plot: str | None = options.output.plot(
-        "Also draw spectra (from half of the shortest to twice the longest matched period; of a "
-        "pair also of both components) and histories of the first motion and of its scaled seed: "
-        f"to this file, or as {PICTURE} into the folder."
+        "Also plot the first ground motion and its scaled seed: spectra from half the shortest "
+        "to twice the longest matched period (for a pair also the spectra of both components), "
+        f"and time histories. Written to this file, or without a file name to {PICTURE} in the "
+        "directory."
     )
     overwrite: bool = options.output.overwrite
 
@@ -105,18 +109,20 @@ class MatchRequest(RecordsRequest):
     "match",
     "tdint match office-motion.txt --target ec8:type=1,soil=B,ag=0.25g --range 0.05:3 -o matched",
     "tdint match office-motion.txt --target asce7:sds=1,sd1=0.6,tl=8 -o asce7 --plot",
-    exits={5: "with --require a misfit is above --max-misfit"},
+    exits={5: "with --require: a misfit exceeds --max-misfit"},
 )
 @options.record.of_records_if_any
 @options.of(MatchRequest)
 def command(request: MatchRequest) -> None:
     """Match ground motions to a target spectrum with the smallest changes.
 
-    RECORD is a file, or a folder for all records in it; all horizontal components are taken unless
-    --component names one, or together with --pairs. Each motion is scaled once and then changed as
-    little as it can be, where it is strong, so that the largest response at each period is the
-    target. The table has the misfit at 1000 periods and what became of the motion, beside its
-    scaled seed. A motion that would be worse than its scaled seed is left as that.
+    RECORD is a file, or a directory (all records in it). All horizontal components are matched
+    unless --component selects one; with --pairs, the two components are matched together. Each
+    ground motion is first scaled by a constant factor, which gives its scaled seed. Small wavelets
+    are then added to the strong part, such that the maximum response at each period equals the
+    target. The table lists the misfit over 1000 periods, and compares the intensity measures of the
+    matched motion with the scaled seed. If matching would increase the misfit, the scaled seed is
+    written unchanged.
     """
     from tdint.analysis.matching import match_suite
     from tdint.analysis.spectra.target import read_targets
@@ -124,7 +130,7 @@ def command(request: MatchRequest) -> None:
 
     # Check the options and the output files before the computation starts.
     if request.output is None:
-        raise UsageError("the motions are written into a folder: add -o DIR")
+        raise UsageError("-o DIR is required: the directory for the matched ground motions")
     folder = Path(request.output)
     plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
@@ -179,8 +185,8 @@ def command(request: MatchRequest) -> None:
             warn(*_misfit_warning(spectrum, request.max_misfit))
         warn(*_change_warnings(matched))
     note(
-        "codes ask for more of a suite than a fit: numbers of motions, their sources, what "
-        "near-fault pulses are"
+        "a good fit is not sufficient for design: building codes also specify the number of "
+        "ground motions, their sources, and near-fault pulses"
     )
     if request.suite == "mean":
         for number, target in enumerate(targets):
@@ -194,7 +200,8 @@ def command(request: MatchRequest) -> None:
         raise Failures(suite.failures)
     if request.require and beyond:
         raise AnalysisError(
-            f"the misfit stays above {100.0 * request.max_misfit:g} %: {', '.join(beyond)}"
+            f"the misfit exceeds {100.0 * request.max_misfit:g} %: {', '.join(beyond)}; use "
+            "another record, or a narrower --range"
         )
 
 
@@ -247,15 +254,18 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     )
     off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
     text = (
-        f"At {100.0 * matches[0].damping:g} % damping the mean of {len(matches)} differs from the "
-        f"target by at most {100.0 * np.max(np.abs(off)):.2g} %, on average by "
-        f"{100.0 * np.mean(np.abs(off)):.2g} %"
+        f"At {100.0 * matches[0].damping:g} % damping the mean spectrum of "
+        f"{pluralize(len(matches), 'ground motion')} differs from the target by at most "
+        f"{100.0 * np.max(np.abs(off)):.2g} %, on average by {100.0 * np.mean(np.abs(off)):.2g} %"
     )
     # The scatter is defined for two or more motions.
     if len(matches) < 2:
         return f"{text}."
     scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
-    return f"{text}; scatter of ln Sa {scatter[0]:.3f} before, {scatter[1]:.3f} after."
+    return (
+        f"{text}; standard deviation of ln Sa {scatter[0]:.3f} before matching, "
+        f"{scatter[1]:.3f} after."
+    )
 
 
 def _misfit_warning(matched: Match, within: float) -> list[str]:
@@ -275,14 +285,15 @@ def _change_warnings(matched: Match) -> list[str]:
     doubts = []
     if matched.change > _WHOLE:
         doubts.append(
-            f"{subject}: the change is {matched.change:.2g} times the motion itself: choose "
-            "another one"
+            f"{subject}: the added wavelets are {matched.change:.2g} times as large as the "
+            "ground motion itself; choose a record with a more similar spectrum"
         )
     for part in matched.parts:
         after, before = part.measures
         if after.pgd > _TWICE * before.pgd:
             subject = f"{part.seed.source} {part.seed.component}".rstrip()
             doubts.append(
-                f"{subject}: the ground moves {after.pgd / before.pgd:.2g} times as far as before"
+                f"{subject}: matching increases the peak ground displacement to "
+                f"{after.pgd / before.pgd:.2g} times its initial value"
             )
     return doubts

@@ -404,8 +404,8 @@ def _files(
         ]
         if judged := _judged(response, request.limit, page):
             verdict = [
-                (met, kept_words(met) + text if text.startswith("Maximum") else text)
-                for met, text in judged
+                (met, kept_words(bool(met)) + text if single_limit else text)
+                for met, text, single_limit in judged
             ]
             # The displacement of isolators is a result that a drift limit does not cover.
             isolators = isolator_sentence(response.isolator_check, page, mean=False)

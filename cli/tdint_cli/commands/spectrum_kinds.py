@@ -139,7 +139,7 @@ class Kind(Protocol):
         lines : sequence
             Results, one for each line of the figure.
         """
-        raise AssertionError("a type of table without a figure has no --plot")
+        raise AssertionError("a table without a figure must not declare --plot")
 
     def remark(self, request: Any, interval: float) -> str:
         """Return the note that is printed at the end; empty for no note.

@@ -235,7 +235,7 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
     )
 
 
-jobs = threads("Processes that share the records; one", grammar.GENERAL, default=1)
+jobs = threads("Number of processes; one", grammar.GENERAL, default=1)
 
 
 @dataclass(frozen=True)
@@ -349,7 +349,7 @@ class Outputs:
         """
         from tdint.output import figures
 
-        assert draw or not self.picture, "a command without a drawing declares no --plot"
+        assert draw or not self.picture, "a command without a figure must not declare --plot"
         # Compute the summary before any file is written, because the computation can fail.
         contents = summarize() if self.summary and summarize else None
         meanings = table.meanings

@@ -130,7 +130,7 @@ def without_levels(name: str) -> str:
     """Return the reason why motions cannot be scaled to levels of a measure; empty if they can, or
     if the measure is unknown."""
     if name == "sdi":
-        return "it does not grow by a power of the factor"
+        return "its value is not proportional to a power of the scale factor"
     return MEASURES[name].without_levels if name in MEASURES else ""
 
 

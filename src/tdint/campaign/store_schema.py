@@ -42,8 +42,8 @@ class UntrustedStoreError(OutputError):
 
     def __init__(self, name: str, why: str) -> None:
         super().__init__(
-            f"{name}: cannot be trusted: {why}; is it a store of tdint? Give another directory "
-            "with -o, or --overwrite to start again"
+            f"{name}: the file is not a valid campaign store: {why}; use another directory with "
+            "-o, or --overwrite to replace it"
         )
 
 
@@ -107,7 +107,7 @@ def _refuse_special_files(name: str) -> None:
     block."""
     if name != ":memory:" and is_there(name) and not is_file(name):
         raise OutputError(
-            f"{name}: is not a regular file; remove it, or give another folder with -o"
+            f"{name}: must be a regular file; remove it, or use another directory with -o"
         )
 
 
@@ -147,7 +147,7 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
         # statements wait without a message.
         connection.execute(f"PRAGMA busy_timeout={_LONG_WAIT}")
     raise OutputError(
-        f"{name}: another program keeps the file locked; end that program, then call again"
+        f"{name}: the file is locked by another program; end that program and repeat the command"
     )
 
 

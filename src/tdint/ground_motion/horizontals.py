@@ -42,8 +42,8 @@ class SingleHorizontal(RecordError):
         self.file, self.component = file, component
         whose = component or "one"
         super().__init__(
-            f"{file}: has a single horizontal component, {whose}; name the file of the other one, "
-            "too"
+            f"{file}: the file has only one horizontal component, {whose}; also specify the "
+            "file of the other component"
         )
 
 
@@ -102,7 +102,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
             or "none"
         )
         raise RecordError(
-            f"{source}: two horizontal components are needed, there are {len(matches)}: {names}"
+            f"{source}: two horizontal components are required, but the source contains "
+            f"{len(matches)}: {names}"
         )
     first, second = matches
     notes = []
@@ -121,8 +122,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         ):
             raise RecordError(f"{source}: both components are called {first.component}")
         notes.append(
-            f"directions unknown from the names: {names} are taken as two horizontals at right "
-            "angles"
+            f"the names do not state directions: {names} are assumed to be two perpendicular "
+            "horizontal components"
         )
 
     # The components must have the same time step, station, event and start, but different samples.
@@ -139,14 +140,16 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         ).total_seconds()
         if abs(late) > 0.5 * first.dt:
             raise RecordError(
-                f"{source}: the components begin {abs(late):g} s apart; cut both to the same start "
-                "first"
+                f"{source}: the components start {abs(late):g} s apart; trim both to the same "
+                "start first"
             )
     if (
         first.acceleration.size == second.acceleration.size
         and (first.acceleration == second.acceleration).all()
     ):
-        raise RecordError(f"{source}: both components are the same")
+        raise RecordError(
+            f"{source}: both components are identical; select two different components"
+        )
 
     # Order the components so that the second is clockwise from the first.
     first, second, cut = _of_equal_length(first, second, source)
@@ -186,7 +189,8 @@ def _refuse_steps(first: Record, second: Record, source: str) -> None:
     """
     if not isclose(first.dt, second.dt, rel_tol=1e-6):
         raise RecordError(
-            f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s"
+            f"{source}: the components have different sampling intervals, {first.dt:g} and "
+            f"{second.dt:g} s; resample one of them"
         )
 
 
@@ -220,8 +224,8 @@ def _refuse_lengths(first: Record, second: Record, source: str) -> None:
     sizes = first.acceleration.size, second.acceleration.size
     if abs(sizes[0] - sizes[1]) > _LONGER * max(sizes):
         raise RecordError(
-            f"{source}: the components have {sizes[0]} and {sizes[1]} samples; cut them to equal "
-            "length"
+            f"{source}: the components have {sizes[0]} and {sizes[1]} samples; trim them to "
+            "equal length"
         )
 
 
@@ -280,8 +284,8 @@ def _of_equal_length(
         first,
         second,
         [
-            f"the {lost} of {longer.component or longer.source} left out: the other component is "
-            "shorter"
+            f"{lost} of {longer.component or longer.source} omitted, because the other "
+            "component is shorter"
         ],
     )
 
@@ -330,8 +334,8 @@ class PairNames:
         parts = [part.strip() for part in text.split(",")]
         if len(parts) != 2 or parts[0] == parts[1] or any(part.count(_MARK) != 1 for part in parts):
             raise UsageError(
-                f"{text!r}: write two names with {{}} for what they share, such as "
-                "{}_N.AT2,{}_E.AT2"
+                f"{text!r}: must be two file name patterns with {{}} for the common part, such as "
+                f"{{}}_N.AT2,{{}}_E.AT2"
             )
         return cls(*parts)
 
@@ -440,7 +444,9 @@ def files_of_motions(
     others = motions.pop("", [])
     if files and not motions:
         listed = abbreviate(others, _SHOWN)
-        raise UsageError(f"no file is named {names.first} or {names.second}; there are {listed}")
+        raise UsageError(
+            f"no file name matches {names.first} or {names.second}; the files are {listed}"
+        )
     return [tuple(members) for members in motions.values()], others
 
 
@@ -466,15 +472,15 @@ def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
     files = [failure.file for failure in single]
     listed = abbreviate(files, _SHOWN)
     text = (
-        f"{len(files)} files have a single horizontal component and, by their names, no partner: "
-        f"{listed}"
+        f"{len(files)} files contain a single horizontal component without a matching second "
+        f"component: {listed}"
     )
     close = Counter(_nearly(files)).most_common(1)
     if close:
         first, second = close[0][0]
         text += (
-            f"; if these are pairs, say how they are named: --pairs '{first},{second}' (`pairs` of "
-            "a campaign)"
+            f"; if these are pairs, specify their file names: --pairs '{first},{second}' "
+            "(`pairs` of a campaign)"
         )
     return [*(failure for failure in failures if failure not in single), RecordError(text)]
 

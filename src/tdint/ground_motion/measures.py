@@ -252,8 +252,8 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
             if left > _BEHIND * energy[-1]:
                 parts.append(f"{record.name} {100.0 * left / energy[-1]:.2g} %")
     told = (
-        f"the run ends at {end:.6g} s, before so much of the Arias intensity: "
-        f"{abbreviate(parts, _MOST_NAMES)}"
+        f"the analysis ends at {end:.6g} s and omits a part of the Arias intensity: "
+        f"{abbreviate(parts, _MOST_NAMES)}; increase the duration"
     )
     return [told] if parts else []
 
@@ -436,7 +436,7 @@ class Measure:
     def without_levels(self) -> str:
         """Reason why a motion cannot be scaled to a level of the measure; empty if it can."""
         if self.power is None:
-            return "it does not grow by a power of the factor"
+            return "its value is not proportional to a power of the scale factor"
         changes = "a duration" if self.unit == "s" else "it"
         return "" if self.power else f"{changes} does not change with a factor"
 
@@ -452,7 +452,7 @@ MEASURES = {
         Measure(
             "cav5",
             "m/s",
-            "the same of accelerations of 0.05 m/s^2 and more",
+            "cumulative absolute velocity of accelerations of at least 0.05 m/s^2",
             lambda record: cumulative_absolute_velocity_above(record, CAV5),
             None,
         ),
@@ -526,14 +526,15 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
     samples, size = record.acceleration, record.acceleration.size
     first, last = float(samples[0]), float(motion.velocity[-1])
     notes = [
-        f"the {where} {zeros} of {size} samples are zero: padded?"
+        f"the {where} {zeros} of {size} samples are zero; check whether zeros were added"
         for where, zeros in (("first", leading), ("last", trailing))
         if max(_PADDING * size, _FEW_ZEROS) < zeros < size
     ]
     if abs(first) > _JUMP * record.pga:
         share = abs(first) / record.pga
         notes.append(
-            f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?"
+            f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak; check whether the "
+            "start of the motion is missing"
         )
     # A baseline drift is visible in the velocity first. The displacement is checked only if the
     # velocity is not suspicious.
@@ -541,13 +542,13 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
     if abs(last) > _DRIFT * motion.pgv:
         share = abs(last) / motion.pgv
         notes.append(
-            f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak: a baseline that "
-            "drifts?"
+            f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak; check for "
+            "baseline drift"
         )
     elif end > _LEFT * motion.pgd and record.peaks[1] is None:
         share = end / motion.pgd
         notes.append(
-            f"the displacement at the end is {end:.3g} m, {share:.0%} of its peak: a baseline that "
-            "drifts, or ground that stays displaced?"
+            f"the displacement at the end is {end:.3g} m, {share:.0%} of its peak; check for "
+            "baseline drift (permanent ground displacement is also possible)"
         )
     return tuple(notes)

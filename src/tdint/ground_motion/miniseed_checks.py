@@ -113,7 +113,7 @@ def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
         if not statement.difference <= 0.0:
             near = _NEAR * max(abs(statement.stated), abs(statement.found))
             if not (statement.measured and isfinite(near) and statement.difference <= near):
-                raise RecordError(f"the file is damaged, or its header is wrong: {statement}")
+                raise RecordError(f"the file is corrupt, or its header is wrong: {statement}")
             warnings.warn(str(statement), stacklevel=2)
         compared[statement.what] = None
     return tuple(compared)
@@ -290,8 +290,8 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
     for record in {record.id: record for record in records if record.samples}.values():
         if record.rest:  # In an earlier record, missing samples would cause a gap.
             warnings.warn(
-                f"after the {record.samples} samples that the last record of {record.id} states, "
-                f"{record.rest} bytes follow in it that are not zero: are samples missing?",
+                f"the last record of {record.id} states {record.samples} samples, but "
+                f"{record.rest} nonzero bytes follow them: samples may be missing",
                 stacklevel=2,
             )
     for name in stated:
@@ -530,5 +530,6 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
         return
     if record.samples > most:
         raise Damaged(
-            f"{where}: its header states {record.samples} samples, it has room for {most}"
+            f"{where}: its header states {record.samples} samples, but the record has space for "
+            f"{most}"
         )

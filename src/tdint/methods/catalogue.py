@@ -127,7 +127,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     """
     if not isinstance(method, Method):
         raise UsageError(
-            f"{where or repr(method)}: a method is a tdint.plugin.Method, not "
+            f"{where or repr(method)}: a method must be a tdint.plugin.Method, not "
             f"{type(method).__name__}"
         )
     origin = where if isinstance(where, Origin) else Origin(where or f"method {method.name!r}")
@@ -252,7 +252,7 @@ def parse(text: str) -> Integrator:
                 f"method {text!r}: {method.name} has no parameter {key!r}; it has {has}"
             )
         if key in given:
-            raise UsageError(f"method {text!r}: {key} is given twice")
+            raise UsageError(f"method {text!r}: {key} is specified twice; keep one value")
         above, slash, below = number.partition("/")
         try:
             given[key] = float(above) / float(below) if slash else float(number)
@@ -288,7 +288,11 @@ def resolved(specification: str) -> dict[str, float]:
 @cache
 def _deprecate(text: str, typed: str) -> None:
     """Warn that commas between parameters are deprecated, once for each specification."""
-    LOG.warning("method %r: write %s; commas between parameters are still read", text, typed)
+    LOG.warning(
+        "method %r: the recommended notation is %s; commas between parameters are still accepted",
+        text,
+        typed,
+    )
 
 
 def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[str, ...]]:

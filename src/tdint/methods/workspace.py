@@ -106,9 +106,9 @@ def workspace(
         needed, free = _WITH_RESULTS * 8.0 * row_count * width, available_memory()
         if needed > free:
             raise AnalysisError(
-                f"a history of {row_count} rows needs {needed / 1e9:.3g} GB of memory, "
-                f"{free / 1e9:.3g} GB are free; use fewer steps, or write the history to a "
-                "file, which is done in chunks"
+                f"a response history of {row_count} rows needs {needed / 1000000000.0:.3g} GB "
+                f"of memory, {free / 1000000000.0:.3g} GB are free; use fewer time steps, or "
+                "write the history to a file, which needs less memory"
             )
     # Value of row INTERNAL of a story that has failed; nan for laws that do not fail.
     codes = building.law_parameters[rows.CODE, :-1].astype(int).tolist()

@@ -493,12 +493,13 @@ def falling_stories(model: Model) -> tuple[str, ...]:
     ):
         left = stiffness_after_yield(story)
         if taken > left:
-            places.append(f"story {i} {taken / size:.4g} over {left / size:.4g}")
+            places.append(f"story {i}: {taken / size:.4g} of {left / size:.4g}")
     if not places:
         return ()
     return (
-        "P-delta takes more than the stiffness after yield, so that a story falls once it has "
-        f"yielded; weight over height and that stiffness, {unit}: {abbreviate(places, _MAX_NAMED)}",
+        "P-delta reduces the stiffness after yield below zero, so that a story that yields may "
+        f"collapse; weight over height, and stiffness after yield, {unit}: "
+        f"{abbreviate(places, _MAX_NAMED)}",
     )
 
 
@@ -621,8 +622,8 @@ def add_damping(
         needed, available = _TABLES * 8 * n**2, memory()
         if available is not None and needed > available:
             raise ModelError(
-                f"modal damping of {n} stories takes {needed / 2**30:.0f} GiB of memory, and this "
-                f"machine has {available / 2**30:.0f}: give damping.rayleigh"
+                f"modal damping of {n} stories requires {needed / 2**30:.0f} GiB of memory, "
+                f"and this machine has {available / 2**30:.0f} GiB; use damping.rayleigh"
             )
         modes, ratios = vibration.modes, np.array(damping.ratios)
         # Rows sqrt(2 xi omega) M phi; a single ratio applies to all modes, several ratios to the

@@ -59,12 +59,14 @@ class CapacityCurve:
                 f"a capacity curve has two to four points, got {len(self.displacement)}"
             )
         if not all(0.0 < value < math.inf for value in (*self.displacement, *self.acceleration)):
-            raise UsageError("the points of a capacity curve are positive")
+            raise UsageError("the points of a capacity curve must be positive")
         if any(
             later <= earlier
             for earlier, later in zip(self.displacement, self.displacement[1:], strict=False)
         ):
-            raise UsageError("the displacements of a capacity curve rise from point to point")
+            raise UsageError(
+                "the displacements of a capacity curve must increase from point to point"
+            )
 
     @classmethod
     def of(cls, points: Sequence[tuple[float, float]]) -> CapacityCurve:
@@ -273,7 +275,7 @@ def read_curve(source: str) -> CapacityCurve:
         The file cannot be read, or the points do not form a valid curve.
     """
     table = read_table(
-        source, "a capacity curve is a CSV file with the columns sd_m and sa_g", columns=_POINT
+        source, "a capacity curve must be a CSV file with the columns sd_m and sa_g", columns=_POINT
     )
     return _curve(source, list(zip(*(table.numbers(name) for name in _POINT), strict=True)))
 
@@ -291,8 +293,8 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
         The file cannot be read, or the points of a class do not form a valid curve.
     """
     needs = (
-        "classes are a CSV file with the columns class, sd_m and sa_g, a row for each point of a "
-        "class's curve"
+        "classes must be a CSV file with the columns class, sd_m and sa_g, and one row for each "
+        "point of the capacity curve of a class"
     )
     table = read_table(source, needs, columns=("class", *_POINT, "soft_story", "degradation"))
     table.need("class", *_POINT)

@@ -50,17 +50,17 @@ class DamageDemand:
 
 
 DEMANDS = {
-    "drift_ratio": DamageDemand("1", "largest peak drift over story height"),
+    "drift_ratio": DamageDemand("1", "maximum peak drift divided by story height"),
     "roof_drift_ratio": DamageDemand(
-        "1", "largest displacement of the roof over the height of the building", "height"
+        "1", "maximum displacement of the roof divided by the height of the building", "height"
     ),
     "residual_drift_ratio": DamageDemand(
-        "1", "largest drift over story height at the end of the run"
+        "1", "maximum drift at the end of the run, divided by story height"
     ),
-    "acceleration": DamageDemand("m/s^2", "largest absolute acceleration of a floor"),
+    "acceleration": DamageDemand("m/s^2", "maximum absolute acceleration of a floor"),
     "spectral_displacement": DamageDemand(
         "m",
-        "largest displacement of the roof over the participation factor of the first mode",
+        "maximum displacement of the roof divided by the participation factor of the first mode",
         "participation",
     ),
 }
@@ -100,15 +100,16 @@ class DamageStates:
     def __post_init__(self) -> None:
         if len(self.medians) != len(self.states):
             raise UsageError(
-                f"{len(self.states)} damage states need as many thresholds, got {len(self.medians)}"
+                f"{len(self.states)} damage states require the same number of thresholds, got "
+                f"{len(self.medians)}"
             )
         for state, median, last in zip(
             self.states, self.medians, (0.0, *self.medians), strict=False
         ):
             if not median > last:
                 raise UsageError(
-                    f"the thresholds of damage states rise from state to state, {state} is "
-                    f"{median:g}"
+                    "the thresholds of damage states must increase from state to state, but "
+                    f"{state} has {median:g}"
                 )
 
     @classmethod

@@ -86,7 +86,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     """
     if not isinstance(law, DriftLaw):
         raise UsageError(
-            f"{where or law!r}: a law is a tdint.plugin.DriftLaw, not {type(law).__name__}"
+            f"{where or law!r}: a law must be a tdint.plugin.DriftLaw, not {type(law).__name__}"
         )
     origin = where if isinstance(where, Origin) else Origin(where or f"law {law.name!r}")
     where = origin.where
@@ -94,7 +94,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     home = law.functions.__module__
     if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
         raise UsageError(
-            f"{where}: define the law in a module with a file, so that another process can "
+            f"{where}: the law must be defined in a module file, so that other processes can "
             "import it"
         )
     # Imported here, because commands without plug-ins do not need these checks.
@@ -179,8 +179,8 @@ def _law_again(name: str, parameters: tuple[float, ...], code: int, file: str, d
             register_law(law, Origin(file, module.__name__))
     if CODES[name] != code:
         raise UsageError(
-            f"{file}: the law {name!r} has another number in this process: load the plug-ins in "
-            "the same order"
+            f"{file}: the law {name!r} has a different number in this process; load all plug-ins "
+            "in the same order in every process"
         )
     return Law(name, parameters)
 
@@ -742,7 +742,9 @@ def changes_of(model: Model, name: str) -> list[Change]:
     columns = {i: _columns(model.stories[i]) for i in indices}
     changes = [Change(i, *column) for i in indices for column in columns[i].get(key, ())]
     if not changes and key == "strength_factor":
-        raise UsageError(f"{name} has no effect: no such story of {model.name} has a strength")
+        raise UsageError(
+            f"{name} has no effect, because no such story of {model.name} has a strength"
+        )
     if not changes:
         names = list(
             dict.fromkeys(
@@ -790,7 +792,8 @@ def check_parameter(name: str) -> None:
     )
     names = ", ".join(PARAMETERS)
     raise UsageError(
-        f"no parameter {name!r}{hint}; there are {names}, and numbers of stories, `stories[3].NAME`"
+        f"unknown parameter {name!r}{hint}; available: {names}, and parameters of one story, "
+        "`stories[3].NAME`"
     )
 
 

@@ -311,7 +311,7 @@ class _Assets:
         """Raise ModelError if an asset has an error, or taxonomies are not in the table."""
         if self._count:
             more = self._count - len(self._faults)
-            lines = [*map(str, self._faults), *([f"and {more} more faults"] if more > 0 else [])]
+            lines = [*map(str, self._faults), *([f"and {more} more errors"] if more > 0 else [])]
             raise ModelError("\n".join(lines))
         if self._unmapped:
             listed = ", ".join(
@@ -348,7 +348,10 @@ def _parse(source: str, data: bytes) -> _Model:
     texts: list[str] = []
 
     def refuse(*_: object) -> None:
-        raise ModelError(f"{source}: an XML file with a document type definition is not read")
+        raise ModelError(
+            f"{source}: XML files with a document type definition are not accepted; remove the "
+            "definition"
+        )
 
     def start(name: str, attributes: dict[str, str]) -> None:
         local = name.rpartition(" ")[2]
@@ -377,7 +380,7 @@ def _parse(source: str, data: bytes) -> _Model:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
-        raise ModelError(f"{source}:{error.lineno}: no well-formed XML: {reason}") from None
+        raise ModelError(f"{source}:{error.lineno}: invalid XML: {reason}") from None
     if model.cost_type == _PER_AREA and not model.area_type:
         raise ModelError(
             f"{source}: structural costs are given per area, but the file does not state whether "

@@ -85,7 +85,7 @@ def module_of(file: str) -> ModuleType:
     """
     path = Path(file)
     if path.suffix != ".py" or not is_file(path):
-        raise UsageError(f"{file}: no such file; a plug-in is a Python file, NAME.py")
+        raise UsageError(f"{file}: file not found; a plug-in is a Python file, NAME.py")
     name = _module_name(path)
     # A process executes a plug-in once. A second version of it would give inconsistent results.
     loaded = sys.modules.get(name)
@@ -95,7 +95,9 @@ def module_of(file: str) -> ModuleType:
                 f"{file}: {loaded.__file__} has the same name; rename one of the two plug-ins"
             )
         if vars(loaded)["__digest__"] != digest_of(path):
-            raise UsageError(f"{file}: has changed since this process executed it; restart Python")
+            raise UsageError(
+                f"{file}: the file has changed since this process executed it; restart Python"
+            )
         return loaded
     specification = importlib.util.spec_from_file_location(name, path.resolve())
     assert specification is not None and specification.loader is not None

@@ -98,17 +98,21 @@ AUTO = "auto"
 _SENSOR = Keys(
     (
         Key(
-            "file", PathOf(), "the recording", needed=True, advice="give the file of the recording"
+            "file",
+            PathOf(),
+            "the recording",
+            needed=True,
+            advice="specify the file of the recording",
         ),
-        Key("component", Words(), "component of a record, where the file holds several"),
-        Key("column", Words(), "in place of that: column of a table"),
-        Key("units", Words(), "units of its samples, where it does not say them"),
+        Key("component", Words(), "component of the record, if the file contains several"),
+        Key("column", Words(), "for a table instead of a record: name of its column"),
+        Key("units", Words(), "units of the samples, if the file does not state them"),
         Key(
             "quantity",
             Choice(QUANTITIES, "quantity"),
-            "what its samples are; else what their units say",
+            "quantity of the samples; by default, the units decide",
         ),
-        Key("sign", Whole(-1, 1, " (a direction)"), "-1 for a sensor that points the other way"),
+        Key("sign", Whole(-1, 1, " (a direction)"), "-1 for a sensor with the opposite direction"),
     ),
     what="a file or a mapping with the key file",
     make=lambda value, **given: _sensor(value, **given),
@@ -119,11 +123,9 @@ _PLACE = Either(
     _ONE.what,
 )
 _BAND = EntriesOf(
-    POSITIVE, 2, 2, "a list of two frequencies (Hz), the lower one first", growing=True
+    POSITIVE, 2, 2, "a list of two frequencies (Hz) in increasing order", growing=True
 )
-_WINDOW = EntriesOf(
-    NOT_NEGATIVE, 2, 2, "a list of two times (s), the earlier one first", growing=True
-)
+_WINDOW = EntriesOf(NOT_NEGATIVE, 2, 2, "a list of two times (s) in increasing order", growing=True)
 _FLOORS = ByName(
     _PLACE,
     f"a mapping from floors (numbers from 1, or {ROOF}) to their files",
@@ -132,27 +134,27 @@ _FLOORS = ByName(
 )
 RECORDING = Keys(
     (
-        Key("name", Words(), "name of the event; that of the file where it is left out"),
+        Key("name", Words(), "name of the event; by default the name of the file"),
         Key(
             "base",
             _PLACE,
-            "sensors of the ground",
+            "sensors at the base of the building",
             True,
-            "give the file that the ground's motion was recorded in",
+            "specify the file with the recorded ground motion",
         ),
         Key(
             "floors",
             _FLOORS,
-            "floors, and the sensors of each",
+            "floors and their sensors",
             True,
-            "give the floors and their files",
+            "specify the floors and their files",
         ),
-        Key("band", _BAND, "frequencies between which recording and result are compared"),
-        Key("window", _WINDOW, "times between which they are compared"),
+        Key("band", _BAND, "frequency band in which recorded and computed responses are compared"),
+        Key("window", _WINDOW, "time window of the comparison"),
         Key(
             "shift",
             Either((Choice((AUTO,)), ANY), f"{AUTO} or a number of seconds"),
-            "added to the floors' times, s",
+            "time shift that is added to the times of the floors, s",
         ),
     ),
     make=lambda _, **given: given,
@@ -191,7 +193,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
         if not 1 <= floor <= stories:
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
         elif floor in floors:
-            entry.fault(f"floor {floor} is given twice")
+            entry.fault(f"floor {floor} is specified twice")
         floors[floor] = _tuple(sensors)
     root.faults.raise_if_any()
     by_number = tuple(sorted(floors.items()))
@@ -215,7 +217,7 @@ def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> 
     # `column` selects the series of a table, `component` that of a record: they exclude each other.
     column, sign_entry = value.peek("column"), value.peek("sign")
     if column and given["column"] and given["component"]:
-        column.fault("is for a table, component for a record; leave one of them out")
+        column.fault("`column` applies to tables and `component` to records; omit one of them")
     if sign_entry and sign == 0:
         sign_entry.fault("must be 1 or -1")
     return Sensor(

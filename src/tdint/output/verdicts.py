@@ -14,10 +14,22 @@ from tdint.units import OutputUnits, suffix
 
 
 class Verdict(NamedTuple):
-    """Result for one performance level: True if all its limits are met, and a sentence."""
+    """Result of a comparison with limits.
 
-    met: bool
+    Attributes
+    ----------
+    met : bool or None
+        True if all limits of a performance level are met. None for a demand without a limit.
+    text : str
+        The result as a sentence.
+    single_limit : bool
+        True if only the drift has a limit. The sentence then begins with the drift, and a report
+        adds the result ("Limit kept.") in front of it.
+    """
+
+    met: bool | None
     text: str
+    single_limit: bool = False
 
 
 def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) -> list[Verdict]:
@@ -44,7 +56,7 @@ def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) 
             )
         else:
             text = _sentence(level, of_level, units, met=met, lost=fallen, mean=False)
-        verdicts.append(Verdict(met, text))
+        verdicts.append(Verdict(met, text, _is_drift_alone(of_level)))
     return verdicts
 
 
@@ -59,7 +71,7 @@ class LostMotions(NamedTuple):
         """Addition to the result; empty if all runs are completed without collapse."""
         if not self.lost:
             return ""
-        return f", for {self.lost} of {pluralize(self.motions, 'motion')} collapsed or failed"
+        return f", because {self.lost} of {pluralize(self.motions, 'motion')} collapsed or failed"
 
 
 def suite_verdicts(
@@ -86,12 +98,12 @@ def suite_verdicts(
         if _is_drift_alone(of_level):
             text = (
                 f"Mean drift {_demand(first, units, 3)} (story {first.story}), limit "
-                f"{_limit(first, units)}: {'within' if met else 'beyond'}{lost.text}; "
+                f"{_limit(first, units)}: {'met' if met else 'exceeded'}{lost.text}; "
                 f"{_largest(first, units)}."
             )
         else:
             text = _sentence(level, of_level, units, met=met, lost=lost.text, mean=True)
-        verdicts.append(Verdict(met, text + pairs))
+        verdicts.append(Verdict(met, text + pairs, _is_drift_alone(of_level)))
     return verdicts
 
 

@@ -158,8 +158,18 @@ def test_the_exact_motion_satisfies_its_equation(problem, load, law):
 @pytest.mark.parametrize(
     ("load", "law", "stride", "message"),
     [
-        ("sinus", "linear", 1, "loads free, harmonic, record; laws linear, polynomial"),
-        ("free", "bilinear", 1, "loads free, harmonic, record; laws linear, polynomial"),
+        (
+            "sinus",
+            "linear",
+            1,
+            "available loads: free, harmonic, record; available laws: linear, polynomial",
+        ),
+        (
+            "free",
+            "bilinear",
+            1,
+            "available loads: free, harmonic, record; available laws: linear, polynomial",
+        ),
         ("record", "linear", 3, "stride"),
         ("record", "linear", 0, "stride"),
         ("harmonic", "linear", 2, "stride"),
@@ -171,7 +181,7 @@ def test_problems_that_are_none(load, law, stride, message):
 
 
 def test_a_linear_method_is_refused_for_a_nonlinear_law(problem):
-    with pytest.raises(UsageError, match="exact integrates linear buildings only"):
+    with pytest.raises(UsageError, match="exact supports linear buildings only"):
         observed_order(parse("exact"), problem("free", "polynomial"))
 
 

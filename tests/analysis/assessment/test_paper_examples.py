@@ -144,7 +144,7 @@ def test_rk5_and_its_load():
     assert error(1, 0.02, "rk5", "load linear between the steps") == pytest.approx(
         4.76e-3, rel=1e-3
     )
-    assert error(1, 0.02, "rk5", "load held over each step") == pytest.approx(0.13, abs=0.005)
+    assert error(1, 0.02, "rk5", "load constant in each step") == pytest.approx(0.13, abs=0.005)
 
 
 # ---- README
@@ -196,7 +196,7 @@ def test_a_load_linear_between_the_steps_is_a_record():
 
 def test_a_held_load_is_constant_in_each_step():
     """Against DOP853, restarted at each step; RK5's own error is 4e-8."""
-    one = runs(1, 0.02)["rk5", "load held over each step"]
+    one = runs(1, 0.02)["rk5", "load constant in each step"]
 
     def acceleration(j):
         load = 500 * math.cos(0.5 * j) - 200 * math.sin(0.2 * j)

@@ -338,7 +338,7 @@ def test_what_cannot_be_fitted_is_refused(made):
         ),
         (
             recording(first=sensor("floor_9_m_s2")),
-            "there is no column 'floor_9_m_s2'; did you mean",
+            "the file has no column 'floor_9_m_s2'; did you mean",
         ),
         (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
         (recording(roof=sensor("roof", ", units: g", "other.csv")), "does not overlap in time"),

@@ -155,8 +155,11 @@ def test_five_stories_under_el_centro():
         ({"story_height": 0.0}, "the story height must be a positive number"),
         ({"story_height": math.nan}, "the story height must be a positive number"),
         ({"periods": [100.0]}, "a building of 4339 stories"),
-        ({"height_period": HeightPeriod(0.1, 1e-4)}, "gives no height for a period"),
-        ({"height_period": HeightPeriod(10.0, 1e-4), "beam": True}, "gives no height for a period"),
+        ({"height_period": HeightPeriod(0.1, 1e-4)}, "defines no height for a period"),
+        (
+            {"height_period": HeightPeriod(10.0, 1e-4), "beam": True},
+            "defines no height for a period",
+        ),
     ],
 )
 def test_wrong_arguments(arguments, message):
@@ -166,7 +169,7 @@ def test_wrong_arguments(arguments, message):
 
 
 def test_periods_that_do_not_fit_the_sampling_interval():
-    with pytest.raises(AnalysisError, match=r"too many modes .* ask for periods up to 200 s"):
+    with pytest.raises(AnalysisError, match=r"too many modes .* request periods of at most 200 s"):
         drift_spectrum(noise(samples=21), np.array([300.0]), beam=True)
     with pytest.raises(
         AnalysisError,

@@ -99,17 +99,17 @@ def test_an_unstable_method_is_refused():
             [1.0],
             0.05,
             {"method": "newmark", "maxima": "exact"},
-            "the maxima are those of its own motion",
+            "defines both the times of the maxima and the interpolation",
         ),
         (
             [1.0],
             0.05,
             {"method": "newmark", "interpolation": "band-limited"},
-            "the interpolation is linear",
+            "defines both the times of the maxima and the interpolation",
         ),
         (
             *([1.0], 0.05, {"maxima": "peer", "interpolation": "band-limited"}),
-            "maxima peer are those of the linear interpolation",
+            "maxima peer require linear interpolation",
         ),
     ],
 )

@@ -68,5 +68,7 @@ def test_modes_outside_the_target(tmp_path):
         frame, table(tmp_path, [0.0, 0.1, 9.0], [0.4, 1.0, 1.0])
     )
     assert (rigid.rigid, rigid.left_out, rigid.spectral_acceleration[1]) == (1, 0, 0.4)
-    with pytest.raises(UsageError, match=r"ends at 0.2 s, and the first mode has 0.44"):
+    with pytest.raises(
+        UsageError, match=r"ends at 0.2 s, below the period of the first mode, 0.44"
+    ):
         tdint.response_spectrum_analysis(frame, table(tmp_path, [0.1, 0.2], [1.0, 1.0]))

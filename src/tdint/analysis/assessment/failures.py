@@ -142,8 +142,8 @@ def _hardening() -> HardProblem:
         name="hardening",
         about="u'' + 100 u (1 + 10 u^2) = 0 from u = 1.5, 10 s: the tangent stiffness changes "
         "68-fold in each swing",
-        source="Duffing's oscillator; exact motion by Jacobi's cn (Abramowitz and Stegun 1964, "
-        "ch. 16)",
+        source="Duffing's oscillator; exact solution with Jacobi's function cn (Abramowitz and "
+        "Stegun 1964, ch. 16)",
         model=simple_model(
             "hardening oscillator",
             [simple_story(1.0, Law("polynomial", (_SPRING, 0.0, _CUBIC)))],
@@ -152,7 +152,7 @@ def _hardening() -> HardProblem:
         steps=((0.005, 2000), (0.02, 500), (0.05, 200)),
         energy=energy,
         energy_scale=0.5 * _SPRING * _STRETCH**2 + 0.25 * _CUBIC * _STRETCH**4,
-        error_of="largest displacement error over the amplitude",
+        error_of="maximum displacement error divided by the amplitude",
         error=error,
         faults=_keeps(0.02),
         by_energy=True,
@@ -199,15 +199,15 @@ def _softening() -> HardProblem:
 
     return HardProblem(
         name="softening",
-        about="u'' + 100 tanh u = 0 from u = 4, 60 s: the tangent stiffness all but vanishes "
-        "twice in each swing",
-        source="elastic, bounded force; exact energy in closed form, motion by gauss4 with steps "
-        "64 times finer",
+        about="u'' + 100 tanh u = 0 from u = 4, 60 s: the tangent stiffness is almost zero "
+        "twice in each cycle",
+        source="elastic, bounded force; the energy is known in closed form, the motion from "
+        "gauss4 with time steps 64 times smaller",
         model=_softening_model(),
         steps=((0.05, 1200), (0.1, 600)),
         energy=energy,
         energy_scale=float(_STRENGTH * _log_cosh(np.array(_PULL))),
-        error_of="largest displacement error over the amplitude",
+        error_of="maximum displacement error divided by the amplitude",
         error=error,
         faults=_keeps(0.01),
         by_energy=True,
@@ -258,7 +258,8 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     stiff = HardProblem(
         name="stiff-node",
         about=about.format("stiff"),
-        source="Bathe and Noh (2012), k1 = 1e7; exact motion that of k1 to infinity",
+        source="Bathe and Noh (2012), k1 = 1e7; the reference is the exact motion for k1 to "
+        "infinity",
         model=simple_model(
             "stiff and soft node",
             [simple_story(1.0, stiffness=_STIFF), simple_story(1.0, stiffness=1.0)],
@@ -267,7 +268,7 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
         steps=((0.2618, 38),),
         energy=energy,
         energy_scale=float(np.max(0.5 * (driven**2 + natural**2 + drift**2))),
-        error_of="largest acceleration error of floor 1 in the second half, m/s^2",
+        error_of="maximum acceleration error of floor 1 in the second half, m/s^2",
         error=acceleration_error,
         faults=(Fault("rings", high=1.0),),
     )
@@ -275,7 +276,7 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
         stiff,
         name="soft-node",
         about=about.format("soft"),
-        error_of="largest displacement error of floor 2, m",
+        error_of="maximum displacement error of floor 2, m",
         error=displacement_error,
         faults=(Fault("inaccurate", high=0.1),),
     )
@@ -300,11 +301,11 @@ def _stiff_pair() -> HardProblem:
 
     return HardProblem(
         name="stiff-pair",
-        about="masses 0.5 and 0.5, springs 9.81 and 2.5e7, let go from a pull at the roof to u = "
-        "1, 10 s: it has the frequencies of a pendulum of 1 kg and 1 m on a rod of EA 1e8 N, 3.13 "
-        "and 1e4 rad/s",
-        source="after the stiff pendulum of code_aster V5.02.100; exact motion that of a rigid "
-        "joint",
+        about="masses 0.5 and 0.5, springs 9.81 and 2.5e7, released from a static roof "
+        "displacement u = 1, 10 s: frequencies 3.13 and 1e4 rad/s, as a pendulum of 1 kg and 1 "
+        "m on a rod with EA = 1e8 N",
+        source="modeled on the stiff pendulum of code_aster V5.02.100; the reference is the "
+        "exact motion for a rigid joint",
         model=simple_model(
             "stiff pair",
             [simple_story(_HALF, stiffness=_SWING), simple_story(_HALF, stiffness=_JOINT)],
@@ -313,8 +314,8 @@ def _stiff_pair() -> HardProblem:
         steps=((0.05, 200),),
         energy=energy,
         energy_scale=0.5 * _SWING + 0.5 * _SWING**2 / _JOINT,
-        error_of="largest error in the second half of the upper story's force for the "
-        "displacement, over its amplitude",
+        error_of="maximum error of the displacement or of the force in the upper story in the "
+        "second half, divided by its amplitude",
         error=error,
         faults=(Fault("rings", high=0.1),),
     )
@@ -353,8 +354,8 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
         steps=tuple((dt, 200) for dt in dts),
         energy=_oscillator_energy,
         energy_scale=0.5,
-        error_of="growth of the amplitude from the first half of the steps to the second, over "
-        "the former",
+        error_of="relative growth of the amplitude from the first half of the steps to the "
+        "second half",
         error=growth,
         faults=(Fault("grows", high=0.01),),
     )
@@ -363,13 +364,14 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
 def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
     return HardProblem(
         name=f"overshoot-{name}",
-        about=f"oscillator of 1 rad/s, the first ten steps of dt/T = 10, from a {name} of 1",
+        about="oscillator of 1 rad/s, the first ten steps with dt/T = 10, from an initial "
+        f"{name} of 1",
         source="Hilber and Hughes (1978)",
         model=_oscillator(start),
         steps=((20.0 * math.pi, 10),),
         energy=_oscillator_energy,
         energy_scale=0.5,
-        error_of="amplitude beyond the exact one, over the exact one",
+        error_of="excess of the amplitude over the exact amplitude, divided by the exact amplitude",
         error=lambda history: max(0.0, float(np.max(_sizes(history))) - 1.0),
         faults=(Fault("overshoots", high=0.01),),
     )
@@ -385,15 +387,29 @@ def problems() -> Mapping[str, HardProblem]:
         *_bathe_noh(),
         _stiff_pair(),
         _limit(
-            "limit-2", "about the limit of the central difference, omega dt = 2", hughes, 1.99, 2.01
+            "limit-2",
+            "around the stability limit of the central difference, omega dt = 2",
+            hughes,
+            1.99,
+            2.01,
         ),
-        _limit("limit-sqrt-6", "about Fox and Goodwin's limit, the root of 6", hughes, 2.44, 2.46),
         _limit(
-            "limit-sqrt-12", "about linear acceleration's limit, the root of 12", hughes, 3.45, 3.48
+            "limit-sqrt-6",
+            "around the stability limit of Fox and Goodwin's method, omega dt = sqrt(6)",
+            hughes,
+            2.44,
+            2.46,
+        ),
+        _limit(
+            "limit-sqrt-12",
+            "around the stability limit of linear acceleration, omega dt = sqrt(12)",
+            hughes,
+            3.45,
+            3.48,
         ),
         _limit(
             "sqrt-12",
-            "omega dt the root of 12: eqs. 15 to 23 of the impulse method divide by zero",
+            "omega dt = sqrt(12): eqs. 15 to 23 of the impulse method divide by zero",
             "the impulse-momentum method of 2022",
             math.sqrt(12.0),
         ),

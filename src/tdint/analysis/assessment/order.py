@@ -238,13 +238,17 @@ def order_problem(
     """
     if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
         raise UsageError(
-            f"the stride is a power of 2, so that halved steps are whole samples, got {stride}"
+            "the stride must be a power of 2, so that halved time steps contain whole samples, "
+            f"got {stride}"
         )
     if stride > 1 and load != "record":
-        raise UsageError(f"a stride is about the samples of a record; the load {load!r} has none")
+        raise UsageError(
+            f"a stride requires a load with samples (record), and the load {load!r} has none; "
+            "omit the stride"
+        )
     if load not in LOADS or law not in STORY_LAWS:
-        names = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
-        raise UsageError(f"no order problem {load!r} with {law!r}: {names}")
+        names = f"available loads: {', '.join(LOADS)}; available laws: {', '.join(STORY_LAWS)}"
+        raise UsageError(f"unknown problem of load {load!r} and law {law!r}: {names}")
     # At the maximum ratio of 10, a period of the load contains five of the coarsest steps.
     ratio = (
         between(frequency_ratio, "frequency_ratio", 0.01, 10.0) if load == "harmonic" else math.nan
@@ -283,7 +287,7 @@ def observed_order(
         The method is unstable or does not converge.
     """
     if integrator.family.linear_only and not problem.building.linear:
-        raise UsageError(f"{integrator.label} integrates linear buildings only")
+        raise UsageError(f"{integrator.label} supports linear buildings only")
     if find_instability(integrator, np.array([_OMEGA]), np.array([_XI]), COARSEST):
         raise AnalysisError(f"{integrator.label} is unstable at dt {COARSEST} s")
     exact, label = problem.exact, integrator.label
@@ -451,16 +455,20 @@ def check_method(integrator: Integrator) -> MethodCheck:
     radius = float(fast[0]) if limit == math.inf else math.nan
     label, faults = integrator.label, []
     if abs(order - integrator.order) > _ORDER:
-        faults.append(f"{label}: declares order {integrator.order}, observed is {order:.2f}")
+        faults.append(
+            f"{label}: the declared order is {integrator.order}, the observed order is {order:.2f}"
+        )
         yielding.pop("order", None)  # Avoid reporting the same fault twice.
     if told_limit := false_limit(integrator, limit):
         faults.append(told_limit)
     declared = integrator.rho_inf
     if not (math.isnan(declared) and math.isnan(radius)) and not abs(declared - radius) <= _RADIUS:
-        measured_words = "none, for steps have a limit" if math.isnan(radius) else f"{radius:.4g}"
+        measured_words = (
+            "none, because the time step is limited" if math.isnan(radius) else f"{radius:.4g}"
+        )
         faults.append(
-            f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is "
-            f"{measured_words}"
+            f"{label}: the declared spectral radius at infinity is {declared:.4g}, the measured "
+            f"value is {measured_words}"
         )
     faults += yielding.values()
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
@@ -496,11 +504,11 @@ def check_law(model: Model, story: int) -> list[str]:
     off = np.max(np.abs(done - (kept - kept[0]))) / np.max(np.abs(done))
     if not off <= _ENERGY:
         faults.append(
-            f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of "
-            "the most"
+            f"law {name}: stored plus dissipated energy differs from the work of the force by "
+            f"{off:.2g} of its maximum"
         )
     if np.any(np.diff(path.hysteretic_energy) < -_ENERGY * np.max(np.abs(done))):
-        faults.append(f"law {name}: dissipated energy comes back")
+        faults.append(f"law {name}: the dissipated energy decreases")
     return faults
 
 

@@ -168,24 +168,28 @@ class ExampleRun:
 
 
 _REMARKS = {
-    1: "The paper: the proposed method errs least, the central difference most. Here the proposed "
-    "method errs least of all methods of order 2 as well, but the central difference comes next to "
-    "it: its period error is half that of average acceleration. Started as if no force acted at t "
-    "= 0 (u(-dt) = 0) it errs most, as in the paper, but for an RK5 whose load is held over each "
-    "step. RK5 with the load at its stages is closer to the exact motion than newmark-linear with "
-    "0.001 s: its error here is that of the reference. With the load linear between the steps it "
-    "errs as methods of order 2 do: they differ by little more than what the sampled load does to "
-    "all of them.",
-    2: "The paper: RK5 errs most, then the central difference. Its data stand in a drawing that "
-    "we do not have, so that ranks under our values need not be its own. RK5 with the load at its "
-    "stages errs least; with the load held over each step it errs most, as in the paper. The "
-    "central difference errs less than average acceleration, U0-V0 and Wilson, started with u(-dt) "
-    "= 0 as well.",
-    3: "The paper: average acceleration, U0-V0 and RK5 do well, central difference and Wilson "
-    "err. Here RK5 does best, for it sees the load itself; all others come within 35 % of each "
-    "other and of RK5 with the load linear between the steps, average acceleration and U0-V0 last: "
-    "their error is that of the sampled load. The central difference errs 15 times as much once it "
-    "starts with u(-dt) = 0. For Wilson we know no reason.",
+    1: "Paper: the proposed method has the smallest error, the central difference the largest. "
+    "Here the proposed method has the smallest error of all second-order methods, but the "
+    "central difference has the second smallest, because its period error is half the period "
+    "error of average acceleration. If the central difference ignores the force at t = 0 "
+    "(start with u(-dt) = 0), its error is the largest, as in the paper, except for RK5 with "
+    "a load that is constant in each step. RK5 with the load at its stages is more accurate "
+    "than the reference of the paper (newmark-linear with 0.001 s), so that its listed error "
+    "is the error of that reference. With a load that is linear between the steps, the error "
+    "of RK5 is similar to the errors of second-order methods, because sampling the load "
+    "causes most of the error of all these methods.",
+    2: "Paper: RK5 has the largest error, the central difference the second largest. The data of "
+    "this example are only in a drawing that is not available to us. We use assumed values, "
+    "for which the ranking may differ. RK5 with the load at its stages has the smallest error "
+    "here; with a load that is constant in each step it has the largest, as in the paper. The "
+    "error of the central difference is smaller than the errors of average acceleration, "
+    "U0-V0 and Wilson, even if it starts with u(-dt) = 0.",
+    3: "Paper: average acceleration, U0-V0 and RK5 are accurate, central difference and Wilson "
+    "are not. Here RK5 is the most accurate, because it evaluates the load itself. The errors "
+    "of the other methods, and of RK5 with a load that is linear between the steps, agree "
+    "within 35 %, because sampling the load causes most of them; average acceleration and "
+    "U0-V0 have the largest. The error of the central difference is 15 times as large if it "
+    "starts with u(-dt) = 0. We know no reason for the error of Wilson in the paper.",
 }
 
 
@@ -225,7 +229,7 @@ def examples() -> Mapping[int, Example]:
         ),
         2: Example(
             2,
-            "two stories with cubic springs under two harmonic forces (own values)",
+            "two stories with cubic springs under two harmonic forces (assumed values)",
             two_stories,
             10.0,
             0.001,
@@ -235,7 +239,7 @@ def examples() -> Mapping[int, Example]:
         ),
         3: Example(
             3,
-            "150 masses of 50 kg in a row, f = 500 d + 0.2 d^2, both ends pushed",
+            "150 masses of 50 kg in a row, f = 500 d + 0.2 d^2, forces at both ends",
             chain,
             10.0,
             0.002,
@@ -384,7 +388,7 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
                 integrator, Steps(dt, 1), history_rows=1
             )
             if marched.code < 0:
-                raise AnalysisError(f"{integrator.label} ran away with dt {dt:.6g} s")
+                raise AnalysisError(f"{integrator.label} diverged with dt {dt:.6g} s")
             motion[:, j] = marched.space.history[0, 1 : 1 + 3 * n].reshape(3, n)
             state = marched.space.history[1, 1 : 1 + 2 * n].reshape(2, n)
         return ExampleMotion(times[:-1], *motion)
@@ -395,7 +399,7 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
 VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], ExampleMotion]]] = {
     "rk5": {
         "load linear between the steps": _stepwise(False),
-        "load held over each step": _stepwise(True),
+        "load constant in each step": _stepwise(True),
     },
     "central-difference": {"start with u(-dt) = 0": _from_rest_before},
 }
@@ -437,7 +441,8 @@ def paper_examples(
     by_number = examples()
     if unknown := [number for number in numbers if number not in by_number]:
         raise UsageError(
-            f"the paper has no example {unknown[0]}; there are {', '.join(map(str, by_number))}"
+            f"unknown example {unknown[0]}; the paper has the examples "
+            f"{', '.join(map(str, by_number))}"
         )
     integrators = default_integrators() if method is None else chosen(method)
     steps = numbers_of(dt, "dt").tolist()

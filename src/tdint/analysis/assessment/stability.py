@@ -248,10 +248,11 @@ def false_limit(method: Integrator, measured: float) -> str:
     unlimited = declared > LARGEST and measured == math.inf
     if math.isnan(declared) or unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
         return ""
-    limit = f"{measured:.6g}" if math.isfinite(measured) else f"none up to {LARGEST:g}"
+    limit = f"{measured:.6g}" if math.isfinite(measured) else f"no limit up to {LARGEST:g}"
     return (
-        f"{method.label}: declares that it is stable up to omega dt {declared:.6g}, measured is "
-        f"{limit}; `tdint run` refuses steps by what it measures at the building's own modes"
+        f"{method.label}: the declared stability limit is omega dt = {declared:.6g}, the "
+        f"measured limit is {limit}; `tdint run` refuses time steps by the measured limit for "
+        "the modes of the building"
     )
 
 
@@ -485,7 +486,9 @@ def _nonlinear_overshoot(
     The initial condition is the displacement of the problem, or the velocity with the same energy.
     """
     if method.family.linear_only:
-        raise UsageError(f"{method.label} integrates linear buildings only; not with the law {law}")
+        raise UsageError(
+            f"{method.label} supports linear buildings only and cannot be used with the law {law}"
+        )
 
     from tdint.analysis.assessment.failures import problems  # imports the modules for runs
 

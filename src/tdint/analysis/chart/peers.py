@@ -103,7 +103,7 @@ _OF_ORDER_1 = ("bouc-wen",)
 with order 1."""
 
 ITERATED = (
-    "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the "
+    "openseespy/generalized-alpha: from the second iteration of a step on, OpenSees balances the "
     "forces of the weighted time with the acceleration at the end of the step; its error decreases "
     "with order 1, and its iterations converge by (1 - alpha_m) / alpha_m (shown by "
     "tests/benchmarks/opensees_generalized_alpha.py)"

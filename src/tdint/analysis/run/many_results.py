@@ -258,9 +258,9 @@ def history_arrays(
         needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
         if needed > free:
             raise AnalysisError(
-                f"the histories of {shape[0]} runs need {needed / 1e9:.3g} GB of memory, "
-                f"{free / 1e9:.3g} GB are free; keep fewer steps by every=, or pass arrays by out= "
-                "(float32 or memory-mapped files)"
+                f"the histories of {shape[0]} runs need {needed / 1000000000.0:.3g} GB of "
+                f"memory, {free / 1000000000.0:.3g} GB are free; keep fewer time steps with "
+                "every=, or pass arrays with out= (float32 or memory-mapped files)"
             )
         return {name: np.full(shape, math.nan) for name in kept}
     given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)

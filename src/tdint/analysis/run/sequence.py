@@ -55,8 +55,8 @@ class ShockSequence:
     def notes(self) -> tuple[str, ...]:
         """Notes on the events after which the building did not come to rest."""
         return tuple(
-            f"the building still vibrated {REST_PERIODS:g} first periods after the end of shock "
-            f"{number}: the next shock starts at this time"
+            f"the building still vibrated {REST_PERIODS:g} first periods after the end of event "
+            f"{number}: the next event starts at this time"
             for number in self.restless
         )
 

@@ -74,7 +74,8 @@ class HeightPeriod:
             height = np.asarray((period / self.a) ** (1.0 / self.b))
         if not np.all(np.isfinite(height) & (height > 0.0)):
             raise UsageError(
-                f"the relation T = {self.a:g} H^{self.b:g} gives no height for a period"
+                f"T = {self.a:g} H^{self.b:g} defines no height for a period; use positive "
+                "coefficients"
             )
         return height
 
@@ -219,9 +220,9 @@ def number_of_stories(
         counts = np.full(heights.size, float(stories))
     if not (counts.min() >= 1.0 and counts.max() <= MOST_STORIES):
         raise UsageError(
-            f"a building of {counts.max():.6g} stories, {heights.max():.6g} m high, is asked for; "
-            f"1 to {MOST_STORIES} are taken: ask for shorter periods, higher stories or one number "
-            "of stories"
+            f"a period requires a building of {counts.max():.6g} stories and "
+            f"{heights.max():.6g} m; from 1 to {MOST_STORIES} stories are possible: reduce the "
+            "periods, increase the story height, or specify one number of stories"
         )
     return counts.astype(np.int64)
 
@@ -309,8 +310,8 @@ def _modes_of_beam(period: float, dt: float) -> int:
     count = max(_BEAM_MODES, math.ceil(period / dt + 0.5))
     if count > MOST_BEAM_MODES:
         raise AnalysisError(
-            f"a beam with the period {period:.6g} s has too many modes above the sampling interval "
-            f"of {dt:.6g} s: ask for periods up to {MOST_BEAM_MODES * dt:.6g} s"
+            f"a beam with the period {period:.6g} s has too many modes above the sampling "
+            f"interval of {dt:.6g} s; request periods of at most {MOST_BEAM_MODES * dt:.6g} s"
         )
     return count
 

@@ -48,10 +48,10 @@ _ASKED = ("asked",)
 DampingRatio = Annotated[float, Quantity("1", "viscous damping ratio")]
 Periods = Annotated[Array, Quantity("s", "natural period", called="period")]
 MaximaName = Annotated[
-    str, Quantity("text", "where the largest values were looked for", shown=_ASKED)
+    str, Quantity("text", "times at which the maxima were evaluated", shown=_ASKED)
 ]
 InterpolationName = Annotated[
-    str, Quantity("text", "the ground motion between its samples", shown=_ASKED)
+    str, Quantity("text", "interpolation of the ground motion between its samples", shown=_ASKED)
 ]
 """What all spectra declare alike; the last two are columns where they are asked for."""
 
@@ -507,8 +507,8 @@ def checked_periods(periods: Numbers) -> Array:
         raise UsageError("periods must be numbers of seconds, 0 or positive")
     if np.max(periods) > LONGEST_PERIOD:
         raise UsageError(
-            f"a period of {np.max(periods):.3g} s is beyond {LONGEST_PERIOD:.0e} s: no structure "
-            "has it"
+            f"the period {np.max(periods):.3g} s exceeds the maximum of {LONGEST_PERIOD:.0e} s, "
+            "which is longer than the period of any structure"
         )
     return periods
 
@@ -532,12 +532,12 @@ def choose_settings(
     between = _named(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
     if integrated and (where is not INTERPOLATED or between is not LINEAR):
         raise UsageError(
-            "a method has the record's sampling interval as its step: with it the maxima are those "
-            "of its own motion, also between the samples, and the interpolation is linear"
+            "a time-integration method (--method) defines both the times of the maxima and the "
+            "interpolation; omit the method, or the selection of maxima and interpolation"
         )
     if between is not LINEAR and where is not EXACT:
         raise UsageError(
-            f"maxima {where.name} are those of the linear interpolation; leave one of the two out"
+            f"maxima {where.name} require linear interpolation; omit one of the two options"
         )
     return SpectrumSettings(method if integrated else None, where, between)
 
@@ -572,9 +572,9 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     instability = find_instability(integrator, omega, ratios, record.dt)
     if instability is not None:
         raise AnalysisError(
-            f"{integrator.label} is unstable at the record's step {record.dt:.6g} s for the period "
-            f"{2.0 * math.pi / omega[instability.index]:.6g} s; ask for longer periods or use "
-            "another method"
+            f"{integrator.label} is unstable with the sampling interval {record.dt:.6g} s as "
+            f"time step for the period {2.0 * math.pi / omega[instability.index]:.6g} s; "
+            "request longer periods or use another method"
         )
     steps = Steps(record.dt, record.acceleration.size - 1)
     marched = PreparedBuilding(oscillators(omega, ratios)).integrate(
@@ -582,8 +582,8 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     )
     if marched.code < 0:
         raise AnalysisError(
-            f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another "
-            "method"
+            f"{integrator.label} diverged with the sampling interval {record.dt:.6g} s as time "
+            "step; use another method"
         )
     peak_rows = [rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_ACCELERATION]
     return integrator.label, marched.space.peaks[peak_rows]

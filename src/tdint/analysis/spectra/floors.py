@@ -57,8 +57,8 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
         )
         if not 1 <= floor <= stories:
             raise UsageError(
-                f"floor {name!r}: the building has the floors 1 to {stories}, the last of them is "
-                f"the {ROOF}"
+                f"floor {name!r} not found; the building has the floors 1 to {stories}, or {ROOF} "
+                "for the last floor"
             )
         numbers.append(floor)
     return tuple(dict.fromkeys(numbers))
@@ -77,7 +77,9 @@ def floor_motion(response: Response, floor: int) -> Record:
     """
     history = response.history
     if history is None:
-        raise UsageError("the motion of a floor needs the run's history: run(..., history=True)")
+        raise UsageError(
+            "the motion of a floor requires the response history: call run(..., history=True)"
+        )
     ground = response.record
     component = ground.component if ground else ""
     channel = (

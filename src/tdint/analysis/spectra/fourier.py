@@ -88,7 +88,7 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     record = record_of(record)
     if smoothing is not None and not _BOUNDS[0] <= smoothing <= _BOUNDS[1]:
         raise UsageError(
-            f"smoothing: the bandwidth is from {_BOUNDS[0]:g} to {_BOUNDS[1]:g}, got "
+            f"smoothing: the bandwidth must be from {_BOUNDS[0]:g} to {_BOUNDS[1]:g}, got "
             f"{smoothing!r:.40}"
         )
     amplitude = record.dt * np.abs(np.fft.rfft(record.acceleration))[1:]

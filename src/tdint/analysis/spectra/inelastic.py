@@ -300,8 +300,8 @@ class _Oscillator:
         )
         if code < 0:
             raise AnalysisError(
-                f"the branches of the oscillator with the period {2.0 * math.pi / self.omega:.6g} "
-                f"s and the yield displacement {yield_displacement:.6g} m change without end"
+                f"the oscillator with the period {2.0 * math.pi / self.omega:.6g} s and the "
+                f"yield displacement {yield_displacement:.6g} m changes its branch without end"
             )
         return float(results[inelastic.LARGEST]), float(results[inelastic.RESIDUAL])
 
@@ -364,7 +364,7 @@ def _bracket(
     while high[1] < target:
         low = (high[0] * _RATIO, ductility(high[0] * _RATIO))
         if low[0] < _LEAST:
-            raise AnalysisError(f"no strength leads to the ductility {target:.6g}")
+            raise AnalysisError(f"no strength gives the ductility {target:.6g}")
         if low[1] < target and high[1] > max(_NEAR * target, before[1], low[1]):
             summit = _summit(ductility, target, low[0], before[0])
             if summit[1] >= target:

@@ -119,8 +119,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     short = period < (0.0 if demand.curve else demand.periods[0])
     if period[0] > demand.periods[-1] * (1.0 + 1e-9):
         raise UsageError(
-            f"{demand.source}: ends at {demand.periods[-1]:g} s, and the first mode has "
-            f"{period[0]:.4g} s"
+            f"{demand.source}: the spectrum ends at {demand.periods[-1]:g} s, below the period "
+            f"of the first mode, {period[0]:.4g} s; use a target spectrum with longer periods"
         )
     acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
     acceleration[~short] = demand.at(period[~short])

@@ -82,7 +82,9 @@ def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
     """Return the two-period design spectrum (ASCE 7-10, 7-16, 11.4), multiplied by a factor."""
     sds, sd1, tl = (parse_positive(key, given[key]) for key in ("sds", "sd1", "tl"))
     if sds > _LARGEST_SDS:
-        raise UsageError(f"sds = {sds:g}: it is in g; did you mean {sds / STANDARD_GRAVITY:.3g}?")
+        raise UsageError(
+            f"sds = {sds:g}: the unit of sds is g; did you mean {sds / STANDARD_GRAVITY:.3g}?"
+        )
     ts = sd1 / sds
     if not ts < tl:
         raise UsageError(f"tl = {tl:g} s must be longer than TS = sd1/sds = {ts:.4g} s")
@@ -116,7 +118,7 @@ def _ec8(given: Texts) -> DesignSpectrum:
     )
     if not tb < tc < td < _EC8_END:
         raise UsageError(
-            f"tb, tc, td must rise, below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s"
+            f"tb, tc, td must increase and be below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s"
         )
     ag = parse_with_unit(given["ag"], "acceleration", "0.25g", "ag")
     damping = parse_ratio(given.get("damping", "5%"))
@@ -258,8 +260,9 @@ class TargetSpectrum:
         """
         if self.damping is not None and abs(self.damping - damping) > _SAME:
             raise UsageError(
-                f"{self.source}: is for {100.0 * self.damping:g} % damping, the spectra {spectra} "
-                f"for {100.0 * damping:g} %; give both the same (--damping)"
+                f"{self.source}: the target has {100.0 * self.damping:g} % damping, but the "
+                f"spectra {spectra} {100.0 * damping:g} %; use the same damping ratio for both "
+                "(--damping)"
             )
 
     def at(self, periods: ArrayLike) -> Array:
@@ -281,7 +284,7 @@ class TargetSpectrum:
         periods = np.atleast_1d(np.asarray(periods, float))
         if np.min(periods) < low * (1.0 - 1e-9) or np.max(periods) > high * (1.0 + 1e-9):
             raise UsageError(
-                f"{self.source}: has periods from {low:g} to {high:g} s; asked for are "
+                f"{self.source}: the periods must be from {low:g} to {high:g} s, got "
                 f"{np.min(periods):.6g} to {np.max(periods):.6g} s"
             )
         if self.curve is not None:
@@ -314,7 +317,7 @@ def read_target(source: str) -> TargetSpectrum:
         if words is None:
             return _points(read_table(source, _NEEDS))
         raise UsageError(
-            f"{source[:60]!r}: no design spectrum {name!r}; there are "
+            f"{source[:60]!r}: unknown design spectrum {name!r}; available: "
             f"{', '.join((*CODES, *_MULTI_PERIOD))}"
         )
     make, parameters = CODES[name]
@@ -473,12 +476,13 @@ def _points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
     values = [name for name in values if "psa" in name] or values
     if not values:
         raise ModelError(
-            f"{table.source}:1: no column sa_g or sa_m_s2, an acceleration with its unit; there "
-            f"are {', '.join(table.header)[:200]}"
+            f"{table.source}:1: a column sa_g or sa_m_s2 (acceleration with its unit) is "
+            f"required; the columns are {', '.join(table.header)[:200]}"
         )
     if len(values) > 1:
         raise ModelError(
-            f"{table.source}:1: several spectra, {', '.join(values)}; leave one of them"
+            f"{table.source}:1: the table contains several spectra, {', '.join(values)}; keep "
+            "one of them"
         )
     value, factor = values[0], ACCELERATION[canonical(name_and_units(values[0])[1])]
     periods, psa = (
@@ -489,12 +493,12 @@ def _points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
     if falls.size or periods[0] < 0.0:
         place = int(falls[0]) if falls.size else 0
         raise ModelError(
-            f"{table.source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of "
-            "one spectrum must rise, from 0 or more"
+            f"{table.source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of a "
+            "spectrum must be zero or positive, and increase"
         )
     positive = periods > 0.0
     if np.sum(positive) < 2:
-        raise ModelError(f"{table.source}: a spectrum needs two periods at least")
+        raise ModelError(f"{table.source}: a spectrum requires at least two periods")
     zero = None if positive[0] else float(psa[0])
     return TargetSpectrum(table.source, periods[positive], psa[positive], zero, damping)
 
@@ -555,16 +559,16 @@ class PublishedSpectrum:
         other = float(periods[~near.any(axis=0)][0])
         if not log_log:
             raise UsageError(
-                f"{self.source} has no period {other:.6g} s; leave the periods out for those of "
-                "the file, or interpolate with --against-interpolation log-log"
+                f"{self.source}: period {other:.6g} s not found; omit --period to use the "
+                "periods of the file, or interpolate with --against-interpolation log-log"
             )
         positive = (self.periods > 0.0) & (self.values > 0.0)
         low, high = self.periods[positive][0], self.periods[positive][-1]
         outside = (periods < low * (1.0 - _SAME)) | (periods > high * (1.0 + _SAME))
         if np.any(outside):
             raise UsageError(
-                f"{self.source} goes from {low:.6g} to {high:.6g} s, without "
-                f"{periods[outside][0]:.6g} s"
+                f"{self.source}: the spectrum has periods from {low:.6g} to {high:.6g} s, which "
+                f"exclude {periods[outside][0]:.6g} s"
             )
         return np.exp(
             np.interp(
@@ -658,12 +662,13 @@ def read_published(
     if place is None:
         listed = ", ".join(table.names)[:200]
         raise RecordError(
-            f"{table.source}: has no column of periods (period_s); there are {listed}"
+            f"{table.source}: column of periods (period_s) not found; the columns are {listed}"
         )
     text, units = table.names[place], columns[place][1]
     if units not in SECONDS:
         raise RecordError(
-            f"{table.source}: the name of the column {text!r} must say its unit, such as period_s"
+            f"{table.source}: the name of the column {text!r} must end with its unit, such as "
+            "period_s"
         )
     quantity, values = _values(table, column)
     periods = SECONDS[units] * table.numbers(place)
@@ -674,13 +679,15 @@ def read_published(
         rows = rows[np.abs(ratios[rows] - damping) <= _SAME]
         if not rows.size:
             listed = ", ".join(f"{ratio:g}" for ratio in np.unique(ratios)[:8])
-            raise RecordError(f"{source}: has no damping ratio {damping:g}; it has {listed}")
+            raise RecordError(
+                f"{source}: damping ratio {damping:g} not found; the file contains {listed}"
+            )
     periods, values = periods[rows], values[rows]
     if periods[0] < 0.0 or np.any(values < 0.0):
-        raise RecordError(f"{source}: periods and values of a spectrum are not negative")
+        raise RecordError(f"{source}: the periods and values of a spectrum must not be negative")
     if np.any(np.diff(periods) == 0.0):
         twice = float(periods[:-1][np.diff(periods) == 0.0][0])
-        raise RecordError(f"{source}: has the period {twice:g} s twice; leave one spectrum in it")
+        raise RecordError(f"{source}: the period {twice:g} s is contained twice; keep one spectrum")
     return PublishedSpectrum(str(source), quantity, periods, values, table.input)
 
 
@@ -703,18 +710,18 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
         table.place(column)
         if column not in columns:
             raise RecordError(
-                f"{table.source}: the column {column!r} is none of {', '.join(QUANTITIES)} with "
-                "its units"
+                f"{table.source}: the column {column!r} must be one of {', '.join(QUANTITIES)} "
+                "with its units, such as psa_g"
             )
     elif len(columns) != 1:
         if columns:
             raise UsageError(
-                f"{table.source}: name one of its columns with --against-column: "
-                f"{', '.join(columns)}"
+                f"{table.source}: the file has several spectra; select one with "
+                f"--against-column: {', '.join(columns)}"
             )
         raise RecordError(
-            f"{table.source}: has no column of a spectrum ({', '.join(QUANTITIES)}, with units: "
-            f"psa_g); there are {', '.join(table.names)[:200]}"
+            f"{table.source}: no column contains a spectrum ({', '.join(QUANTITIES)}, with "
+            f"units: psa_g); the columns are {', '.join(table.names)[:200]}"
         )
     # The name of the column ends with the units, which must match its quantity.
     chosen = column if column is not None else next(iter(columns))
@@ -727,7 +734,8 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
         ) from None
     if units.quantity != QUANTITIES[name][0]:
         raise RecordError(
-            f"{table.source}: the column {chosen!r} has units of a {units.quantity}: {text}"
+            f"{table.source}: the column {chosen!r} has the units of another quantity "
+            f"({units.quantity}): {text}"
         )
     values = units.scale * table.numbers(table.place(chosen))
     return name, values

@@ -97,11 +97,11 @@ def read_bytes(source: str | Path) -> bytes:
             "not quoted)"
         )
     told: dict[type[Exception], str] = {
-        FileNotFoundError: f"there is no such file{hint}",
-        IsADirectoryError: "is a directory; name the record's file in it",
+        FileNotFoundError: f"file not found{hint}",
+        IsADirectoryError: "this is a directory; specify a record file in it",
         PermissionError: "no permission to read the file",
     }
-    large = "the file is larger than 256 MiB; cut the event out of it first"
+    large = "the file is larger than 256 MiB; extract the event from it first"
     content = read_whole(source, RecordError, told, large, LARGEST)
     if not content:
         raise RecordError(f"{source}: the file is empty")
@@ -201,10 +201,10 @@ def _members(
         RuntimeError,
     ) as error:
         raise RecordError(
-            f"{source}: the archive is damaged or cannot be read: {one_line(str(error))}"
+            f"{source}: the archive is corrupt or cannot be read: {one_line(str(error))}"
         ) from error
     except Exception as error:  # zlib and lzma raise separate exception types.
-        raise RecordError(f"{source}: the archive is damaged: {one_line(str(error))}") from error
+        raise RecordError(f"{source}: the archive is corrupt: {one_line(str(error))}") from error
 
 
 def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> bytes:
@@ -381,13 +381,13 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
             layout.check_step(float(trace.stats.delta))
     except Damaged as error:
         raise RecordError(
-            f"{source}: the file is damaged or cut off: {error}; download it again"
+            f"{source}: the file is corrupt or truncated: {error}; download it again"
         ) from error
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from error
     except struct.error as error:
         raise RecordError(
-            f"{source}: the file is cut off within its header ({plugin.name})"
+            f"{source}: the file is truncated within its header ({plugin.name})"
         ) from error
     # The log of a recorder is a text channel, which is omitted.
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
@@ -532,7 +532,7 @@ def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], l
     except Exception as error:  # Readers raise any type of exception for corrupt bytes.
         reason = one_line(str(error)) or type(error).__name__
         raise RecordError(
-            f"cannot be read as {plugin.name}, the file may be damaged: {reason}"
+            f"cannot be read as {plugin.name}, the file may be corrupt: {reason}"
         ) from error
     return traces, messages
 

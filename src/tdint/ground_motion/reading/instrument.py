@@ -51,7 +51,10 @@ def read_instruments(source: str | Path) -> Instruments:
     # A document type definition can reference other files by entities. It is rejected in all
     # encodings.
     def refuse(*_: object) -> None:
-        raise RecordError(f"{source}: an inventory with a document type definition is not read")
+        raise RecordError(
+            f"{source}: a StationXML file with a document type definition is not accepted; "
+            "remove the definition"
+        )
 
     parser = expat.ParserCreate()
     parser.StartDoctypeDeclHandler = refuse

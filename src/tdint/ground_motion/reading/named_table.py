@@ -56,7 +56,7 @@ class NamedTable:
         """Return the index of a column; raise RecordError unless exactly one has this name."""
         if self.names.count(name) == 1:
             return self.names.index(name)
-        how = "there are several columns" if name in self.names else "there is no column"
+        how = "the file has several columns" if name in self.names else "the file has no column"
         hint = did_you_mean(name, self.names) or f"; there are {', '.join(self.names[:12])[:200]}"
         raise RecordError(f"{self.source}: {how} {name!r}{hint}")
 
@@ -72,7 +72,7 @@ class NamedTable:
                 shown = cells[place].strip()[:40]
                 name = self.names[place][:40]
                 raise RecordError(
-                    f"{self.source}: line {line}: {name}: {shown!r} is no finite number"
+                    f"{self.source}: line {line}: {name}: {shown!r} is not a finite number"
                 )
         return values
 
@@ -99,8 +99,8 @@ def read_named_table(source: str | Path) -> NamedTable:
         cells = tuple(line.split(mark))
         if len(cells) != len(names):
             raise RecordError(
-                f"{source}: line {number}: {len(cells)} cells, its first line names {len(names)} "
-                "columns"
+                f"{source}: line {number}: the row has {len(cells)} cells, the header "
+                f"{len(names)} columns"
             )
         rows.append((number, cells))
     if len(rows) < _FEWEST:

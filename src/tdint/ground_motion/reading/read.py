@@ -122,12 +122,12 @@ def _joined(channel: _Channel) -> Any:
             Exception
         ):  # The calendars of Python and ObsPy raise different exceptions outside their range.
             raise RecordError(
-                f"{label}: the time of the record is outside the calendar; its header is damaged"
+                f"{label}: the time of the record is not a valid date; its header is corrupt"
             ) from None
         if missing := masked_samples(piece.data):
             samples = pluralize(missing, "sample")
             raise RecordError(
-                f"{label}: {samples} marked as missing; cut the record to its continuous part"
+                f"{label}: {samples} marked as missing; extract the continuous part of the record"
             )
     for before, after in pairwise(pieces):
         # Successive traces must have the same sampling interval and type, and continue after one

@@ -94,7 +94,8 @@ class FileUnits:
         if left and names:
             listed = ", ".join(repr(pattern.removeprefix("./")) for pattern in left[:10])
             raise UsageError(
-                f"units of {listed}: fit no file of this call; correct the name, or leave it out"
+                f"units of {listed}: no file of this call matches; correct the name, or remove "
+                "the entry"
             )
 
 
@@ -118,10 +119,13 @@ def file_units(given: SampleUnits | None) -> FileUnits:
         pattern = _pattern(name)
         if pattern in dict(entries):
             raise UsageError(
-                f"units: {name[:40]!r} is given twice, in upper and lower case, which are the same"
+                f"units: {name[:40]!r} is specified twice, in upper and lower case, which are "
+                "equivalent"
             )
         if not isinstance(text, str):
-            raise UsageError(f"units of {name[:40]!r} are a text such as 'm/s^2', got {text!r:.40}")
+            raise UsageError(
+                f"units of {name[:40]!r} must be a text such as 'm/s^2', got {text!r:.40}"
+            )
         try:
             units = None if text.strip().lower() in _COUNTS else parse_units(text)
         except UsageError as error:
@@ -152,11 +156,11 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
             pattern, equals, units = (part.strip() for part in entry.partition("="))
             if not (pattern and equals and units):
                 example = "FORMAT=UNITS or *.SUFFIX=UNITS, such as AT2=g,*.mseed=m/s^2"
-                raise UsageError(f"units {entry[:40]!r}: write {example}")
+                raise UsageError(f"invalid units {entry[:40]!r}; expected {example}")
             if pattern in by_file:
                 raise UsageError(
-                    f"units: {pattern[:40]!r} is given twice, {by_file[pattern]} and {units}; keep "
-                    "one"
+                    f"units: {pattern[:40]!r} is specified twice, as {by_file[pattern]} and "
+                    f"{units}; keep one"
                 )
             by_file[pattern] = units
         return by_file
@@ -169,15 +173,15 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
     file = str((folder or Path()) / text.strip())
     table = read_table(
         file,
-        "a table of units is a CSV file with the columns record, units",
+        "a table of units must be a CSV file with the columns record, units",
         columns=("record", "units"),
     )
     table.need("record", "units")
     # Other columns (for example units by component) must not be ignored silently.
     if foreign := [title for title in table.titles if title.lower() not in ("record", "units", "")]:
         raise UsageError(
-            f"{file}: columns that nothing is done with: {', '.join(foreign)[:80]}; it has record, "
-            "units"
+            f"{file}: unknown columns are ignored: {', '.join(foreign)[:80]}; a table of units "
+            "has the columns record, units"
         )
     for record, (line, cell) in zip(
         table.texts("record", empty=False), table.lines("units"), strict=True
@@ -217,7 +221,8 @@ def _pattern(name: str) -> str:
         if name.upper() not in formats:
             hint = did_you_mean(name.upper(), formats) or f"; known: {', '.join(formats)}"
             raise UsageError(
-                f"units of {name[:40]!r}: no format of records; a file is named as *.txt{hint}"
+                f"units of {name[:40]!r}: unknown file format; specify files with a pattern such "
+                f"as *.txt{hint}"
             )
         return name.lower()
     # Parent directories (..) have no known name and are removed; the remainder is the end of a

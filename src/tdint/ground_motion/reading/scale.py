@@ -26,8 +26,8 @@ from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _CURES = (
-    "give the value of one count (`units=2.38e-6 m/s^2`) or the StationXML file of the instrument "
-    "as `inventory`, to remove its response"
+    "specify the value of one count (`units=2.38e-6 m/s^2`), or the StationXML file of the "
+    "instrument as `inventory` to remove its response"
 )
 _DIFFERENCES = "amplitudes above a tenth of the sampling rate are underestimated"
 """Note on differentiation. At a tenth of the sampling rate the error is 6 % for a velocity
@@ -144,7 +144,7 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
     if are_counts(trace) and not (asked and asked.has_factor):
         if asked:
             write = f'write "1 {asked.text}" if one count is 1 {asked.text}'
-            raise RecordError(f"{label}: the samples are counts; {write}, else {_CURES}")
+            raise RecordError(f"{label}: the samples are counts; {write}, otherwise {_CURES}")
         factor = (
             ""
             if calibration == 1.0
@@ -229,7 +229,8 @@ def declared_units(
         return Declared(parse_units(unit))
     except UsageError:
         raise RecordError(
-            f"{label}: the header states units of {unit[:40]}, which is no ground motion"
+            f"{label}: the header states the units {unit[:40]}, which are not units of a ground "
+            "motion"
         ) from None
 
 

@@ -107,7 +107,9 @@ def _load_missing(
     # Processes that need the same kernels wait for each other; other processes usually do not.
     names_text = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
     file = folder and folder / f".lock-{crc32(names_text.encode()) % 16}"
-    with locked(file, lambda: LOG.info("waiting for another tdint that compiles time loops")):
+    with locked(
+        file, lambda: LOG.info("waiting for another tdint process that compiles time loops")
+    ):
         # Another process may have compiled the kernels in the meantime.
         if missing := _load_existing(missing, own_loops):
             _compile(missing, progress, folder)
@@ -169,8 +171,8 @@ def _compile(
     if os.environ.get("TDINT_COMPILE") == "never":
         names = ", ".join(dict.fromkeys(map(_label, missing)))
         raise AnalysisError(
-            f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does "
-            "it"
+            "TDINT_COMPILE=never forbids compilation, and these time loops are not compiled: "
+            f"{names}; run `tdint compile MODEL.yaml` first"
         )
     destination = f"stored in {folder}" if folder else "not stored: no writable directory"
     count = len(missing)
@@ -323,7 +325,7 @@ def interpret_while_compiling(
             # The limit of processes is reached (ulimit -u, a container), or the directory cannot
             # be written to.
             background = (
-                f"; no process can be started that compiles them ({error.strerror or error})"
+                f"; the process that compiles them cannot be started ({error.strerror or error})"
             )
         else:
             background = ", and the time loops are compiled in the background for the next runs"

@@ -68,13 +68,13 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
     label, path = "<stream>", None
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
         if sys.stdin is None:
-            raise ModelError(f"-: standard input is closed; give a {kind}")
+            raise ModelError(f"-: standard input is closed; specify a {kind}")
         label, stream = "-", getattr(sys.stdin, "buffer", sys.stdin)
     elif isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
         messages: dict[type[Exception], str] = {
-            FileNotFoundError: f"no such file; give a {kind} (YAML) or - for standard input",
-            IsADirectoryError: f"is a directory; give a {kind} (YAML)",
+            FileNotFoundError: f"file not found; specify a {kind} (YAML) or - for standard input",
+            IsADirectoryError: f"this is a directory; specify a {kind} (YAML)",
             ValueError: "cannot be read: the name contains a null character",
         }
         data = read_whole(label, ModelError, messages, _too_large(kind), MAX_BYTES)
