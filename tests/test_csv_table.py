@@ -61,8 +61,8 @@ def refused(request, tmp_path):
     ("content", "message"),
     [
         (None, r"t\.csv: file not found; \w+"),
-        (b"", r"t\.csv: is empty; \w+"),
-        (b"\n , \n", r"t\.csv: is empty"),
+        (b"", r"t\.csv: the file is empty; \w+"),
+        (b"\n , \n", r"t\.csv: the file is empty"),
         (b"COLUMN,name\n1,Z\xfcrich\n", r"t\.csv: not UTF-8 text \(byte 0xfc\); save it as UTF-8"),
         ("id\n1\n".encode("utf-16"), r"t\.csv: not UTF-8 text \(byte 0xff\)"),
         (b"COLUMN\n1\n2\0\n", r"t\.csv:3: null character"),
@@ -267,7 +267,7 @@ def test_standard_input(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"drift_m\n0.1\n-0.2\n")))
     assert read_drift_path("-") == [0.1, -0.2]
     monkeypatch.setattr(sys, "stdin", None)
-    with pytest.raises(UsageError, match="no standard input"):
+    with pytest.raises(UsageError, match="standard input is closed"):
         read_drift_path("-")
 
 

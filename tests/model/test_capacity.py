@@ -103,8 +103,8 @@ def test_mass_and_damping():
         ([(0.01, 0.1)], "two to four points, got 1"),
         ([(0.01 * i, 0.1) for i in range(1, 6)], "two to four points, got 5"),
         ([(0.01, 0.1), (0.01, 0.2)], "increase from point to point"),
-        ([(0.01, 0.1), (0.02, -0.2)], "are positive"),
-        ([(0.01, 0.1), (math.inf, 0.2)], "are positive"),
+        ([(0.01, 0.1), (0.02, -0.2)], "must be positive"),
+        ([(0.01, 0.1), (math.inf, 0.2)], "must be positive"),
     ],
 )
 def test_points_that_make_no_curve(points, text):
@@ -205,7 +205,7 @@ def test_an_inventory_of_classes(inventory):
     for one in (first, second):
         (inventory / "m.yaml").write_text(model_text(one.row.id, one.building, "capacity"))
         assert load_model("m.yaml").stories == one.building.stories
-    with pytest.raises(UsageError, match="no scatter"):
+    with pytest.raises(UsageError, match="do not support a scatter"):
         derive_all(rows, "capacity", stiffness=0.1)
 
 

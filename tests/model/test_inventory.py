@@ -248,7 +248,7 @@ def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
         "3:5: PlanArea: must be a positive number, got '0'",
         "4:1: id: is missing",
         f"4:4: StructureType: unknown 'S9'; known: {', '.join(STRUCTURES)}",
-        "5:1: id: 'a' is already on line 2; give each building its own",
+        "5:1: id: 'a' is already on line 2; each building requires a different id",
         "6:3: YearBuilt: is missing; give a whole number from 1000 to 2200",
         "6:5: PlanArea: is missing; give a positive number",
         "7:6: the row has 6 cells, but the header has 5 columns",

@@ -862,8 +862,8 @@ def foreign(file: Path) -> OutputError:
     """Return the error for an existing file that was not written from the store in its
     directory."""
     return OutputError(
-        f"{file}: exists already, and was not written by this command or was changed; give "
-        "another directory with -o, or --overwrite to replace it"
+        f"{file}: the file exists, but this command did not write it, or it was changed later; "
+        "use another directory with -o, or add --overwrite to replace it"
     )
 
 
