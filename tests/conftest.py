@@ -1,4 +1,4 @@
-"""What all tests have in common."""
+"""Common fixtures and settings of all tests."""
 
 import gc
 import logging
@@ -41,15 +41,16 @@ if hasattr(signal, "SIGHUP"):  # nor those that nohup has started a hang-up
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
-    """Before anything of ours is imported.
+    """Set the environment before the first import of tdint.
 
-    Most tests integrate so many different buildings that one variant of each kernel is compiled
-    sooner than all that they need (what a scene alone would get is tested in
-    tests/kernels/test_variants.py); a test that is named, and a file of tests of commands, needs a
-    few scenes alone.
+    Most tests integrate many different buildings, and compiling one variant of each kernel for all
+    buildings is faster than compiling the specific variants (tests/kernels/test_variants.py tests
+    specific variants). Tests that are selected by name, and files of command tests, need only a few
+    specific kernels.
 
-    Side by side, each process has the files of its half of the suite, whose fixtures are then made
-    once. The one that is done first takes tests from the other's end.
+    With several processes, each process runs the files of its part of the suite, so that their
+    fixtures are created once. The process that finishes first takes tests from the end of another
+    part.
     """
     of_scenes = _few(config) and all(
         "::" in argument or "/cli/" in argument for argument in map(str, config.args)
@@ -61,13 +62,14 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 @pytest.fixture
 def laid_out() -> None:
-    """For tests that ask where something is in a picture, where the others of their file do not."""
+    """Lay out figures completely, for tests of positions in files whose other tests do not need a
+    layout."""
 
 
 @pytest.fixture
 def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are drawn small and as they come, all of each, in a third of the time: that parts of
-    all kinds of figures find their places is tested in tests/output/test_plotting.py."""
+    """Draw figures small and without layout, which takes a third of the time.
+    tests/output/test_plotting.py tests the layout of all types of figures."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -86,7 +88,7 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 
 
 def pytest_collection_finish() -> None:
-    """What has been imported stays: garbage is not searched for in it."""
+    """Exclude imported objects from garbage collection, because they remain in memory."""
     gc.freeze()
 
 
@@ -94,8 +96,8 @@ _FEW_FILES = 3
 
 
 def _few(config: pytest.Config) -> bool:
-    """Whether of so few files tests are named that what they need is compiled sooner than all
-    loops."""
+    """Return True if so few test files are selected that compiling their specific kernels is faster
+    than compiling all loops."""
     files = {Path(str(argument).partition("::")[0]) for argument in config.args}
     return (
         not config.getoption("numprocesses", None)
@@ -105,13 +107,13 @@ def _few(config: pytest.Config) -> bool:
 
 
 def _of_something_else(record: logging.LogRecord) -> bool:
-    """What commands say while their loops are compiled is not what tests ask for."""
+    """Return False for messages about compilation, which are not a subject of the tests."""
     return not record.getMessage().startswith(("compiling ", "waiting for another tdint"))
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the kernels before the first test: side by side, and none of them in two processes or
-    within a test."""
+    """Compile the kernels before the first test, in parallel, so that no kernel is compiled in two
+    processes or within a test."""
     config = session.config
     written_ones = os.environ["TDINT_KERNELS"] == "python"
     if written_ones or config.option.collectonly or hasattr(config, "workerinput"):

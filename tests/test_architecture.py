@@ -1,5 +1,5 @@
-"""The plan of the house: what the contracts of import-linter cannot say. Its numbers are
-ceilings."""
+"""Rules of the architecture that contracts of import-linter cannot express. Its numbers are upper
+limits."""
 
 import ast
 import re
@@ -33,8 +33,8 @@ LONG_SIGNATURES = {
 
 @cache
 def trees():
-    """Each module's layer (the command line and the ground are two), path and the nodes of its
-    syntax, its tree first: gone through once for all tests."""
+    """Return layer, path and syntax nodes (the tree first) of each module; computed once for all
+    tests."""
     found = []
     for home in ("src", "cli"):
         for path in sorted((ROOT / home).rglob("*.py")):
@@ -52,7 +52,7 @@ def trees():
 
 @cache
 def nodes(kind):
-    """All nodes of a kind with their layer and path."""
+    """Yield all nodes of a type with their layer and path."""
     return [
         (layer, path, node)
         for layer, path, parts in trees()
@@ -82,8 +82,8 @@ def test_the_arrays_of_a_run_are_created_in_three_places():
 
 
 def test_no_result_is_declared_twice():
-    """The output takes the analyses' own results: a protocol there is of what several results have
-    in common."""
+    """The output layer uses the result classes of the analyses. It declares protocols only for
+    common members of several result classes."""
     protocols = [
         node.name
         for layer, _, node in nodes(ast.ClassDef)
@@ -93,7 +93,7 @@ def test_no_result_is_declared_twice():
 
 
 def test_a_column_is_declared_in_one_place():
-    """Columns are made where their tables are."""
+    """Columns are created in the modules of their tables."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
     subjects = {
         "buildings",
@@ -329,7 +329,8 @@ def in_class(tree, node):
 
 
 def test_what_is_imported_is_declared():
-    """Packages that are not Python's own, by the dependencies and extras of the project."""
+    """Imported packages are in the Python standard library, or among the dependencies and extras of
+    the project."""
     project = PROJECT["project"]
     extras = project["optional-dependencies"].values()
     declared = " ".join([*project["dependencies"], *(line for extra in extras for line in extra)])
@@ -346,7 +347,7 @@ def test_what_is_imported_is_declared():
 
 
 def test_code_is_laid_out_by_the_formatter():
-    """Where it is not, in src, a table reads as one."""
+    """Exceptions in src are tables that are aligned for reading."""
     skips = [
         path
         for _, path, _ in trees()
@@ -356,7 +357,7 @@ def test_code_is_laid_out_by_the_formatter():
 
 
 def is_bare(node):
-    """A name bound to a number, or to a formula of numbers alone."""
+    """Return True if a name is bound to a number, or to a formula of numbers only."""
     value = getattr(node, "value", None) if isinstance(node, ast.Assign | ast.AnnAssign) else None
     parts = (
         list(ast.walk(value)) if isinstance(value, ast.Constant | ast.UnaryOp | ast.BinOp) else []
@@ -370,7 +371,8 @@ def is_bare(node):
 
 
 def test_a_constant_has_its_reason():
-    """Beside it, or with those that it stands among: why this number, or what it is of."""
+    """A comment or a docstring next to the constant, or to its group, states its meaning or the
+    reason for its value."""
     bare = []
     for _, path, (tree, *_) in trees():
         lines = (ROOT / path).read_text(encoding="utf-8").splitlines()
@@ -388,7 +390,8 @@ def test_a_constant_has_its_reason():
 
 @pytest.mark.parametrize("layer", [*LAYERS, "cli", "ground"])
 def test_functions_take_at_most_eight_arguments(layer):
-    """But for kernels, which are entered with flat arguments, and what calls through an address."""
+    """Exceptions are kernels, which are entered with flat arguments, and functions that call
+    through an address."""
     long = []
     for found, path, node in nodes(ast.FunctionDef):
         count = len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs)
@@ -400,7 +403,7 @@ def test_functions_take_at_most_eight_arguments(layer):
 
 
 def is_border(node):
-    """Whether a function is compiled by itself (`@kernel`) or calls through an address
+    """Return True if a function is compiled separately (`@kernel`) or calls through an address
     (`@intrinsic`, `call_...`)."""
     decorators = [ast.unparse(one).partition("(")[0] for one in node.decorator_list]
     return bool({"kernel", "intrinsic"} & set(decorators)) or node.name.startswith("call_")

@@ -1,4 +1,4 @@
-"""Fits of the table of a study's runs: those of the numbers in it, counted by hand."""
+"""Fits to the runs of a study: they equal fits to numbers that are counted by hand in its table."""
 
 import math
 import sys
@@ -43,7 +43,8 @@ def table(folder: Path, im: np.ndarray, status: np.ndarray = STATUS) -> str:
 
 
 def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
-    """And what fails is left out, and counted either way for the bounds."""
+    """Failed runs are omitted. For the bounds they are counted once as exceeding and once as not
+    exceeding."""
     im = np.repeat(LEVELS[:, None], MOTIONS, axis=1)
     over = (DRIFT > OVER) | (STATUS == "collapsed")
     (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
@@ -99,7 +100,7 @@ def test_published_counts_keep_their_interval_unless_collapses_are_rare_or_usual
 def test_stripes_of_a_type_need_three_motions_at_each_of_several_levels(
     motions: tuple[int, ...], fit: str
 ) -> None:
-    """Each with four buildings; runs of one motion count once."""
+    """Each type has four buildings; all runs under one ground motion count once."""
     states = DamageStates("drift", ("light",), (0.01,), 0.4, ())
     places = [(level, motion) for level, count in enumerate(motions) for motion in range(count)]
     level, motion = np.repeat(np.array(places), 4, axis=0).T
@@ -141,8 +142,8 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
 def test_of_a_collapse_it_counts_that_it_was_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Wherever the runaway stopped, a thousand times further or below the threshold, all fits and
-    counts are the same; and the counts are those of each sixth of the runs, by hand."""
+    """Fits and counts do not depend on the drift at which a collapsed run stopped, a thousand times
+    larger or below the threshold. The counts equal the counts in each sixth of the runs by hand."""
     im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
     (first,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     for factor in (1e3, 1e-3):
@@ -164,8 +165,9 @@ def test_of_a_collapse_it_counts_that_it_was_one(
 
 
 def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None:
-    """Demands that jump at an intensity of 2 from far below the threshold to beyond it are no line;
-    a line with normal scatter say nothing, whatever is drawn."""
+    """A warning is printed if demands jump from far below to far above the threshold at one
+    intensity, because a regression line does not represent them. No warning is printed for a
+    line with normal scatter, for any sample."""
     x = np.geomspace(0.2, 20.0, 200)
     noise = RANDOM.standard_normal(x.size)
     jumping = np.where(x < 2.0, 0.002 * x**0.3, 0.02 * x**0.3) * np.exp(0.05 * noise)
@@ -179,7 +181,8 @@ def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None
 
 
 def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -> None:
-    """2 for 2 %: the line of the cloud goes on to it all the same, far from all runs."""
+    """The threshold 2 (instead of 2 %) is far above all runs; the regression line is extrapolated,
+    and a warning states this."""
     file = tmp_path / "cloud.csv"
     file.write_text("im,edp\n0.1,0.01\n0.2,0.02\n0.3,0.029\n")
     result = fit_table(str(file), FragilityRequest(thresholds=(0.001, 0.025, 0.03, 2.0)))
@@ -190,8 +193,8 @@ def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -
 
 
 def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Two tables of 14 motions, two components at four levels each, which err alike, and what they
-    were made of."""
+    """Return two tables of runs under 14 ground motions (two components at four levels each) with
+    correlated errors, and the parameters from which they were generated."""
     random = np.random.default_rng(11)
     motion = np.repeat(np.arange(14), 8)
     im = np.tile(np.repeat(LEVELS, 2), 14) * np.exp(0.2 * random.standard_normal(motion.size))
@@ -218,9 +221,9 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
 
 @pytest.mark.parametrize("event", [False, True])
 def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) -> None:
-    """Of a cloud of runs, of a table of one's own, and of the slope beside which measures are
-    compared: by fits without each motion, by hand; the information matrix, by which runs are
-    independent, has half of it."""
+    """Standard errors of clouds of runs, of user-defined tables, and of the slopes in the
+    comparison of measures equal jackknife estimates computed by hand. The information matrix,
+    which assumes independent runs, gives half of them."""
     motion, im, edp = scattered(tmp_path, event)
     request = FragilityRequest("cloud", (OVER,), pair_demand="separate")
     functions = [fit_table(str(tmp_path / name), request).functions[0]
@@ -242,8 +245,8 @@ def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) ->
 
 
 def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
-    """Twins count as one motion: the error is that of one of each, and that of motions of their own
-    stays as it was."""
+    """Two capacities of the same record count as one ground motion: the standard error equals the
+    error with one capacity per record. The standard error of different motions is unchanged."""
     capacity = np.exp(0.4 * np.random.default_rng(12).standard_normal(9))
     rows = [f"{value!r},r{place}" for place, value in enumerate(capacity.tolist())]
     errors = {}
@@ -257,8 +260,8 @@ def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
 
 
 def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
-    """Three of 112 runs are beyond 5 %: no interval; nor above all intensities, where an eighth is
-    beyond."""
+    """Three of 112 runs exceed 5 %: the function has no confidence interval. It has none either if
+    the median is above all intensities and an eighth of the runs exceed the threshold."""
     _, im, edp = scattered(tmp_path, False)
     high, middle = np.sort(edp)[-4], float(np.quantile(edp, 0.5))
     result = fit_table(

@@ -1,4 +1,4 @@
-"""Small models and records, and a way to run the command in this process."""
+"""Small models and records, and functions that run the command in this process."""
 
 import functools
 import io
@@ -49,15 +49,15 @@ analysis: {method: newmark-average}
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory, empty."""
+    """Change to an empty working directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def folder(here: Path) -> Path:
-    """The working directory with models forced.yaml and shaken.yaml, records motion.mseed and
-    other.mseed."""
+    """Change to a working directory with the models forced.yaml and shaken.yaml and the records
+    motion.mseed and other.mseed."""
     return write_folder(here)
 
 
@@ -79,7 +79,7 @@ def write_record(file: str | Path, *channels: str, **shape: Any) -> None:
 def decaying_sine(
     *channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False
 ) -> bytes:
-    """MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s."""
+    """Return a record as MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s."""
     with quiet_import():
         from obspy import Stream, Trace
 
@@ -97,7 +97,7 @@ def decaying_sine(
 
 
 def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> Path:
-    """A folder for a fixture of a whole file of tests: `make` fills it, as the working
+    """Return a directory for a fixture of a complete test file; `make` fills it, as the working
     directory."""
     folder = folders.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
@@ -107,8 +107,8 @@ def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> 
 
 
 def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
-    """The rows of a Parquet file, which is returned, are those of a table that was read from CSV,
-    to its digits."""
+    """Check that the rows of a Parquet file equal a table that was read from CSV, to the digits of
+    CSV; return the Parquet table."""
     found = pytest.importorskip("pyarrow.parquet").read_table(file)
     assert found.column_names == list(table[0])
     for given, told in zip(found.to_pylist(), table, strict=True):
@@ -123,8 +123,8 @@ def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
 
 
 def copy_of(made: str) -> Any:
-    """A fixture: the working directory, with what is in the folder that the fixture `made` fills
-    once."""
+    """Create a fixture that changes to a copy of the directory that the fixture `made`
+    fills once."""
 
     @pytest.fixture
     def copy(request: pytest.FixtureRequest, here: Path) -> Path:
@@ -134,7 +134,7 @@ def copy_of(made: str) -> Any:
 
 
 def change(file: str | Path, *changes: tuple[str, str]) -> None:
-    """Replace texts in a file; each of them stands there."""
+    """Replace texts in a file; each text must occur in it."""
     text = Path(file).read_text()
     for before, after in changes:
         assert before in text
@@ -143,15 +143,14 @@ def change(file: str | Path, *changes: tuple[str, str]) -> None:
 
 
 class Command:
-    """`tdint ARGUMENTS` in this process; the result has exit_code, stdout and stderr, in which no
-    word depends on the store. That a kernel is compiled is said, too
-    (tests/kernels/test_compiling.py), but not here.
-    """
+    """Run `tdint ARGUMENTS` in this process. The result has exit_code, stdout and stderr. Messages
+    about the compilation of kernels are removed, because they depend on the cache
+    (tests/kernels/test_compiling.py tests them)."""
 
     def __call__(
         self, *arguments: object, stdin: bytes | None = None, code: int | None = None
     ) -> Result:
-        """What comes of it; `code` is what it has to end with."""
+        """Run the command and return its result; `code` is the required exit code."""
         words = [str(argument) for argument in arguments]
         result = runner().invoke(cli, words, input=stdin, prog_name="tdint")
         result.stderr_bytes = re.sub(rb"(?m)^note: compiling .*\n", b"", result.stderr_bytes or b"")
@@ -161,8 +160,8 @@ class Command:
     def refused(
         self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2
     ) -> Result:
-        """What comes of bad input: a message, a code, nothing on standard output, and no file or
-        folder that was not there."""
+        """Check an invalid call: message, exit code, empty standard output, and no new file or
+        directory."""
         before = {*Path().iterdir(), *map(Path, ("__pycache__", ".hypothesis", ".pytest_cache"))}
         result = self(*arguments, stdin=stdin, code=code)
         assert result.stdout == ""
@@ -173,13 +172,13 @@ class Command:
 
 @pytest.fixture
 def tdint() -> Command:
-    """`tdint(*ARGUMENTS)` is the command."""
+    """Return the function `tdint(*ARGUMENTS)`, which runs the command."""
     return Command()
 
 
 def at_a_terminal(line: str, to_terminal: bool = True) -> tuple[bytes, int]:
-    """What `tdint LINE`, a process of its own, shows on a terminal by standard error, and by
-    standard output if that is said; and its exit code."""
+    """Run `tdint LINE` in a separate process with a terminal as standard error (and optionally
+    standard output); return its output and exit code."""
     import pty
 
     ours, theirs = pty.openpty()
@@ -202,16 +201,17 @@ BEGINNINGS = {"png": b"\x89PNG\r", "pdf": b"%PDF", "svg": b"<?xml"}
 
 @pytest.fixture
 def drawn() -> None:
-    """For tests that ask what a format holds, or give what is hard to draw."""
+    """Render figures completely, for tests of file formats and of figures that are difficult to
+    render."""
 
 
 @pytest.fixture(autouse=True)
 def _pictures(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, not_laid_out: None
 ) -> None:
-    """Figures are made, but unless a test takes `drawn` or `laid_out`, files get but the beginning
-    of their format and the words of the figure: drawn are figures of all kinds in
-    tests/output/test_plots.py."""
+    """Replace the rendering of figures, unless a test uses `drawn` or `laid_out`: files contain
+    only the signature of their format and the texts of the figure. tests/output/test_plots.py
+    renders all types of figures."""
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
@@ -240,5 +240,5 @@ def _pictures(
 
 @pytest.fixture
 def make_record() -> Callable[..., None]:
-    """`write_record`, for records other than those of `folder`."""
+    """Return `write_record`, for additional records."""
     return write_record

@@ -74,7 +74,7 @@ def test_interpolation_only_if_said(spectra, tdint):
     said = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
     (row,) = rows(tdint(*said, "0.2").stdout)
     assert float(row["published_sd_m"]) == pytest.approx(0.04, rel=1e-11)
-    tdint.refused("the spectrum has periods from 0.1 to 0.4 s, which exclude 0.5 s", *said, "0.2,0.5")
+    tdint.refused("has periods from 0.1 to 0.4 s, which exclude 0.5 s", *said, "0.2,0.5")
 
 
 def test_picture_summary_and_what_is_said(spectra, tdint, drawn):

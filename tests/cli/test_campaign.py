@@ -1,4 +1,4 @@
-"""`tdint campaign` and `tdint run` with several records or scales: files, words, exit codes."""
+"""`tdint campaign`, and `tdint run` with several records or scales: files, messages, exit codes."""
 
 import hashlib
 import json
@@ -38,8 +38,8 @@ RUNS = 2 * 3 * 3  # buildings, components (two of motion, one of other), scales
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """study.yaml: two buildings, three components, three scales; done in the folder out, in more
-    than one chunk."""
+    """Directory `out` of the completed campaign study.yaml (two buildings, three components, three
+    scales) with more than one chunk."""
 
     def make(folder: Path) -> None:
         write_folder(folder)
@@ -56,8 +56,8 @@ study = copy_of("done")
 
 
 def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -> None:
-    """Those of `tdint run`, in runs.csv and stories.csv, and said in the summary; several records
-    take it, too."""
+    """With `check`, runs.csv and stories.csv contain the estimated errors of `tdint run`, and the
+    summary reports them. `tdint run` with several records also supports --check."""
     change("study.yaml", ("method: newmark-average", "method: moment4, check: true"))
     tdint("campaign", "study.yaml", "-o", "checked", code=0)
     found, plain = rows("checked/runs.csv"), rows("out/runs.csv")
@@ -109,8 +109,8 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
 
 
 def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> None:
-    """And the others, each once, as it was read last: a comment changes a file, not the
-    campaign."""
+    """The summary lists each model file and each other input once, in the state of the last call. A
+    changed comment changes the file but not the campaign."""
     files = ("shaken.yaml", "stiff.yaml", "study.yaml", "motion.mseed", "other.mseed")
 
     def told() -> dict[str, str]:
@@ -136,7 +136,8 @@ def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> Non
 
 
 def test_a_row_for_each_run(study: Path, tdint: Command) -> None:
-    """The numbers are those of `tdint run`; buildings, records and scales come in their order."""
+    """The numbers equal the results of `tdint run`. Buildings, records and scales keep
+    their order."""
     assert sorted(path.name for path in Path("out").iterdir()) == [
     ".campaign.lock", FILE, "profiles.csv", "runs.csv", "stories.csv", "summary.json",
     ]  # fmt: skip
@@ -182,7 +183,7 @@ def test_a_row_for_each_run(study: Path, tdint: Command) -> None:
 
 
 def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> None:
-    """One thread, three, and three shards merged in any order."""
+    """One thread, three threads, and three shards merged in any order give equal files."""
     names = ("runs.csv", "stories.csv")
     wanted = [(Path("out") / name).read_bytes() for name in names]
     for place, jobs in (("one", "1"), ("three", "3")):
@@ -210,7 +211,7 @@ def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> No
 
 
 def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> None:
-    """What has not been run is told by whoever writes of the runs, or fits to them."""
+    """An interrupted campaign continues. All commands that use its runs report the missing runs."""
     first = tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)
     done = len(rows("part/runs.csv"))
     assert 4 <= done < RUNS
@@ -231,8 +232,8 @@ def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> Non
 
 
 def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
-    """What differs is told: settings, buildings, records; a new name of the file or another folder
-    is nothing."""
+    """The error names the difference: settings, buildings or records. A new file name or another
+    directory is not a difference."""
     kept = Path("out/runs.csv").read_bytes()
     change("study.yaml", ("0.25, 1,", "0.5, 1,"), ("newmark-average", "impulse4"))
     change("shaken.yaml", ("8000", "9000"))
@@ -319,7 +320,7 @@ def test_files_that_cannot_be(study: Path, tdint: Command, content: str, said: s
 def test_records_that_cannot_be_read_are_named_and_the_others_done(
     study: Path, tdint: Command
 ) -> None:
-    """They are listed and counted in summary.json and by `status`, as they are at the last call."""
+    """summary.json and `status` list and count the unreadable records of the last call."""
     Path("broken.mseed").write_bytes(b"no record at all")
     change("study.yaml", ("other.mseed]", "broken.mseed, nowhere.mseed, other.mseed]"))
     result = tdint("campaign", "study.yaml", "-o", "lost", code=4)
@@ -380,7 +381,8 @@ def test_a_scheduler_that_does_not_answer(
     monkeypatch: pytest.MonkeyPatch,
     port_of: Callable[[socket.socket], int],
 ) -> None:
-    """Where nothing listens, and where something does that says nothing."""
+    """The error is the same if no program listens at the port, and if a program listens without
+    responding."""
     pytest.importorskip("distributed")
     monkeypatch.setattr("tdint.campaign.cluster._NOTICE_AFTER", 0.1)
     monkeypatch.setattr("tdint.campaign.cluster._TIMEOUT", 0.6)
@@ -431,8 +433,8 @@ def test_usage(study: Path, tdint: Command, arguments: list[str], said: str) -> 
 
 
 def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Command) -> None:
-    """One step for all runs of a building; with several jobs, too. `tdint run` chooses no smaller
-    one for a run that has been looked at."""
+    """All runs of a building have the same time step, also with several jobs. For the runs that
+    were used for the choice, `tdint run` chooses no smaller step."""
     change(
         "study.yaml",
         ("method: newmark-average", "method: newmark-average, tolerance: 0.1%"),
@@ -458,8 +460,8 @@ def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Comma
 
 
 def test_levels_of_an_intensity_measure(study: Path, tdint: Command) -> None:
-    """Sa(T1) of each building takes the levels; of a pair both components have one factor, and the
-    geometric mean of their PGA takes them."""
+    """The runs of each building have the requested Sa(T1). Both components of a pair have one
+    factor, and the geometric mean of their PGA has the requested value."""
     change(
         "study.yaml",
         ("scales: [0.25, 1, 2.5]", "measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]"),
@@ -488,7 +490,8 @@ def test_factors_of_a_file(study: Path, tdint: Command) -> None:
 
 
 def test_exports_are_written_anew(study: Path, tdint: Command) -> None:
-    """SimCenter's names: floor 0 is the ground, and both directions of a pair stand in one row."""
+    """The export has SimCenter names: floor 0 is the ground, and both directions of a pair are in
+    one row."""
     change(
         "study.yaml", ("files: [motion.mseed, other.mseed]", "files: [motion.mseed], pairs: true")
     )
@@ -528,7 +531,7 @@ def test_exports_are_written_anew(study: Path, tdint: Command) -> None:
 
 @pytest.mark.usefixtures("study")
 def test_the_store_can_be_asked_in_sql() -> None:
-    """The view `runs` has the columns and the rows of runs.csv."""
+    """The view `runs` of the database has the columns and the rows of runs.csv."""
     with closing(sqlite3.connect(f"out/{FILE}")) as connection:
         found = connection.execute("SELECT * FROM runs WHERE building = 'stiff'")
         names, own = [column[0] for column in found.description], len(COLUMNS)
@@ -541,8 +544,8 @@ def test_the_store_can_be_asked_in_sql() -> None:
 
 
 def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None:
-    """A small campaign: to standard output nothing is kept, into a folder it is one that goes
-    on."""
+    """`tdint run` with several records is a small campaign. With standard output no store is
+    written; with -o the campaign can be continued."""
     several = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2")
     shown = tdint(*several, "--scale", "0.25,2.5", code=0)
     assert list(rows(shown.stdout)[0]) == COLUMNS
@@ -609,8 +612,8 @@ def test_exports_of_an_earlier_state_do_not_stay(study: Path, tdint: Command) ->
 
 
 def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Command) -> None:
-    """Where all of them want the same ones; also by export and merge, and as --output-units
-    does."""
+    """If all models have the same output units, the campaign, its export and merge use them, with
+    the same result as --output-units."""
     tdint("campaign", "export", "out", "--output-units", "kip,in,g")
     kips = {name: Path("out", name).read_bytes() for name in ("runs.csv", "stories.csv")}
     assert b"peak_base_shear_kip" in kips["runs.csv"]
@@ -648,7 +651,7 @@ ROW
 
 @pytest.fixture
 def shards(folder: Path, tdint: Command) -> Callable[..., None]:
-    """Do the shards of a region, each with its third row, which end with an exit code."""
+    """Run the shards of a region with an invalid third row in each, and check their exit code."""
     (folder / "region.yaml").write_text(REGION_STUDY)
 
     def run(*rows_of_shards: str, code: int) -> None:
@@ -663,7 +666,8 @@ def shards(folder: Path, tdint: Command) -> Callable[..., None]:
 def test_shards_of_an_inventory_that_is_not_sound(
     shards: Callable[..., None], tdint: Command
 ) -> None:
-    """An id that two rows have costs the exit code of every call, of merge as of the shards."""
+    """An id that occurs in two rows causes the error exit code in every call, for shards and for
+    merge."""
     shards("2,C1,5,1990,500", "2,C1,5,1990,500", code=3)
     merged = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=3)
     assert "1 building could not be used, such as region.csv:4:1: id: '2'" in merged.stderr
@@ -674,7 +678,8 @@ def test_shards_of_an_inventory_that_is_not_sound(
 def test_an_inventory_that_changes_between_shards(
     shards: Callable[..., None], tdint: Command
 ) -> None:
-    """The row that differs belongs to one shard alone: no building of both can be compared."""
+    """The changed row belongs to only one shard, so that the shards have no common building to
+    compare."""
     shards("3,C1,5,1990,500", "3,C1,5,1990,600", code=0)
     refused = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=2).stderr
     assert "the inventory has changed between the calls for the shards" in refused
@@ -684,8 +689,8 @@ def test_an_inventory_that_changes_between_shards(
 def test_a_duplicate_that_only_one_shard_has_seen(
     shards: Callable[..., None], tdint: Command, number: int
 ) -> None:
-    """The valid rows and their runs are the same, but the directory is not merged: one call left a
-    row out, and the other one knew nothing of it."""
+    """The valid rows and their runs are equal, but the directories are not merged, because one call
+    skipped a row and the other call did not."""
     doubled = "2,C1,5,1990,500"
     for shard in (1, 2):
         text = REGION.replace("ROW", doubled if shard == number else "")

@@ -1,5 +1,5 @@
-"""Damage states of campaigns: damage.csv, damage-types.csv and losses.csv beside closed forms, and
-what is refused."""
+"""Damage states of campaigns: damage.csv, damage-types.csv and losses.csv compared with closed
+forms, and errors."""
 
 import json
 import math
@@ -40,7 +40,7 @@ BY_CURVES = "damage: {thresholds: capacity, dispersion: 0.3}\n"
 
 
 def drifts(scale: float) -> list[float]:
-    """The largest drift ratio of shaken.yaml under each component, to the last digit."""
+    """Return the maximum drift ratio of shaken.yaml under each component, to the last digit."""
     model = package.load_model("shaken.yaml")
     files = (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))
     records = [
@@ -57,8 +57,8 @@ def probabilities(row: dict[str, str]) -> dict[str, float]:
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The region of three buildings of two classes under four pairs, whose second component is
-    twice the first, at three factors; done in `out` with more measures of the motions."""
+    """Return the completed region in `out`: three buildings of two classes, four pairs (the second
+    component is twice the first) and three factors, with additional intensity measures."""
 
     def make(folder: Path) -> None:
         write_folder(folder)
@@ -77,10 +77,10 @@ region = copy_of("done")
 
 
 def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -> None:
-    """The probability of the state or a heavier one is 1/2 at the median, and Phi(ln(d / median) /
-    beta) elsewhere; those of all outcomes make 1; the mean loss is the sum of probability times
-    loss. A run that collapses is collapsed with certainty, and costs what a collapse does. Means
-    over runs: tests/campaign/test_damage_counting.py."""
+    """The probability of at least a state is 1/2 at the median, and otherwise Phi(ln(d / median) /
+    beta). The probabilities of all outcomes sum to 1. The mean loss is the sum of probability
+    times loss. A collapsed run has the state collapsed with probability 1 and the loss of a
+    collapse. tests/campaign/test_damage_counting.py tests means over runs."""
     low, median, high = sorted(drifts(1.0))
     text = STUDY.replace(
         "newmark-average", f"newmark-average, collapse_drift: {math.sqrt(median * high)!r}"
@@ -118,7 +118,7 @@ def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -
 
 
 def test_runs_without_a_result_have_no_state(folder: Path, tdint: Command) -> None:
-    """And no part in any mean, but a place among those that failed."""
+    """They are excluded from all means and are counted as failed."""
     (folder / "stiff.yaml").write_text(
         "{name: stiff, stories: [{mass: 1, height: 3, stiffness: 1e8}], damping: 0}\n"
     )
@@ -139,7 +139,7 @@ def test_runs_without_a_result_have_no_state(folder: Path, tdint: Command) -> No
 
 
 def test_medians_of_capacity_curves() -> None:
-    """0.75 Sdy, 0.5 Sdy + 0.33 Sdu, 0.25 Sdy + 0.67 Sdu and Sdu."""
+    """The medians are 0.75 Sdy, 0.5 Sdy + 0.33 Sdu, 0.25 Sdy + 0.67 Sdu and Sdu."""
     published = CapacityFacts(CapacityCurve((0.0017, 0.0087, 0.0656, 0.1), (0.1, 0.2, 0.3, 0.3)), 1)
     assert curve_medians(published) == pytest.approx((0.006525, 0.03735, 0.069175, 0.1), rel=1e-12)
     bilinear = CapacityFacts(CapacityCurve((0.01, 0.05), (0.1, 0.2)), 1)
@@ -148,7 +148,8 @@ def test_medians_of_capacity_curves() -> None:
 
 @pytest.mark.usefixtures("region")
 def test_the_demand_of_capacity_curves() -> None:
-    """The displacement of the roof over the participation factor of the first mode."""
+    """The demand is the displacement of the roof divided by the participation factor of the first
+    mode."""
     stories = {"one": 1, "two": 3}
     curve = CapacityCurve((0.004, 0.02, 0.06), (0.15, 0.25, 0.2))
     for row, run in zip(rows("out/damage.csv"), rows("out/runs.csv"), strict=True):
@@ -205,7 +206,8 @@ def test_a_table_of_thresholds_and_losses_by_class(region: Path, tdint: Command)
 
 
 def test_thresholds_of_hazus(folder: Path, tdint: Command) -> None:
-    """Those of C1M-high over the height of the whole building, with 0.4."""
+    """The thresholds are the values of C1M-high, for the height of the building, with beta
+    = 0.4."""
     header = "id,NumberOfStories,YearBuilt,StructureType,PlanArea,height\n"
     (folder / "buildings.csv").write_text(header + "office,5,1990,C1,900,15\n")
     (folder / "study.yaml").write_text(
@@ -231,7 +233,7 @@ def test_thresholds_of_hazus(folder: Path, tdint: Command) -> None:
 
 
 def test_states_of_the_models_themselves(folder: Path, tdint: Command) -> None:
-    """`damage` of a model, by accelerations with their unit."""
+    """`damage` of a model with accelerations and their unit."""
     with Path("shaken.yaml").open("a") as file:
         file.write(
             "damage: {demand: acceleration, thresholds: {dented: 0.1 g, gone: 5 m/s^2}, "
@@ -249,8 +251,9 @@ LEVELS = "intensity: {measure: pga, levels: [0.3 m/s^2, 1 m/s^2, 2.5 m/s^2]}"
 
 
 def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: None) -> None:
-    """Stripes: the fit of the sums of probabilities at each level, falls among them; its errors are
-    those of leaving out one motion after the other: variance (g - 1)/g sum (theta_i - mean)^2."""
+    """Stripes: the fit to the sums of probabilities at each level, including collapses. The
+    standard errors are jackknife estimates over ground motions: variance (g - 1)/g sum (theta_i
+    - mean)^2."""
     change(
         "study.yaml",
         ("intensity: {scales: [0.2, 0.5, 1]}", LEVELS),
@@ -297,8 +300,8 @@ def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: N
 
 
 def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> list[Fragility]:
-    """Of class A, slight at 0.015 m and complete at 0.06 m with a dispersion of 0.3: three sets of
-    all runs."""
+    """Return three copies of all runs of class A, with the states slight at 0.015 m and complete at
+    0.06 m and a dispersion of 0.3."""
     x, y, above = [], [], []
     for part in (math.exp(-0.3 * math.sqrt(1.5)), 1.0, math.exp(0.3 * math.sqrt(1.5))):
         for one, value, gone in zip(im, demand, fell, strict=True):
@@ -433,8 +436,8 @@ def test_drift_ratios_need_heights(folder: Path, tdint: Command, words: tuple[st
 def test_a_single_run_tells_the_damage_of_its_model(
     folder: Path, tdint: Command, demand: str, unit: str, slight: str, complete: str
 ) -> None:
-    """In summary.json and in a line, with the numbers of a campaign of that run; nothing without
-    damage states."""
+    """summary.json and the printed text contain the results of a campaign with this run. Without
+    damage states they contain no damage."""
     call = ("run", "shaken.yaml", "motion.mseed", "--component", "HNN", "--units", "m/s^2", "-o")
     result = tdint(*call, "plain", code=0)
     assert (
@@ -466,7 +469,8 @@ def test_a_single_run_tells_the_damage_of_its_model(
 
 
 def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: Command) -> None:
-    """Where no thresholds are asked for; of other demands than drift ratios it tells nothing."""
+    """Without --threshold, the medians of drift ratios are used; medians of other demands are
+    ignored."""
     with Path("shaken.yaml").open("a") as file:
         file.write(DAMAGE % (0.003, 0.012, 0.4))
     call = (
@@ -501,10 +505,11 @@ def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: C
 def test_the_measure_that_was_asked_for_of_the_pair(
     region: Path, tdint: Command, im: str, column: str, imt: str
 ) -> None:
-    """Clouds by hand over the geometric mean of what both components have, of each type and of one
-    building: the line through the demands of all runs, falls known only to be above the heaviest
-    state, those below the lightest one only to be below, and counted; each is seen with three
-    thresholds, so that beta has their dispersion. Sa is at the period of the class's curve."""
+    """Clouds computed by hand over the geometric mean of both components, for each type and for one
+    building. The regression includes the demands of all runs; collapses are censored above the
+    heaviest state, and demands below the lightest state are censored below it. Each run is used
+    with three thresholds, so that beta includes their dispersion. Sa is at the period of the
+    capacity curve of the class."""
     call = (
         "fragility",
         "out",
@@ -562,8 +567,8 @@ def test_the_measure_that_was_asked_for_of_the_pair(
 
 
 def test_the_levels_of_a_pair_are_the_measure(region: Path, tdint: Command) -> None:
-    """Where a campaign has brought pairs to levels, their measure is known without measures.csv, of
-    any direction."""
+    """If a campaign scaled pairs to levels, their intensity is known without measures.csv, in any
+    direction."""
     levels = (
         "intensity: {measure: sa, period: 0.6, levels: [0.5 m/s^2, 2 m/s^2, 6 m/s^2], pair: rotd50}"
     )
@@ -583,8 +588,9 @@ def test_the_levels_of_a_pair_are_the_measure(region: Path, tdint: Command) -> N
 
 
 def test_functions_of_each_building(region: Path, tdint: Command) -> None:
-    """Of two models by thresholds of the drift ratio, each over Sa at its own period, which the
-    file for OpenQuake has; the numbers are those of a campaign of one of them."""
+    """Functions of two models by thresholds of the drift ratio, each over Sa at the period of the
+    model, which the OpenQuake file states. The numbers equal the results of a campaign with one
+    of the models."""
     shaken = Path("shaken.yaml").read_text()
     Path("soft.yaml").write_text(
         shaken.replace("name: ", "name: soft ").replace("stiffness: 8000", "stiffness: 4000")
@@ -644,8 +650,8 @@ ASSET = """\
 
 
 def test_losses_of_an_exposure_model(region: Path, tdint: Command) -> None:
-    """The damage of its buildings is that of the same buildings in an inventory, to the last digit;
-    the value of an asset is its structural cost; its losses go into a map."""
+    """The damage equals the damage of the same buildings in an inventory, to the last digit. The
+    value of an asset is its structural cost. A map contains the losses."""
     assets = (("one", "A/1", 4.0, 8e5), ("two", "A/3", 0.5, 1e6), ("three", "B/2", 1.0, 3e5))
     Path("exposure.xml").write_text(EXPOSURE % "".join(ASSET % asset for asset in assets))
     Path("types.csv").write_text("taxonomy,class,NumberOfStories\nA/1,A,1\nA/3,A,3\nB/2,B,2\n")

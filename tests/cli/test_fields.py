@@ -1,5 +1,5 @@
-"""Ground motion fields: what each event does at each site, as OpenQuake and SimCenter name
-things."""
+"""Ground motion fields: intensities or records of events at sites, in the formats of OpenQuake and
+SimCenter."""
 
 import json
 import math
@@ -54,8 +54,8 @@ COSTS = ("cost,number,district", "2e6,3,north", "1.5e6,,south", "4e5,10,north")
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """campaign.yaml with three buildings at two sites, three events of which one leaves a site out,
-    two records; done in the folder out."""
+    """Directory `out` of a completed campaign with three buildings at two sites, three events and
+    two records. One event has no row for one of the sites."""
 
     def make(folder: Path) -> None:
         write_record(folder / "firm.mseed", "HN1", "HN2", samples=400)
@@ -78,8 +78,8 @@ region = copy_of("done")
 
 @pytest.fixture(scope="module")
 def done_with_losses(done: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The region with what its buildings cost and how often the events come; its damage and losses
-    by district."""
+    """The same region with costs of buildings and annual rates of events; damage and losses by
+    district."""
 
     def make(folder: Path) -> None:
         shutil.copytree(done, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("out"))
@@ -107,8 +107,8 @@ def outcome(row: dict[str, str], *, but: tuple[str, ...] = ("sample", "event")) 
 
 
 def test_runs_are_those_listed_by_hand(region: Path, tdint: Command) -> None:
-    """Each row of the table is a campaign of its own with that record and factor, to the last
-    digit."""
+    """Each row of the table equals, to the last digit, a separate campaign with its record and
+    factor."""
     found = rows("out/runs.csv")
     assert len(found) == 2 * (2 + 3 + 3)  # components; events at the sites of a, b, c
     sites, numbers = {"a": "west", "b": "east", "c": "east"}, {"M7-1": "1", "M7-2": "2", "M6": "3"}
@@ -136,8 +136,8 @@ def test_runs_are_those_listed_by_hand(region: Path, tdint: Command) -> None:
 
 
 def test_the_site_is_the_nearest_or_named(region: Path, tdint: Command) -> None:
-    """With a column `site` no places are needed; without sites in the table all buildings have all
-    events."""
+    """Buildings with a column `site` need no coordinates. If the table has no sites, every event
+    applies to every building."""
     change("campaign.yaml", (" sites: sites.csv,", ""))
     tdint("campaign", "campaign.yaml", "-o", "named", code=0)
     named, nearest = (
@@ -152,8 +152,8 @@ def test_the_site_is_the_nearest_or_named(region: Path, tdint: Command) -> None:
 
 
 def test_distances_in_degrees_are_not_those_on_the_earth(region: Path, tdint: Command) -> None:
-    """At 60 degrees north a degree of longitude is half a degree of latitude: the nearest site
-    changes."""
+    """At 60 degrees north, a degree of longitude is half as long as a degree of latitude, so that
+    distances in degrees select another nearest site than distances in km."""
     Path("buildings.csv").write_text(BUILDINGS.splitlines()[0] + "\na,1,1968,W1,1500,60,10,\n")
     Path("sites.csv").write_text("site,longitude,latitude\nwest,10.15,60\neast,10,60.1\n")
     Path("fields.csv").write_text("event,site,record\n1,west,firm.mseed\n1,east,soft.mseed\n")
@@ -168,7 +168,7 @@ def test_distances_in_degrees_are_not_those_on_the_earth(region: Path, tdint: Co
 
 
 def test_tables_of_openquake(region: Path, tdint: Command) -> None:
-    """Their names of the columns, and the line above the header."""
+    """Tables with the column names of OpenQuake and its comment line above the header are read."""
     above = "#,,,\"generated_by='OpenQuake engine 3.26.2', start_date='2026-01-01T00:00:00'\"\n"
     Path("fields.csv").write_text(above + FIELDS.replace("event,site", "event_id,site_id"))
     Path("sites.csv").write_text(
@@ -185,7 +185,8 @@ def test_tables_of_openquake(region: Path, tdint: Command) -> None:
 def test_intensities_of_openquake(
     region: Path, tdint: Command, column: str, measure: str, unit: str
 ) -> None:
-    """A record has the value of its row: what levels of the measure do, to the last digit."""
+    """A record scaled to the intensity in its row gives the same result, to the last digit, as a
+    campaign with this intensity level."""
     value = "0.31" if unit == "g" else "31"
     Path("fields.csv").write_text(f"event_id,site_id,{column},record\n0,west,{value},firm.mseed\n")
     Path("sites.csv").write_text("site_id,lon,lat\nwest,-122.27,37.8\n")
@@ -203,8 +204,8 @@ def test_intensities_of_openquake(
 
 
 def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> None:
-    """`events` of a grid: the k-th row of each point's file is event k, and buildings have those of
-    the nearest point; the runs are those of a table of fields that says the same."""
+    """With `events` of a grid, row k of the file of each grid point is event k, and a building has
+    the events of the nearest point. The runs equal the runs of an equivalent table of fields."""
     random = np.random.default_rng(5)
     for name in ("m1", "m2", "m3"):
         data = {key: (0.1 * random.standard_normal(300)).tolist() for key in ("data_x", "data_y")}
@@ -241,7 +242,8 @@ def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> No
 
 
 def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
-    """How a map tells means and largest values is asked in test_maps.py."""
+    """The map has one feature per building and event. Means and maxima of maps are tested in
+    test_maps.py."""
     with Path("campaign.yaml").open("a") as stream:
         stream.write("damage: {thresholds: {slight: 0.4%}, dispersion: 0.3}\n")
     assert "nothing to do" in tdint("campaign", "campaign.yaml", "-o", "out", code=0).stderr
@@ -373,7 +375,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
 def test_faults(
     region: Path, tdint: Command, file: str, before: str, after: str, code: int, message: str
 ) -> None:
-    """One line, with the file and the line in it, and nothing written."""
+    """Invalid input causes a one-line error with file and line, and no output is written."""
     text = Path(file).read_text()
     assert before in text
     Path(file).write_text(text.replace(before, after, 1))
@@ -411,8 +413,9 @@ def test_faults_of_a_table_all_at_once(region: Path, tdint: Command) -> None:
 def test_buildings_far_away_or_without_a_place_are_left_out_alone(
     region: Path, tdint: Command
 ) -> None:
-    """The distance is that of the haversine formula; one on the other hemisphere gets nothing, one
-    without a place is a bad row, and what the others do is the same to the last digit."""
+    """Distances follow the haversine formula. A building on the other hemisphere is skipped, a
+    building without coordinates is an invalid row, and the results of the other buildings are
+    unchanged to the last digit."""
     first = rows("out/runs.csv")
     more = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
     Path("buildings.csv").write_text(BUILDINGS + more)
@@ -448,8 +451,8 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(
 
 
 def test_what_a_row_of_a_field_takes(here: Path) -> None:
-    """Its numbers and their order, and nothing of its text: at the most 100 bytes a row, however
-    many there are."""
+    """A row of a field needs at most 100 bytes of memory, for any number of rows, because its text
+    is not kept."""
     write_record(here / "firm.mseed", "HN1")
 
     def read(count: int) -> FoundMotions:
@@ -475,8 +478,8 @@ def test_what_a_row_of_a_field_takes(here: Path) -> None:
 
 
 def test_a_plan_derives_no_building(region: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Only the shard that runs a building derives it: of a million buildings, all of them took most
-    of the time of a shard before its first run."""
+    """A building is derived only by the shard that runs it. Deriving all of a million buildings
+    took most of the time of a shard before its first run."""
     made, make = list[int](), RowBuildings.make
     monkeypatch.setattr(
         RowBuildings, "make", lambda self, number: (made.append(number), make(self, number))[1]
@@ -490,8 +493,9 @@ def test_a_plan_derives_no_building(region: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
     region: Path, tdint: Command
 ) -> None:
-    """30 buildings, ten of them at a site without an event; parts are merged where hardly a file
-    more may be opened."""
+    """A shard reports skipped buildings of its own part, and the merged campaign reports all of
+    them, also if very few files can be open at the same time. Ten of 30 buildings are at a site
+    without an event."""
     rng, sites = (
         np.random.default_rng(7),
         [("west", -122.27, 37.8), ("east", -122.25, 37.81), ("none", -122.2, 37.85)],
@@ -543,7 +547,7 @@ def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
 
 
 def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:
-    """All that a store has, but for times, files and who wrote it."""
+    """Return all tables of a store without times, files and the process that wrote it."""
     with closing(sqlite3.connect(Path(folder) / "campaign.sqlite")) as store:
         names = ("buildings", "records", "inventory", "building_types", "run_rows", "unused")
         found = {name: store.execute(f"SELECT * FROM {name}").fetchall() for name in names}
@@ -564,7 +568,7 @@ def test_a_building_that_names_no_site(region: Path, tdint: Command) -> None:
 
 
 def test_a_record_that_is_missing_leaves_its_rows_out(region: Path, tdint: Command) -> None:
-    """The others are done, and the exit code is that of records that could not be read."""
+    """Rows with other records are run, and the exit code is that of unreadable records."""
     change("fields.csv", ("M7-2,west,soft", "M7-2,west,none"))
     result = tdint("campaign", "campaign.yaml", "-o", "new", "-q", code=4)
     (line,) = [line for line in result.stderr.splitlines() if "none.mseed" in line]
@@ -574,8 +578,8 @@ def test_a_record_that_is_missing_leaves_its_rows_out(region: Path, tdint: Comma
 
 @pytest.mark.usefixtures("losing")
 def test_damage_of_each_event() -> None:
-    """Of each type in each event the mean of its runs' probabilities and losses, told once with the
-    event's name."""
+    """The damage of a type in an event is the mean of the probabilities and losses of its runs;
+    each event is listed once."""
     runs, types, losses = (rows(f"out/{name}.csv") for name in ("damage", "damage-types", "losses"))
     assert {row["event"] for row in types} == {"M7-1", "M7-2", "M6"}
     for row in types:
@@ -599,8 +603,9 @@ def test_damage_of_each_event() -> None:
 
 
 def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Command) -> None:
-    """cost times number times the mean loss ratio, summed by event, class and district by hand; its
-    error is that of the sums under each motion, of which an event of one record has none."""
+    """A loss is the sum of cost times number times mean loss ratio, computed by hand for each
+    event, class and district. Its standard error follows from the sums under each ground motion;
+    it is empty for events with one record."""
     found, runs = rows("out/losses.csv"), rows("out/damage.csv")
     value = {"a": 6e6, "b": 1.5e6, "c": 4e6}
     district = {"a": "north", "b": "south", "c": "north"}
@@ -647,7 +652,8 @@ def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Comma
 
 
 def test_tables_that_are_chosen(losing: Path, tdint: Command) -> None:
-    """The same as among all, without the others; another choice does no run anew."""
+    """Selected tables equal the same tables of a complete output, and other tables are not written.
+    Another selection does not repeat runs."""
     campaign = Path("campaign.yaml").read_text()
     words = ("campaign", "campaign.yaml", "-o", "new", "--by", "District")
     Path("campaign.yaml").write_text(campaign + "outputs: [losses]\n")
@@ -664,9 +670,9 @@ def test_tables_that_are_chosen(losing: Path, tdint: Command) -> None:
 
 
 def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) -> None:
-    """The mate is found by its name as in `records: files` (by which names:
-    tests/ground_motion/test_horizontals.py), or in a column; what the runs say is what they say of
-    the same files by `files`."""
+    """The second component is found by its file name as in `records: files`
+    (tests/ground_motion/test_horizontals.py tests the names), or is specified in a column. The
+    results equal the results with the same files in `files`."""
     files = ("NZ.WTMC.20.HNE.mseed", "NZ.WTMC.20.HNN.mseed", "one.mseed", "two.mseed")
     for peak, name in enumerate((*files, "NZ.WTMC.20.HNZ.mseed"), start=1):
         channel = {"one.mseed": "HN1", "two.mseed": "HN2"}.get(name, name[11:14])
@@ -705,8 +711,8 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
 
 
 def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
-    """The sum of the rates of the events with losses as large, and the average annual loss, by
-    hand."""
+    """The annual rate of exceedance of a loss is the sum of the rates of all events with at least
+    this loss. It and the average annual loss are computed by hand."""
     rates, found = {"M7-1": 0.002, "M7-2": 0.004, "M6": 0.05}, rows("out/exceedance.csv")
     losses = [row for row in rows("out/losses.csv") if not row["type"]]
     districts = {"a": "north", "b": "south", "c": "north"}
@@ -760,8 +766,8 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
 def test_the_annual_loss_under_each_rule_for_pairs(
     losing: Path, tdint: Command, demand: str
 ) -> None:
-    """By hand from the drift ratios of the runs: with one choice for losses, exceedance, damage
-    types and the map."""
+    """Values computed by hand from the drift ratios of the runs agree with losses, exceedance
+    rates, damage by type and the map, for each rule for component pairs."""
     tdint("campaign", "export", "out", "--geojson", "--pair-demand", demand, code=0)
     types = json.loads(Path("out/summary.json").read_text())["damage"]["types"]
     worth = {"a": 2e6 * 3, "b": 1.5e6, "c": 4e5 * 10}
@@ -827,7 +833,7 @@ POLYGON = {"type": "Polygon", "coordinates": [[[0, 0], [1, 0], [1, 1], [0, 0]]]}
 
 
 def polygons(*names: str) -> str:
-    """A GeoJSON file with the same triangle for each name."""
+    """Return GeoJSON text with the same triangle for each name."""
     features = [
         {"type": "Feature", "properties": {"DISTRICT": name}, "geometry": POLYGON} for name in names
     ]
@@ -835,9 +841,9 @@ def polygons(*names: str) -> str:
 
 
 def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
-    """The rows of losses.csv and exceedance.csv of a district, at the points of its buildings or in
-    its polygon. The average annual loss is the sum of those of its buildings, and is that of all
-    events, also if the map has only one of them."""
+    """A district has the rows of losses.csv and exceedance.csv, at the points of its buildings or
+    as its polygon. Its average annual loss is the sum over its buildings and all events, also if
+    the map shows only one event."""
     tdint("campaign", "export", "out", "--geojson", "--by", "District", code=0)
     losses = {
         (row["District"], row["event"]): row for row in rows("out/losses.csv") if row["District"]

@@ -1,5 +1,5 @@
-"""Files of all commands: what came of a call is told and done again, none that a command did not
-write is replaced without --overwrite, none is waited for."""
+"""Files of all commands. The outputs of a call are listed and can be reproduced; a file that a
+command did not write is not replaced without --overwrite; no command waits for a pipe."""
 
 import itertools
 import json
@@ -95,7 +95,7 @@ WRITING = {
 
 @pytest.fixture
 def study(folder: Path) -> Path:
-    """The folder with what all calls read."""
+    """Directory with the input files of all calls."""
     for name, text in {
         "study.yaml": "buildings: {models: [shaken.yaml]}\nrecords: {files: [other.mseed], units: "
         "m/s^2}\n"
@@ -124,8 +124,8 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 
 def words_of(line: str, **names: object) -> list[str]:
-    """The words of a command line of the tables here, where MOTION, RECORD and UNITS stand for what
-    many have."""
+    """Return the arguments of a command line, with the placeholders MOTION, RECORD and UNITS
+    replaced by common options."""
     record = MOTION.replace("motion.mseed", "{read}")
     line = (
         line.replace("MOTION", MOTION).replace("RECORD", record).replace("UNITS", "--units m/s^2")
@@ -139,7 +139,7 @@ def parameters_of(name: str) -> list[click.Parameter]:
 
 
 def writing_commands() -> set[str]:
-    """Commands that have an output, a picture or a file to write among their options."""
+    """Return the commands with an option for an output file, a figure or another file."""
     names = cli.list_commands(click.Context(cli))
     return {
         name
@@ -149,9 +149,9 @@ def writing_commands() -> set[str]:
 
 
 def test_every_command_that_writes_or_takes_files_is_here() -> None:
-    """But for `compile`, whose files are named by a hash of what is in them, and `rerun`, which
-    writes into an empty folder alone; and among those that read `pushover`, whose model is read as
-    that of modes."""
+    """Exceptions are `compile`, which names its files by a hash of their content, `rerun`, which
+    writes only to an empty directory, and `pushover`, which reads its model in the same way as
+    `modes`."""
     assert writing_commands() - {"compile", "rerun"} == {
         line.split()[0] for line, _ in WRITING.values()
     }
@@ -165,9 +165,9 @@ def test_every_command_that_writes_or_takes_files_is_here() -> None:
 def check_what_is_told(
     tdint: Command, words: list[str], read: dict[str, bytes], written: dict[str, bytes]
 ) -> None:
-    """What was read and by which sources, the options, what each column means, and no path but
-    those that were typed; `rerun` finds the same cells in all tables beside it, from another
-    working directory, and changes nothing."""
+    """Check the JSON file of an output: inputs, their sources, options, the meaning of each column,
+    and no path except the paths that were typed. `rerun` in another working directory finds
+    equal tables and changes no file."""
     (file,) = (
         name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data
     )
@@ -194,7 +194,8 @@ def check_what_is_told(
 def test_what_a_command_did_not_write_it_does_not_replace(
     study: Path, tdint: Command, name: str
 ) -> None:
-    """And what it wrote it tells, and writes again to the byte, but for times."""
+    """A command lists the files that it wrote, and writes them again without --overwrite, with
+    equal bytes except for times."""
     line, named = WRITING[name]
     arguments, files = words_of(line), named.split()
     if name == "merge":
@@ -281,7 +282,7 @@ READING = {
 
 @contextmanager
 def not_longer_than(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in what waits for longer."""
+    """Raise TimeoutError if the block takes longer."""
 
     def too_long(*_: Any) -> None:
         raise TimeoutError(f"waited for {seconds} s")
@@ -417,8 +418,8 @@ name's suffix."""
 
 
 def test_every_file_option_that_is_written_is_tried() -> None:
-    """But for folders whose files have names of their own, commands that read nothing, and
-    `Outputs` everywhere."""
+    """Exceptions are directories with fixed file names, commands without inputs, and options that
+    are part of `Outputs` in every command."""
     lines = [line.split() for _, _, line in KEPT_SAFE.values()]
     tried = {(words[0], word.partition("=")[0]) for words in lines for word in words}
     for name in writing_commands():
@@ -438,8 +439,8 @@ def test_every_file_option_that_is_written_is_tried() -> None:
 
 
 def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
-    """A copy of a file; own.yaml has a record and of-it.yaml a model, both `of` that copy or those
-    of the study."""
+    """Write a copy of a file; own.yaml contains the record and of-it.yaml the model of this copy,
+    or of the study."""
     (study / "many").mkdir()
     shutil.copy(study / file, study / read)
     text = (study / "shaken.yaml").read_text().partition("excitation:")[0]
@@ -489,7 +490,8 @@ def test_what_a_command_reads_it_never_replaces(
 def test_what_cannot_be_written_is_known_before_the_work(
     study: Path, tdint: Command, name: str, where: str
 ) -> None:
-    """One code, 6, for every output of every command; nothing is done."""
+    """Every output of every command that cannot be written causes exit code 6 before the
+    computation starts."""
     file, suffix, line = KEPT_SAFE[name]
     lay_out(study, file, Path("many", f"a{Path(file).suffix}"))
     written = Path(f"there{suffix}") if "exists" in where else Path(f"shaken.yaml/there{suffix}")
@@ -589,8 +591,8 @@ def test_a_dash_is_standard_output(study: Path, tdint: Command) -> None:
     ],
 )
 def test_a_single_table_is_written_as_parquet(folder, tdint, line):
-    """The same columns, words and numbers as in CSV, where these have 12 digits; each with its
-    unit."""
+    """The Parquet file has the columns and texts of the CSV file, and its numbers to 12 digits;
+    each column states its unit."""
     pytest.importorskip("pyarrow")
     for file in ("a.csv", "a.parquet"):
         tdint(*line.split(), "-o", file, "--overwrite", code=0)

@@ -1,4 +1,4 @@
-"""`tdint ida`: what it writes, how it goes on, what it refuses."""
+"""`tdint ida`: written files, continuation of interrupted studies, and errors."""
 
 import json
 import sqlite3
@@ -27,7 +27,7 @@ FEW = (*UNITS, "--max-im", "1.2m/s^2", "--threshold", "0.2%")
     ],
 )
 def test_a_building_that_is_unusual_is_told(folder, tdint, line):
-    """A stiffness in kN/m that was taken for N/m: T = 2 pi sqrt(2e5 / 4e4) = 14 s."""
+    """A stiffness in kN/m that is read as N/m causes a warning: T = 2 pi sqrt(2e5 / 4e4) = 14 s."""
     (folder / "soft.yaml").write_text("stories: [{mass: 2e5, height: 3, stiffness: 4e4}]")
     assert "Warning: fundamental period 14 s, usual: " in tdint(*line.split(), "-q", code=0).stderr
 
@@ -49,13 +49,14 @@ TABLES = ("ida.csv", "capacities.csv", "ida.json")
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    """What an incremental dynamic analysis writes, made for the first test that asks for it."""
+    """Return a directory with the files of an incremental dynamic analysis, which the first test
+    creates."""
     return {}
 
 
 @pytest.fixture
 def studied(folder, tdint, done):
-    """The folder with an incremental dynamic analysis in `out`."""
+    """Change to a directory with an incremental dynamic analysis in `out`."""
     if not done:
         tdint(*STUDY, "--jobs", 2, code=0)
         done |= {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
@@ -72,13 +73,13 @@ def sql(*statements):
 
 
 def written(out):
-    """The tables, which depend on neither the store's pages nor the picture."""
+    """Return the tables, which do not depend on the pages of the store and the figure."""
     return {name: (out / name).read_bytes() for name in TABLES}
 
 
 def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
-    """Beside each demand, of a collapse, too; the runs, and what follows, are the same. The errors
-    are kept, too."""
+    """Each demand has an error estimate, also for collapsed runs. The runs and their results are
+    unchanged, and the store contains the errors."""
     call = (
         "ida",
         "shaken.yaml",
@@ -116,8 +117,8 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
 
 
 def test_a_study_and_its_files(studied, tdint):
-    """The levels of each record, and its capacities between them; the same call again has nothing
-    to do."""
+    """The tables contain the levels of each record, and its capacities are between levels. The same
+    call again performs no run."""
     out = studied / "out"
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     assert set(before) == {*TABLES, "ida.png", STORE, LOCK}
@@ -158,7 +159,7 @@ def test_a_study_and_its_files(studied, tdint):
 def test_runs_that_are_not_there_or_not_as_they_were_written_are_done_again(
     studied, tdint, statements, said
 ):
-    """As of a study that was interrupted: it goes on, to the same bytes."""
+    """The study continues as after an interruption, and its files are equal to the last byte."""
     before = written(studied / "out")
     for name in before:
         (studied / "out" / name).unlink()
@@ -182,8 +183,8 @@ def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint
 
 
 def test_a_study_replaces_no_picture_of_others(studied, tdint, drawn):
-    """Nor one that lies elsewhere; its own it replaces without being told. Tables:
-    tests/cli/test_files.py."""
+    """A figure of another command is not replaced, also in another directory; the figure of the
+    study is replaced without --overwrite. tests/cli/test_files.py tests tables."""
     call = (*STUDY[:-1], "--plot=elsewhere.png")
     (studied / "elsewhere.png").write_bytes(b"mine")
     tdint(*call, code=6)
@@ -193,8 +194,8 @@ def test_a_study_replaces_no_picture_of_others(studied, tdint, drawn):
 
 
 def test_a_study_in_other_units_and_back(studied, tdint):
-    """The units of intensities stand in a column: it changes with the numbers; the store knows
-    nothing of them."""
+    """The unit of the intensities is in a column, which changes with the numbers. The store is
+    independent of output units."""
     names = ("ida.csv", "capacities.csv")
     si = [rows(studied / "out" / name) for name in names]
     told = tdint(*STUDY[:-1], "--output-units", "kip,in,g", code=0).stderr
@@ -269,8 +270,8 @@ def test_studies_that_are_refused(folder, tdint, arguments, code, message):
 
 
 def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
-    """Runs that fail around the collapse: no number is made of them, and the wide bracket is
-    told."""
+    """If runs fail near the collapse, no capacity is computed from them, and the imprecise capacity
+    is reported."""
     original = Batch.results
 
     def results(self, runs):

@@ -1,5 +1,5 @@
-"""`tdint rerun`: what a JSON file beside a table says, done again elsewhere, and the tables
-compared."""
+"""`tdint rerun`: repeat the command that is recorded in a JSON file, in another directory, and
+compare the tables."""
 
 import gzip
 import hashlib
@@ -28,7 +28,8 @@ UNITS = ["--units", "m/s^2", "--component", "HNE"]
 
 
 def contents(folder):
-    """All files of a folder and what they hold, but for the stores, whose logs SQLite writes."""
+    """Return all files of a directory with their content, except stores, because SQLite changes
+    their logs."""
     files = sorted(
         file for file in folder.rglob("*") if file.is_file() and "sqlite" not in file.name
     )
@@ -37,7 +38,7 @@ def contents(folder):
 
 @pytest.fixture
 def rerun(folder, tdint):
-    """`tdint rerun WORDS`, after which all that there was is as it was."""
+    """Run `tdint rerun WORDS`, and check that existing files are unchanged."""
 
     def run(*words, code=None):
         before = contents(folder)
@@ -75,8 +76,8 @@ def rerun(folder, tdint):
     ids=["files of all kinds", "sequence", "spectra"],
 )
 def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, words, table):
-    """All its tables, those that were named beside it, too. A call of each command:
-    test_files.py."""
+    """All tables are compared, including tables in other directories. test_files.py tests a call of
+    each command."""
     tdint(*words, "-o", "some/study/", code=0)
     told = next(file for file in sorted(Path("some/study").glob("*.json")))
     assert f"{table}: the same, byte for byte" in rerun(told, code=0).stderr
@@ -110,7 +111,7 @@ def test_what_is_written_now_stays_where_it_is_asked_for(folder, tdint, rerun):
 
 @pytest.mark.parametrize("changed", ["motion.mseed", "shaken.yaml", "of_a_run.py"])
 def test_other_inputs_are_refused_unless_asked_for(folder, tdint, rerun, changed, make_record):
-    """Models, records and plug-ins; asked for, they are named and taken."""
+    """Changed models, records and plug-ins are refused; with --changed they are listed and used."""
     plugin = (
         () if changed != "of_a_run.py" else ("--plugin", changed)
     )  # one version is executed in a process
@@ -199,7 +200,8 @@ def test_files_that_are_none(folder, tdint):
 
 
 def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
-    """Of several calls, and exported: as in one. Of shards that were merged: merged again."""
+    """A campaign of several calls with an export is repeated in one call. Merged shards are merged
+    again."""
     pytest.importorskip("pyarrow")
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     for more in (["--max-runs", "1"], ["--max-runs", "1000"]):
@@ -228,7 +230,7 @@ def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
 
 
 def test_a_run_that_fails_fails_again(tdint, rerun):
-    """Without a table: its summary says how it ended."""
+    """A failed run writes no table; its summary contains the status that is compared."""
     tdint("run", "forced.yaml", "--method", "central-difference", "--dt", "1", "-o", "out", code=5)
     assert "status of the run: recorded unstable-step, now the same" in rerun("out", code=0).stderr
 
@@ -251,7 +253,8 @@ def test_parquet_is_compared(folder, tdint, rerun):
 
 
 def test_measured_times_are_not_compared(folder, tdint, rerun):
-    """A table with the name of no table is compared; a campaign without tables by its store."""
+    """A file is compared as a table for any file name, and a campaign without tables by
+    its store."""
     (folder / "campaign.yaml").write_text(CAMPAIGN.replace("{stories: true}", "[damage]"))
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
     assert "campaign.sqlite: the same, run by run" in rerun("study", code=0).stderr
@@ -272,7 +275,7 @@ def test_measured_times_are_not_compared(folder, tdint, rerun):
 
 
 def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
-    """A plug-in that was read then needs --trust; one that was not is looked at by nobody."""
+    """A plug-in that the recorded command used requires --trust; other plug-ins are not loaded."""
     (folder / "trusted.py").write_text("METHODS = ()\n")
     tdint(*ONE_RUN, "--plugin", "trusted.py", code=0)
     refused = rerun("out", code=2).stderr
@@ -301,7 +304,7 @@ def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
     ],
 )
 def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
-    """A style sheet is accepted with --trust only, whatever it contains."""
+    """A style sheet is accepted only with --trust, whatever it contains."""
     (folder / "a.mplstyle").write_text("lines.linewidth: 2\n")
     words = ["modes", "forced.yaml", "-o", "modes.csv", "--plot", "--style", "a.mplstyle"]
     tdint(*words, code=0)
@@ -324,7 +327,8 @@ def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
     ids=lambda words: words[0].partition("=")[0],
 )
 def test_options_that_choose_where_a_command_runs_are_refused(folder, tdint, rerun, words):
-    """A forged command line with an option that tdint never records; nothing is connected to."""
+    """A forged command line contains an option that tdint never records; no connection is
+    opened."""
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
     summary = folder / "study/summary.json"
@@ -345,7 +349,7 @@ def test_options_that_choose_where_a_command_runs_are_refused(folder, tdint, rer
 
 
 def test_options_on_which_no_result_depends_are_not_recorded(folder, tdint):
-    """The list of them is complete: an option of a new kind is added here on purpose."""
+    """The list of these options is complete; a new option must be added to it deliberately."""
     group = click.Context(cli)
     unrecorded = {
         name
@@ -517,7 +521,7 @@ def test_an_export_into_a_folder_that_is_called_export(folder, tdint, rerun):
 
 
 def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
-    """Here the repeated export; what it would write is not approved."""
+    """Here the repeated export fails, and its files are not reported as equal."""
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
     tdint("campaign", "export", "study", "--simcenter", code=0)
@@ -558,7 +562,7 @@ def test_forged_json_files_end_in_one_line(folder, tdint, rerun, forged):
 
 
 def test_a_forged_store_is_not_read(folder, tdint, rerun):
-    """A view in place of a table could give rows without end."""
+    """A view instead of a table could return an unlimited number of rows."""
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
     with closing(sqlite3.connect(folder / "study/campaign.sqlite")) as store:

@@ -1,4 +1,5 @@
-"""Object files of kernels: never stale, never in the way, loaded without the compiler."""
+"""Object files of kernels are always up to date, do not interfere with each other, and are loaded
+without the compiler."""
 
 import importlib.util
 import os
@@ -40,7 +41,7 @@ print("numba" in sys.modules)
 
 
 def started(code, folder, **environment):
-    """A program; kernels in it may be found in `folder`."""
+    """Start a Python program; `folder` may contain compiled kernels."""
     environment = {"TDINT_KERNELS": "", **environment}
     return subprocess.Popen(
         [sys.executable, "-c", code],
@@ -53,7 +54,7 @@ def started(code, folder, **environment):
 
 
 def printed(process):
-    """What a program printed."""
+    """Return the standard output of a program."""
     output, errors = process.communicate()
     assert process.returncode == 0, errors
     return output
@@ -61,22 +62,22 @@ def printed(process):
 
 @pytest.fixture
 def small(tmp_path):
-    """A folder with a module of one small kernel."""
+    """Return a directory with a module of one small kernel."""
     shutil.copy(SMALL, tmp_path / "small.py")
     return tmp_path
 
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
-    """An empty folder where kernels are kept, and no other."""
+    """Return an empty directory, which is the only cache of kernels."""
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
     monkeypatch.delenv("TDINT_KERNELS_DIR", raising=False)
     return tmp_path
 
 
 def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
-    """By one of two processes that want it at once: the other waits, unless it comes when it is
-    done."""
+    """If two processes need the kernel at the same time, one compiles it, and the other waits or
+    loads the completed file."""
     running = [started(CALL, small, TDINT_CACHE_DIR=str(small / "cache")) for _ in range(2)]
     said = [printed(process).splitlines() for process in running]
     assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in said)
@@ -97,13 +98,13 @@ WANTED = [
 
 
 def file_for(target):
-    """The name of its object for a processor."""
+    """Return the name of the object file for a processor."""
     return store.file_name(scaled.name, EVERYTHING.text, named(target))
 
 
 @pytest.fixture(scope="module")
 def ahead(tmp_path_factory):
-    """A folder of objects of the small kernel for two processors."""
+    """Return a directory with object files of the small kernel for two processors."""
     folder, done = tmp_path_factory.mktemp("ahead") / "objects", []
     files = compile_ahead(WANTED, ["native", "x86-64-v2"], folder, done.append)
     assert sorted(file.name for file in files) == sorted(map(file_for, ("native", "x86-64-v2")))
@@ -112,7 +113,7 @@ def ahead(tmp_path_factory):
 
 
 def computed():
-    """What the small kernel gives, loaded anew."""
+    """Load the small kernel in a new process and return its result."""
     return Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0)
 
 
@@ -143,7 +144,7 @@ def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_ane
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
 def test_where_no_more_can_be_written_the_kernel_runs_from_memory(cache, monkeypatch, caplog):
-    """A disk that is full when the object is written, and not before: no file may grow beyond 100
+    """The disk is full only when the object file is written, because files are limited to 100
     bytes."""
     import resource
 
@@ -202,7 +203,7 @@ SOME = Target("some", "")
 
 
 def packed(name, processor=SOME, **other):
-    """An object of a kernel for everything, but for what is said otherwise."""
+    """Return the content of an object file for all buildings, except for the given arguments."""
     return pack(b"machine code", {**store.identity(name, "all", processor), "symbol": "b", **other})
 
 
@@ -252,8 +253,8 @@ compile_ahead([(two.{}, EVERYTHING), (two.{}, EVERYTHING)], ["native"], Path("ou
 
 
 def test_the_same_sources_give_the_same_bytes(tmp_path):
-    """Wherever they lie, in whatever order they are compiled and however Python hashes names; no
-    path is in them."""
+    """The object file does not depend on the location of the sources, the order of compilation and
+    the hash seed of Python, and contains no path."""
     running, objects = [], []
     for place, seed, names in (
         ("a", "1", ("first", "second")),
@@ -454,7 +455,7 @@ def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypat
 
 
 def test_why_a_kernel_of_another_module_cannot_be_compiled():
-    """What numba says behind its heading, and the last line of the module's own file that it
+    """The message contains the explanation of numba and the last line of the module that numba
     names."""
     wanted = Compilation(
         SimpleNamespace(name=scaled.name, function=scaled.function, parts=()), EVERYTHING, {}
@@ -487,7 +488,7 @@ def test_why_a_kernel_of_another_module_cannot_be_compiled():
 
 
 def test_a_misspelled_name_is_told_with_its_line():
-    """Of one of our own kernels, too: numba names no place of it."""
+    """This includes kernels of tdint, for which numba does not report a position."""
     kernel = SimpleNamespace(
         name="tdint.kernels.stories.law_state:follow", function=follow.function, parts=()
     )
@@ -504,8 +505,8 @@ def test_a_misspelled_name_is_told_with_its_line():
 
 
 def test_what_is_said_of_what_is_compiled(monkeypatch):
-    """Loops by their modules, those with laws with the laws; the time is that of the longest, or of
-    all shared out."""
+    """The message lists time loops by module, with their laws. The estimated time is the time of
+    the longest loop, or the total time divided by the processors."""
 
     def kernel(name, *parts):
         return SimpleNamespace(name=f"tdint.kernels.{name}:march", parts=parts)
@@ -534,7 +535,8 @@ def test_what_is_said_of_what_is_compiled(monkeypatch):
 
 
 def test_loops_for_all_laws_do_not_serve_where_own_loops_are_requested(monkeypatch):
-    """Else methods whose own loops a cache has would be compared with others in slower loops."""
+    """Otherwise, methods with building-specific loops in the cache would be compared with methods
+    that use slower loops for all laws."""
     kernel, variant = SimpleNamespace(name="a:b"), Variant(laws=("tanh",))
     monkeypatch.setattr(
         store, "find_object", lambda name, text, _: ("file", b"", "b") if "all" in text else None

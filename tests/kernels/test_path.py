@@ -1,8 +1,8 @@
-"""Drift laws along a parabola of drift: integrals, tangents, and the work against what is stored
-and dissipated.
+"""Drift laws along a parabola of drift: integrals, tangents, and work compared with stored and
+dissipated energy.
 
-Functions as they are written; compiled, they are the step of moment4, whose energies are those of
-these integrals.
+The functions are executed without compilation. Compiled, they are part of the step of moment4,
+whose energies follow from these integrals.
 """
 
 import numpy as np
@@ -55,8 +55,8 @@ def table(name):
 
 
 def random_paths(seed=3):
-    """Rises and bends of up to a few yield drifts; among them ones that turn, that do not move,
-    that only bend."""
+    """Return linear and quadratic coefficients of up to a few yield drifts, including paths with a
+    reversal, without motion, and without a linear part."""
     generator = np.random.default_rng(seed)
     scale = DY * 10.0 ** generator.uniform(-2.0, 0.5, PATHS)
     rises, bends = scale * generator.normal(size=(2, PATHS)) * [[1.0], [4.0]]
@@ -79,7 +79,7 @@ def stored_and_dissipated(law_parameters, state):
 
 
 def results(law_parameters, state, rise, bend, steady=False):
-    """Mean, moment and the four tangents; the story goes along the path."""
+    """Return mean, first moment and the four tangents, and advance the story along the path."""
     out = np.zeros((PATH_ROWS, 2))
     follow(law_parameters, state, 0, rise, bend, steady, out, 0)
     commit_path_end(law_parameters, state, 0, rise)
@@ -87,7 +87,8 @@ def results(law_parameters, state, rise, bend, steady=False):
 
 
 def by_simpsons_rule(law_parameters, state, rise, bend, parts=160):
-    """Mean and moment from point to point, each a drift that the law goes to straight."""
+    """Return mean and first moment by Simpson's rule over points, between which the law is followed
+    along straight drifts."""
     t = np.linspace(0.0, 1.0, 2 * parts + 1)
     forces = []
     for drift in state[rows.DRIFT, 0] + t * rise + 0.5 * bend * (t * t - t):
@@ -99,13 +100,14 @@ def by_simpsons_rule(law_parameters, state, rise, bend, parts=160):
 
 @pytest.fixture(params=TURNING)
 def journey(request):
-    """A law, and the states and paths of one story of it that goes on from path to path."""
+    """Yield a law, and states and paths of one of its stories, which continues from path
+    to path."""
     return journey_of(request.param, steady=False)
 
 
 @pytest.fixture(params=STEADY)
 def steady_journey(request):
-    """The same of a story that never turns within a path."""
+    """Yield the same for a story without reversals within a path."""
     return journey_of(request.param, steady=True)
 
 
@@ -152,7 +154,7 @@ def test_the_integrals_are_those_of_the_force(journey):
 
 
 def test_the_tangents_are_the_derivatives(any_journey):
-    """By central differences: all but the few that meet a kink are close."""
+    """The tangents equal central differences, except for a few paths that contain a kink."""
     name, law_parameters, visited, steady = any_journey
     off = []
     for state, rise, bend in visited[3:]:
@@ -192,7 +194,7 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
 
 
 def test_rows_beyond_the_committed_state_do_not_matter(journey):
-    """What other stories or steps left in the trial blocks."""
+    """The results do not depend on values of other stories or steps in the trial blocks."""
     _, law_parameters, visited, _ = journey
     for state, rise, bend in visited[::7]:
         clean, dirty = state.copy(), state.copy()
@@ -205,7 +207,8 @@ def test_rows_beyond_the_committed_state_do_not_matter(journey):
 
 
 def test_a_story_that_does_not_turn_is_where_a_straight_way_ends(steady_journey):
-    """Whatever the parabola does on the way: drift, force, and what was dissipated."""
+    """Without a reversal, drift, force and dissipation depend only on the end of the path, not on
+    the parabola."""
     _, law_parameters, visited, _ = steady_journey
     for state, rise, bend in visited:
         straight = state.copy()
@@ -217,8 +220,7 @@ def test_a_story_that_does_not_turn_is_where_a_straight_way_ends(steady_journey)
 
 
 def test_turns_are_the_zeros_of_the_rate():
-    """Of cubics with zeros anywhere, among them lines and parabolas, against the polynomial's
-    roots."""
+    """The zeros of cubics, including lines and parabolas, equal the roots of the polynomial."""
     generator = np.random.default_rng(11)
     for degree in (1, 2, 3) * 100:
         zeros = generator.uniform(-0.7, 1.7, degree)
@@ -237,9 +239,9 @@ def test_turns_are_the_zeros_of_the_rate():
 
 
 def test_from_rest_a_rate_sets_out_with_what_grows_first():
-    """Upper stories: rates that grow with the third power of time and with higher ones, the
-    parabolas start backwards; what the floors' loads leave of an acceleration by rounding is
-    none."""
+    """The drift rates of upper stories grow with the third or higher powers of time, and the
+    parabolas start in the opposite direction. Accelerations that are only rounding errors of the
+    floor loads count as zero."""
     for rise, noise in ((0.25, 0.0), (0.2, 1e-14), (0.17, -1e-14)):
         assert locate_reversals(rise, 0.0, 1.0, noise) == (1.0, 1.0, 1.0, 1.0, np.inf)
     assert locate_reversals(-0.25, 0.0, -1.0, 0.0)[:2] == (-1.0, 1.0)
@@ -250,8 +252,8 @@ def test_from_rest_a_rate_sets_out_with_what_grows_first():
 
 
 def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_journey):
-    """There and back by a millionth of the yield drift, then a cycle: forces beside those without
-    it."""
+    """A small cycle of a millionth of the yield drift, followed by a large cycle, changes the
+    forces only slightly."""
     name, law_parameters, visited, _ = steady_journey
     if (
         name == "multilinear-pinching"

@@ -1,5 +1,5 @@
-"""impulse4 on piecewise-linear buildings: events located, order 4 back, robust when they pile
-up."""
+"""impulse4 on piecewise-linear buildings: branch changes are located, order 4 is retained, and
+accumulations of branch changes are handled."""
 
 from pathlib import Path
 
@@ -23,8 +23,8 @@ def displacement(method, parts, **more):
 
 @pytest.fixture(scope="module")
 def reference():
-    """impulse4 at dt / 16, which average acceleration, extrapolated from dt / 64 and dt / 128,
-    confirms over 10 s."""
+    """Return the result of impulse4 with dt / 16, which average acceleration, extrapolated from dt
+    / 64 and dt / 128, confirms over 10 s."""
     exact, response = displacement("impulse4", 16)
     coarse, fine = (displacement("newmark-average", parts, duration=10.0)[0] for parts in (64, 128))
     other = (4.0 * fine - coarse) / 3.0
@@ -49,8 +49,8 @@ def test_order_4_and_the_errors_at_the_records_step(reference):
 
 
 def test_average_acceleration_has_its_known_error(reference):
-    """L2 error 4.7e-3 and 1.6 % of peak drift, as measured with OpenSeesPy 3.7.1 and with a plain
-    loop."""
+    """The L2 error is 4.7e-3 and the error of the peak drift 1.6 %, as measured with OpenSeesPy
+    3.7.1 and with a simple loop."""
     exact, peak = reference
     u, response = displacement("newmark-average", 1)
     assert np.linalg.norm(u - exact) / np.linalg.norm(exact) == pytest.approx(4.7e-3, rel=0.02)
@@ -76,11 +76,11 @@ def test_the_dissipative_members_keep_order_3(rho_inf, reference):
 def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(
     method, dt, off, unbalanced, events
 ):
-    """Energy at rest equals what is stored, and what was lost equals Fy times the slip, in closed
-    form.
+    """At rest, the remaining energy is the stored energy, and the dissipated energy equals Fy times
+    the slip, in closed form.
 
-    u0 = 0, v0 = 1, omega = 10, Fy = 5: yield at uy = 0.05, v = sqrt(1 - 25 * 0.01) there; then the
-    mass is slowed down by Fy and stops after a slip of v^2 / (2 Fy).
+    u0 = 0, v0 = 1, omega = 10, Fy = 5: yield at uy = 0.05 with v = sqrt(1 - 25 * 0.01). Then Fy
+    decelerates the mass, which stops after a slip of v^2 / (2 Fy).
     """
     omega, strength = 10.0, 5.0
     building = model([story(1.0, omega**2, Law("bilinear", (strength, 0.0)))], velocity=(1.0,))
@@ -93,9 +93,8 @@ def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(
 
 
 def test_equal_stories_that_yield_at_the_same_instant():
-    """Two buildings' worth of one oscillator: equal stories of a base that moves all masses alike
-    cannot be had in a chain, but a story so stiff that it is rigid can: both yield within rounding
-    of each other."""
+    """Two equal oscillators in one chain, connected by a story that is practically rigid, yield at
+    the same time within rounding."""
     record = noise(peak=6.0)
     law = Law("bilinear", (4e5, 0.02))
     single = run(model([story(2e5, 4e7, law)]), record, method="impulse4")
@@ -104,8 +103,8 @@ def test_equal_stories_that_yield_at_the_same_instant():
 
 
 def test_a_run_goes_on_where_events_pile_up():
-    """Steps far beyond the periods: many changes of branch in each, at last by Newton's
-    iteration."""
+    """Time steps far larger than the periods contain many branch changes, and the run finally uses
+    Newton's iteration."""
     record = noise(samples=401, peak=20.0)
     for stride in (1, 5, 20):
         response = run(ten_bilinear(), record, method="impulse4", dt=stride * record.dt)
@@ -117,9 +116,9 @@ def test_a_run_goes_on_where_events_pile_up():
     "method", ["newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"]
 )
 def test_a_yielded_building_comes_to_rest(method):
-    """Long after the motion, lasting drifts stay and nothing stalls: about one solve per step, none
-    halved; of gauss4, whose rounding beside a lasting drift is then all that is out of balance,
-    too."""
+    """Long after the ground motion, residual drifts remain and the iteration does not stall: about
+    one solve per step, and no halved step. This includes gauss4, whose residual is then only
+    rounding relative to the residual drift."""
     response = run(ten_bilinear(), noise(), method=method, duration=60.0)
     assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
     assert (
@@ -151,8 +150,8 @@ def test_a_harmonic_force_on_a_yielding_story_is_order_4():
 
 
 def test_peak_oriented_stories_are_order_4_and_agree_with_newton():
-    """Two ways through the same law: located events, and the return over whole steps of average
-    acceleration."""
+    """Two solutions for the same law agree: located branch changes, and the state determination of
+    average acceleration over complete steps."""
     record = noise(peak=5.0)
     building = model([story(2e5, 4e7, Law("peak-oriented", (4e5, 0.05, 0.3)), dashpot=3e5)] * 3)
     runs, finest, errors = refined(building, record, (1, 2, 4, 32))
@@ -172,8 +171,9 @@ CURVED = {
 
 @pytest.mark.parametrize("name", CURVED)
 def test_kinks_are_located_among_curved_laws(name):
-    """Order 4 where the drift rate of a Bouc-Wen story turns, and where some stories have kinks and
-    others a curve; average acceleration, with Newton straight over the kinks, comes to the same."""
+    """Order 4 is retained at reversals of a Bouc-Wen story, and if some stories have kinks and
+    others are curved. Average acceleration, whose Newton iteration continues across kinks,
+    converges to the same result."""
     record = noise(peak=6.0)
     building = model([story(2e5, 4e7, law, dashpot=3e5) for law in CURVED[name]])
     runs, finest, errors = refined(building, record, (1, 2, 4, 32))
@@ -190,7 +190,7 @@ def test_kinks_are_located_among_curved_laws(name):
 
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 1.7])
 def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
-    """The force is not smooth where its hysteretic part changes sign: steps end there."""
+    """The force is not smooth if its hysteretic part changes sign; time steps are divided there."""
     building = model(
         [story(2e5, 4e7, Law("bouc-wen", (4e5, 0.05, exponent, 0.7)), dashpot=3e5)] * 2
     )
@@ -200,8 +200,8 @@ def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
 
 
 def test_large_steps_go_over_weak_turns_which_small_ones_locate():
-    """A Bouc-Wen story turns where its drift rate changes sign, as often as another method at a
-    small step says. The weakest are those after the motion, when it has died away."""
+    """A Bouc-Wen story has a reversal when its drift rate changes sign. Their number agrees with
+    another method with a small step. The weakest reversals follow the end of the ground motion."""
     record = noise(peak=6.0)
     building = model([story(2e5, 4e7, law, dashpot=3e5) for law in CURVED["bouc-wen"]])
     other = run(building, record, method="moment4", dt=record.dt / 32, history=True)
@@ -216,9 +216,9 @@ def test_large_steps_go_over_weak_turns_which_small_ones_locate():
 
 
 def test_a_stop_touched_for_a_moment_is_left_again():
-    """A mass whose amplitude is a thousandth more than the gap: it meets the stop and leaves it
-    within one step, which ends where it met it. The motion is a sine and, at the stop, another one
-    with the velocities of both ends."""
+    """The amplitude of a mass exceeds the gap by a thousandth: the mass touches the stop and leaves
+    it within one step, which is divided at the contact. The motion is a sine, and another sine
+    at the stop, with continuous velocities."""
     k, stop, gap, omega = 100.0, 1500.0, 0.06, 10.0
     v0 = omega * gap * 1.001
     building = model([story(1.0, k, Law("gap", (gap, stop)))], velocity=(v0,))
@@ -252,9 +252,9 @@ def test_the_error_falls_with_the_step(seed):
 
 @pytest.mark.slow
 def test_the_error_falls_with_the_step_in_random_buildings():
-    """Of all laws that are linear branch by branch. Where the errors at one step happen to cancel,
-    that at the next one can be a little more than twice as large; where pounding repeats, no method
-    can tell the course."""
+    """The buildings have all laws that are piecewise linear. If errors cancel by chance with one
+    step, the error with the next smaller step can be slightly more than twice as large. Repeated
+    pounding is excluded, because no method can predict its course."""
     apart = [found for found in map(study, range(200)) if found.worst > 2.0]
     told = [found.worst for found in apart if not found.chaotic]
     assert len(apart) - len(told) <= 4
@@ -262,8 +262,8 @@ def test_the_error_falls_with_the_step_in_random_buildings():
 
 
 def test_a_mass_between_stops_rebounds_with_its_energy():
-    """Undamped, u0 = 0, v0 = 1, omega = 10, stops 15 times as stiff at 0.06: the peak is where v0^2
-    is used up."""
+    """Undamped, u0 = 0, v0 = 1, omega = 10, stops 15 times as stiff at 0.06: at the peak, the
+    kinetic energy is zero."""
     k, stop, gap = 100.0, 1500.0, 0.06
     building = model([story(1.0, k, Law("gap", (gap, stop)))], velocity=(1.0,))
     coarse, fine = (run(building, method="impulse4", dt=dt, duration=5.0) for dt in (0.01, 0.0025))

@@ -1,4 +1,4 @@
-"""Methods and laws from files outside the package, as the READMEs show them, and from installed
+"""Methods and laws from files outside the package, as described in the READMEs, and from installed
 packages."""
 
 import csv
@@ -43,7 +43,7 @@ from tdint_cli.main import cli
 
 @pytest.fixture
 def verlet(tmp_path):
-    """The README's method in a file."""
+    """Return the file with the example method of the README."""
     file = tmp_path / "verlet.py"
     file.write_text(readmes.block("plugin-method"))
     return file
@@ -51,7 +51,7 @@ def verlet(tmp_path):
 
 @pytest.fixture
 def hyperbolic(tmp_path):
-    """The README's law in a file."""
+    """Return the file with the example law of the README."""
     file = tmp_path / "hyperbolic.py"
     file.write_text(readmes.block("law-file"))
     return file
@@ -65,7 +65,7 @@ def outside(tmp_path, text, name="outside_plugin"):
 
 @pytest.mark.usefixtures("compiled_truth")
 def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
-    """And what it declares falsely is told."""
+    """`check` confirms its declarations, and reports changed declarations as wrong."""
     tdint.load_plugin(str(verlet))
     integrator = methods.parse("verlet")
     measured = check_method(integrator)
@@ -117,8 +117,8 @@ MISTAKES = {
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake):
-    """Before anything is compiled: in plain Python, with bounds checked, then with stories that
-    yield."""
+    """Mistakes are detected before compilation: in plain Python with checked bounds, and then with
+    yielding stories."""
     before, after, told = MISTAKES[mistake]
     text = verlet.read_text().replace(
         "from tdint.plugin import (",
@@ -145,15 +145,15 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake):
 
 @pytest.mark.slow
 def test_ours_make_none_of_them():
-    """Methods of each kind: several stages, several steps, without iterations, of order 2 and
-    more."""
+    """Methods of each type pass the check: methods with several stages, several steps, without
+    iterations, of order 2 and higher."""
     for name in ("bathe", "park", "chang", "rk5", "gauss4"):
         assert step_check.faults_with_yielding(methods.parse(name)) == {}
 
 
 def test_a_branch_that_is_set_in_part_is_told(tmp_path):
-    """The law `gap`, which forgets where a branch ends downwards: compiled it would go on in
-    silence."""
+    """A variant of the law `gap` does not set the lower end of a branch. Compiled code would
+    continue with this error without a message."""
     text = Path(gap.__file__).read_text().replace('"gap",\n', '"half-gap",\n')
     text = (
         text.replace("set_branch(law_state, i, block, ", "half(law_state, i, block, ")
@@ -183,7 +183,7 @@ def half(law_state, i, block, slope, lower, upper, turn):
 
 @pytest.fixture
 def of_the_law(tmp_path, hyperbolic):
-    """The README's model of its law."""
+    """Return the model of the README with its law."""
     tdint.load_plugin(str(hyperbolic))
     file = tmp_path / "workshop.yaml"
     file.write_text(readmes.block("plugin-model"))
@@ -191,7 +191,7 @@ def of_the_law(tmp_path, hyperbolic):
 
 
 def test_the_law_of_the_readme(of_the_law):
-    """Along cycles its force is that of its formula."""
+    """Along cycles, its force equals its formula."""
     path = tdint.cyclic_test(of_the_law, 1, ["2%"], points=50).path
     x = 3e7 * path.drift / 3e5
     np.testing.assert_allclose(path.shear, 3e5 * x / np.sqrt(1.0 + x * x), rtol=1e-12, atol=1e-6)
@@ -334,7 +334,7 @@ PACKAGE = {
 
 
 def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic, monkeypatch, caplog):
-    """A faulty entry point is warned of and keeps nothing else away."""
+    """A faulty entry point causes a warning, and other entry points are still loaded."""
     for name, text in PACKAGE.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -367,7 +367,8 @@ excitation: {record: {file: motion.txt, units: m/s^2}}
 
 @pytest.fixture
 def workshop(tmp_path, hyperbolic, monkeypatch):
-    """A folder with a model of the README's law and a record; what runs a command in it."""
+    """Return a directory with a record and a model that uses the law of the README, and a function
+    that runs a command in it."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "shaken.yaml").write_text(SHAKEN)
     samples = 8.0 * np.sin(np.arange(60) * 0.07)
@@ -391,8 +392,8 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
 
 
 def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
-    """`run`, `stability` and `order` in one process each see what their own --plugin names, as
-    Python does."""
+    """`run`, `stability` and `order` in one process each use only the plug-ins of their own
+    --plugin."""
     plugins = ("--plugin", "verlet.py", "--plugin", "hyperbolic.py")
     (story,) = workshop("run", "shaken.yaml", *plugins, "--method", "verlet", "--dt", "0.005")
     single = tdint.run("shaken.yaml", method="verlet", dt=0.005).stories
@@ -417,9 +418,9 @@ def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
 
 @pytest.mark.usefixtures("plain")
 def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path, monkeypatch):
-    """A store of runs with a law that was edited since, or with what it imports, is refused and
-    named, by `campaign`, `merge` and `ida`; another plug-in may be edited. Before each call all is
-    forgotten, as in a process of its own."""
+    """`campaign`, `merge` and `ida` refuse a store of runs if its law, or a module that the law
+    imports, was changed; the message names the file. Other plug-ins may be changed. All plug-ins
+    are unloaded before each call, as in a new process."""
     monkeypatch.syspath_prepend(str(tmp_path))
     helpers = outside(tmp_path, "FACTOR = 1.0\n", "outside_helpers")
     text = hyperbolic.read_text().replace(
@@ -468,8 +469,9 @@ def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path
 
 
 def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
-    """Not of another one with the same parameters, in the same file or in another. What a process
-    has executed stays that: an edited file is not taken for it."""
+    """The cached reference solution is not used for another law with the same parameters, in the
+    same or another file. A file that was edited after its execution in this process is not used
+    under the old name."""
     text = hyperbolic.read_text()
     both = text.replace(
         "LAWS = (LAW,)", "import dataclasses\nLAWS = (LAW, dataclasses.replace(LAW, name='second'))"
@@ -487,7 +489,7 @@ def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
 
 
 def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
-    """A process that knows neither file, as a Dask worker, gives the runs of this one."""
+    """A process without the two plug-ins, such as a Dask worker, gives the same runs."""
     for file in (verlet, hyperbolic):
         tdint.load_plugin(str(file))
     wanted = load_campaign("campaign.yaml")
@@ -519,8 +521,8 @@ print(repr(float(tdint.run_case(case, dt=0.005).stories.peak_drift[0])), repr(fl
 
 
 def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyperbolic, tmp_path):
-    """Which loads the plug-ins of their method and their law by their files, if those are still the
-    same."""
+    """The new process loads the plug-ins of the method and the law from their files if the files
+    are unchanged."""
     for file in (verlet, hyperbolic):
         tdint.load_plugin(str(file))
     case = tdint.prepare("shaken.yaml", method="verlet")
@@ -558,8 +560,8 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
 def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
     tmp_path, monkeypatch, name, change, fault
 ):
-    """Once for each state of its sources, in Python and on the command line; what is sound is not
-    looked at again."""
+    """The check runs once for each state of the sources, in Python and on the command line. A
+    plug-in that passed is not checked again."""
     text = (
         (Path(__file__).parent / "recipes/sdirk3.py")
         .read_text()

@@ -1,5 +1,5 @@
-"""What is wrong with a model file: place, key and words of every fault, all of them in one
-error."""
+"""Errors in model files: position, key and message of every error, with all errors of a file in one
+exception."""
 
 import io
 import os
@@ -242,7 +242,7 @@ bilinear
 
 
 def cases(table: str) -> list[tuple[str, list[str]]]:
-    """The texts of a table with their faults."""
+    """Return the invalid model texts of a table with their error messages."""
     for short, words in WORDS.items():
         table = table.replace(short, words)
     blocks = re.split(r"\n(?! )", table.strip("\n").replace("\n        ", " "))
@@ -253,7 +253,7 @@ def cases(table: str) -> list[tuple[str, list[str]]]:
 
 
 def faults(text: str) -> list[str]:
-    """The faults of a file as `line:column: key: message`."""
+    """Return the errors of a file as `line:column: key: message`."""
     with pytest.raises(ModelError) as caught:
         load_model(io.StringIO(text))
     problems = caught.value.faults
@@ -300,8 +300,8 @@ def test_coefficients_out_of_all_proportion_in_si() -> None:
 
 
 def test_a_fault_has_its_place_apart(tmp_path: Path) -> None:
-    """The words of the command begin with it; all faults of a file come in their order (`storeys`
-    above)."""
+    """Error messages of the command start with the position. All errors of a file are reported in
+    the order of the file (`storeys` is above the others)."""
     path = tmp_path / "bad.yaml"
     path.write_text(
         "stories:\n  - mass: 200\n    stiffness: 1\n  - mass: abc\n    stiffness: 1\np_delta: "
@@ -329,7 +329,8 @@ def test_a_fault_has_its_place_apart(tmp_path: Path) -> None:
     ],
 )
 def test_not_yaml(text: str, place: str, advice: str) -> None:
-    """Place and advice; the words between them are PyYAML's, on one line."""
+    """The error has a position and a remedy; the text between them is the message of PyYAML on one
+    line."""
     (fault,) = faults(text)
     assert re.fullmatch(rf"{place}: not valid YAML: [^;]*\w[^;]*{advice}", fault), fault
 

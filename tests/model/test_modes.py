@@ -46,8 +46,8 @@ def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 2**12, "SC_PHYS_PAGES": 2**22}.__getitem__)
     with pytest.raises(
         ModelError,
-        match=r"modal damping of 100000 stories requires 298 GiB of memory, and this machine has 16 GiB; "
-        r"use",
+        match=r"modal damping of 100000 stories requires 298 GiB of memory, and this machine has "
+        r"16 GiB; use",
     ):
         assemble(model([story(2e5, 3e8)] * 100_000, damping=ModalDamping((0.05,))))
 

@@ -1,5 +1,5 @@
-"""Pictures: every format, every kind of result, names that a plotting library would take for
-something else."""
+"""Figures in every format and for every type of result, with names that matplotlib could interpret
+as commands."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,12 +52,12 @@ def draw_spectra(spectra, file):
 
 
 def words(figure):
-    """All texts of a figure, a line each."""
+    """Return all texts of a figure, one per line."""
     return "\n".join(text.get_text() for text in figure.findobj(Text))
 
 
 def drawn(figure):
-    """The same of a figure that is drawn, so that what cannot be drawn is found."""
+    """Return all texts of a rendered figure; rendering detects invalid texts."""
     figure.draw_without_rendering()
     return words(figure)
 
@@ -73,8 +73,8 @@ def shaken():
 
 
 def test_steps_of_several_samples_draw_the_record_and_tell_the_peaks_of_the_run():
-    """What the steps leave out is in the picture, as the samples are; the roof's peak is that of
-    the table."""
+    """The figure shows all samples of the record, including samples between the time steps. The
+    peak of the roof is the value in the table."""
     record = replace(motion(), acceleration=np.random.default_rng(1).standard_normal(401))
     long = run(load_model(CONFIGS / "ten-story.yaml"), record, dt=0.05, history=True)
     ground, roof = run_picture(long).axes[:2]
@@ -92,7 +92,7 @@ def test_steps_of_several_samples_draw_the_record_and_tell_the_peaks_of_the_run(
 
 
 def of_suite(building, stood, fell, height=3.0):
-    """The profile of two stories under motions, some of which it stood."""
+    """Return the profile of two stories under several ground motions, with some collapses."""
     peaks = {one.name: np.full((stood, 2), 0.03) for one in STORY}
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
     named = tuple(f"{i}" for i in range(stood))
@@ -101,8 +101,8 @@ def of_suite(building, stood, fell, height=3.0):
 
 
 def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_measured_in():
-    """The others' stay in percent of the height, or all are lengths; how many are in no line is
-    said."""
+    """Drifts of the other buildings remain in percent of the story height, or all drifts are
+    lengths. The figure states the number of collapsed runs."""
     stood, fell, flat = (
         of_suite("stood", 3, 1),
         of_suite("fell", 0, 4),
@@ -124,7 +124,7 @@ def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_m
 
 
 def test_the_panels_of_a_level_stand_at_the_same_height():
-    """A floor is where the story below it ends."""
+    """In all panels, a floor is at the top of the story below it."""
     drifts, accelerations, shears = profile_picture([of_suite("frame", 3, 0)]).axes
     assert drifts.get_ylim() == accelerations.get_ylim() == shears.get_ylim() == (0.5, 2.5)
     assert {tuple(line.get_ydata()) for line in drifts.lines} == {(0.5, 1.5, 1.5, 2.5), ()}
@@ -132,8 +132,8 @@ def test_the_panels_of_a_level_stand_at_the_same_height():
 
 
 def test_no_bar_of_a_tornado_hides_behind_another():
-    """Where both ends of a parameter move a peak to the same side, the shorter bar is drawn over
-    the longer one."""
+    """If both values of a parameter change a peak in the same direction, the shorter bar is in
+    front."""
     peaks = {one.name: one for one in PEAKS}
     parameter_effects = [
         ParameterEffect("frame", "strength_factor", peaks[name], 0.8, 1.2, *peak)
@@ -153,7 +153,8 @@ def test_no_bar_of_a_tornado_hides_behind_another():
 
 
 def test_all_buildings_of_floors_are_named():
-    """Where they have not as many floors, too: not all are in the first panel."""
+    """The legend contains all buildings, also if they have different numbers of floors and some are
+    not in the first panel."""
     level = (1.0, np.nan, [[], []], 0, 0, 0, ("level", ""), "")
     one = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
     (legend,) = floor_suite_picture([one, replace(one, building="tall", floor=5)]).legends
@@ -175,7 +176,7 @@ def test_a_legend_of_long_names_is_within_its_figure():
 
 
 def test_a_title_is_no_wider_than_its_figure():
-    """Names of records make it long; nothing of it is lost."""
+    """A long title with record names is wrapped and remains complete."""
     figure = Figure(figsize=(7.2, 3.0))
     what = "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4, 5 % damping of Sa"
     titled(figure, f"imk\n{what}")
@@ -187,7 +188,8 @@ def test_a_title_is_no_wider_than_its_figure():
 
 @pytest.mark.parametrize("suffix", STARTS)
 def test_formats(tmp_path, suffix):
-    """Each as it begins; the same result gives the same file; none is replaced without leave."""
+    """Each file starts with the signature of its format. Equal results give equal files. No file is
+    replaced without permission."""
     file, again = tmp_path / f"x{suffix}", tmp_path / f"again{suffix}"
     spectra = [spectrum(motion(), np.array([0.1, 1.0]))]
     for name in (file, again):
@@ -274,7 +276,7 @@ def test_a_processed_record_is_called_so():
     ],
 )
 def test_axes_and_suites(axes, count):
-    """Of a suite the fractiles have names, not each of the 22; period 0 has no place on a
+    """The legend of a suite of 22 lines contains only the fractiles. The period 0 is not shown on a
     logarithmic axis."""
     periods = np.array([0.0, *np.geomspace(0.05, 2.0, 9)])
     motions = [motion(source=f"{i}.txt").scaled(1.0 + i) for i in range(count)]
@@ -290,8 +292,8 @@ def test_axes_and_suites(axes, count):
 
 @pytest.mark.parametrize("units", ["m", "kip,in,g", "kip,ft,g", "kN,mm", "kN,cm,m/s^2"])
 def test_scales_of_a_spectrum_in_any_units(units):
-    """psv = sd omega = psa / omega: names of scales lie where they say, none over another; so do
-    rays."""
+    """psv = sd omega = psa / omega: labels of the diagonal scales are at the correct position and
+    do not overlap; the same is tested for the rays of constant period."""
     shown = parse_output_units(units).in_figures
     spectra = [spectrum(motion(), np.geomspace(0.05, 10.0, 30))]
     axes = draw_tripartite(spectra, ["one"], shown).axes[0]
@@ -340,9 +342,9 @@ def test_scales_of_a_spectrum_in_any_units(units):
     ],
 )
 def test_a_run_in_other_units(shaken, units, labels, limit, part):
-    """Labels and peaks follow; where no unit of acceleration is named it is g. A collapse drift
-    that is near is marked; the error of the roof is drawn from a hundredth of its largest
-    displacement on, not where none could be told."""
+    """Labels and peaks are in the requested units, with g as default for accelerations. A collapse
+    drift close to the peak is marked. The error band of the roof is shown if it exceeds a
+    hundredth of the maximum displacement and an error estimate exists."""
     history, chosen = shaken.history, parse_output_units(units)
     errors = (
         part * getattr(history, name) for name in ("displacement", "velocity", "drift", "shear")
@@ -361,8 +363,8 @@ def test_a_run_in_other_units(shaken, units, labels, limit, part):
 
 @pytest.mark.parametrize(("floors", "height"), [(1, None), (3, 3.0), (60, None)])
 def test_profiles_of_low_and_tall_buildings_with_an_isolator(floors, height):
-    """Bearings without a height have the length of their drift in letters; where no story has a
-    height none is apart, however much more it drifts: what collapses is drawn as a collapse."""
+    """The drift of isolators without a height is written as a length. If no story has a height, no
+    story is shown separately, for any drift; a collapse is shown as a collapse."""
     upper = {"repeat": floors, "mass": 10, "stiffness": 40000} | (
         {"height": height} if height else {}
     )

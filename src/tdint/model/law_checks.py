@@ -1,14 +1,15 @@
-"""Verify that a drift law of a plug-in is what it declares, before a method relies on it.
+"""Verify the declarations of a plug-in law before a method relies on them.
 
-`impulse4` and `moment4` follow the branches of a law. Between the ends of its branch they take the
-story as linear if the branch has a finite slope (row SLOPE). A law that declares neither `curved`
-nor branches has one branch without end, with the initial stiffness: its `force` is never evaluated.
-Other methods evaluate `force` alone. Therefore a law brought along a path in plain Python must have
-the same force by both ways, and whatever is missing in its declaration is named.
+`impulse4` and `moment4` follow the branches of a law. If a branch has a finite slope (row SLOPE),
+they treat the story as linear between the ends of the branch. A law that declares neither `curved`
+nor branches has a single unlimited branch with the initial stiffness, so that these methods never
+evaluate its `force`. All other methods evaluate only `force`. The functions of this module
+therefore execute a law in plain Python along a path of drifts, compare the forces of both
+approaches, and name the missing declaration if the forces differ.
 
-The structure is verified at registration, together with the path of a law without branches for
-sampled parameters. The path of every law is verified with the numbers of a story before its first
-time integration.
+At registration, the structure of every law is verified, and the path of laws without branches with
+sampled parameters. Before the first time integration of a story, the path of its law is verified
+with the parameters of the story.
 """
 
 from __future__ import annotations
@@ -30,34 +31,34 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 from tdint.model.plugins import faults_of
 
 _TURNS = (0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3)
-"""Turning points of the path, over its size: loading, short and long unloading, and the way back
+"""Turning points of the path divided by its size: loading, short and long unloading, and reversals
 through zero."""
 _POINTS = 8  # drifts from one turning point to the next
 _DECADES = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
-"""Sizes of paths, m: from the drift at first cracking of a stiff wall to more than any story has.
-Wherever a law leaves its first branch, one of the paths does so too."""
-_YIELDS = (0.3, 3.0, 20.0)  # sizes of paths over the drift at first yield
-_TOLERANCE = 1e-6  # over the largest force of the path; branches of exact laws differ by 1e-12
-_TANGENT_TOLERANCE = 1e-2  # over the largest slope of the path
-_DIFFERENCE = 1e-5  # over the size of the path: distance for the slopes on both sides of a drift
+"""Sizes of paths, m, from the drift at first cracking of a stiff wall to drifts that no story
+reaches. At least one of the paths is then long enough to leave the first branch of a law."""
+_YIELDS = (0.3, 3.0, 20.0)  # sizes of paths divided by the drift at first yield
+_TOLERANCE = 1e-6  # relative to the maximum force; forces of correct laws differ by about 1e-12
+_TANGENT_TOLERANCE = 1e-2  # relative to the maximum slope of the path
+_DIFFERENCE = 1e-5  # drift increment for the slopes, divided by the size of the path
 _MAX_SETS = 128
-"""Sets of numbers of one law that are verified in a process. Declarations belong to the law, not to
-its numbers; a study of 10 000 random buildings would spend a minute on verifying the same
-declaration."""
+"""Maximum number of parameter sets of a law that are verified in a process. Declarations do not
+depend on the parameters, and a study of 10 000 random buildings would otherwise spend a minute on
+the verification of the same declaration."""
 _STIFFNESS, _FORCE, _LENGTH = 1e7, 1e5, 1e-2
 """Initial stiffness, N/m, force, N, and length, m, of the stories sampled at registration: a story
 of a small building, which yields at a drift of 10 mm."""
 _FACTORS = (0.3, 1.0, 3.0)  # on the sampled parameters
 
 Guard = Callable[[Array, str], Array]
-"""Makes of an array and its name one that detects rows which are not declared."""
+"""Function that wraps an array, given its name, to detect the use of undeclared rows."""
 
 _verified: dict[int, tuple[DriftLaw, set[bytes]]] = {}
-"""Sets of numbers that this process has verified, by the number of the law."""
+"""Parameter sets that this process has verified, by the number of the law."""
 
 
 class _LawStory(NamedTuple):
-    """A story of one law: its functions and its numbers."""
+    """Story with a law: its functions, and the column of its parameters."""
 
     law: DriftLaw
     functions: LawFunctions
@@ -71,9 +72,9 @@ class _PathPoint(NamedTuple):
     Attributes
     ----------
     drift, force : float
-        Drift, m, and force by the law's `force`, N.
+        Drift, m, and force from the function `force` of the law, N.
     branch : float
-        Force by its branches, N; nan where the present branch is curved.
+        Force from the branches of the law, N; nan if the current branch is curved.
     tangent : float
         Tangent that `force` returns, N/m.
     slopes : tuple of float
@@ -81,9 +82,9 @@ class _PathPoint(NamedTuple):
     again : float
         Force at the same drift after the state is committed, N.
     inside : bool
-        Whether the path stays on the branch on which it was.
+        True if the drift is on the same branch as the previous drift of the path.
     lower, upper : float
-        The ends of that branch, m.
+        Ends of this branch, m.
     """
 
     drift: float
@@ -116,12 +117,12 @@ def verify_declaration(law: DriftLaw, where: str) -> None:
     if functions.switch is not None and not law.kinked:
         raise UsageError(
             f"{where}: law {law.name} has branches (`switch`), but does not declare `kinked=True`: "
-            "methods would not look for the ends of its branches; declare `kinked=True`"
+            "methods would not locate the ends of its branches; declare `kinked=True`"
         )
     if functions.switch is None and law.kinked:
         raise UsageError(
-            f"{where}: law {law.name} declares `kinked=True`, but has no `switch`, which changes "
-            "its branch; add `switch` and `enter`, or declare `curved=True` alone"
+            f"{where}: law {law.name} declares `kinked=True`, but has no `switch` to change "
+            "its branch; add `switch` and `enter`, or declare only `curved=True`"
         )
     if functions.switch is None and not law.curved:
         for column in _sampled_columns(law):
@@ -130,7 +131,9 @@ def verify_declaration(law: DriftLaw, where: str) -> None:
 
 
 def verify_laws(law_parameters: Array) -> None:
-    """Verify the plug-in laws of a building with their numbers, each set of numbers once.
+    """Verify the plug-in laws of a building with the parameters of its stories.
+
+    Each set of parameters is verified only once per process.
 
     Parameters
     ----------
@@ -140,7 +143,7 @@ def verify_laws(law_parameters: Array) -> None:
     Raises
     ------
     AnalysisError
-        A law is not what it declares: the missing or false declaration.
+        A declaration of a law is missing or wrong.
     """
     codes = law_parameters[..., rows.CODE, :-1]
     if not np.any(codes >= OURS):
@@ -172,24 +175,24 @@ def path_faults(
     yield_drift: float = math.nan,
     guard: Guard = lambda array, name: array,
 ) -> list[str]:
-    """Return the differences between a law's force and its declarations along paths of drift.
+    """Return the differences between the force and the declarations of a law along drift paths.
 
     Parameters
     ----------
     law : DriftLaw
         The law; its functions are executed in plain Python.
     column : ndarray, shape (rows,)
-        Its number, its initial stiffness (N/m) and its parameters, as in `law_parameters`.
+        Number of the law, initial stiffness (N/m) and parameters, as in `law_parameters`.
     yield_drift : float
         Drift at first yield, m; nan if it is unknown.
     guard : callable
-        Makes of an array and its name one that detects rows which are not declared; by default
-        the array itself.
+        Function that wraps an array, given its name, to detect the use of undeclared rows. By
+        default, arrays are not wrapped.
 
     Returns
     -------
     list of str
-        The first fault; empty if there is none.
+        Message about the first difference; empty if there is no difference.
     """
     story = _LawStory(law, law.functions(), column, guard)
     yields = [yield_drift * part for part in _YIELDS if 0.0 < yield_drift < math.inf]
@@ -200,19 +203,19 @@ def path_faults(
         for point in _follow(story, _drifts(size), _DIFFERENCE * size):
             largest = max(largest, abs(point.force))
             steepest = max(steepest, *map(abs, point.slopes))
-            # By the branches and by the force
+            # Compare the force from the branches with the result of `force`.
             on_curve = law.curved and not math.isfinite(point.branch)
             if not (on_curve or abs(point.branch - point.force) <= _TOLERANCE * largest):
                 return [_described(story, point)]
             if not abs(point.again - point.force) <= _TOLERANCE * largest:
                 return [
                     f"law {law.name}: its force at drift {point.drift:.6g} m is "
-                    f"{point.force:.6g} N when the story arrives and {point.again:.6g} N when it "
-                    "stays: `keep` must copy all that `force` reads from the trial state to the "
-                    "committed one"
+                    f"{point.force:.6g} N in the first evaluation and {point.again:.6g} N after "
+                    "the state is committed; `keep` must copy all values that `force` reads from the "
+                    "trial state to the committed state"
                 ]
-            room = _TANGENT_TOLERANCE * steepest
-            if not min(point.slopes) - room <= point.tangent <= max(point.slopes) + room:
+            tolerance = _TANGENT_TOLERANCE * steepest
+            if not min(point.slopes) - tolerance <= point.tangent <= max(point.slopes) + tolerance:
                 return [
                     f"law {law.name}: the tangent is not the slope of the force: `force` returns "
                     f"{point.tangent:.6g} N/m at drift {point.drift:.6g} m, the slopes before and "
@@ -222,38 +225,41 @@ def path_faults(
 
 
 def _described(story: _LawStory, point: _PathPoint) -> str:
-    """Return the message on a force that is not the one of the branch, with the remedy.
+    """Return the message about a force that differs from the force of the branch, with the remedy.
 
     Parameters
     ----------
     story : _LawStory
         Story with the law and its functions.
     point : _PathPoint
-        Point of the path at which the two forces differ.
+        Point of the path with different forces.
     """
     law, functions = story.law, story.functions
-    forces = f"{point.branch:.6g} N at drift {point.drift:.6g} m, `force` to {point.force:.6g} N"
+    forces = (
+        f"{point.branch:.6g} N at drift {point.drift:.6g} m, but `force` returns "
+        f"{point.force:.6g} N"
+    )
     if functions.switch is None:
         return (
             f"law {law.name}: its tangent is not constant, but it declares neither `curved=True` "
-            f"nor branches; the initial stiffness leads to {forces}: declare `curved=True`, or add "
+            f"nor branches. Its initial stiffness gives {forces}; declare `curved=True`, or add "
             "`enter` and `switch` and declare `kinked=True`"
         )
     if point.inside:
         return (
             f"law {law.name}: its force is not linear on the branch from {point.lower:.6g} to "
-            f"{point.upper:.6g} m, whose slope (row SLOPE) leads to {forces}: declare "
+            f"{point.upper:.6g} m. The slope of this branch (row SLOPE) gives {forces}; declare "
             "`curved=True`, or set the ends of the branch (rows LOWER, UPPER, TURN) in `enter` and "
-            "`switch`: `set_branch` sets all that a `switch` must"
+            "`switch` (`set_branch` sets all required rows)"
         )
     return (
-        f"law {law.name}: its branches (`enter`, `switch`, `advance`) lead to {forces}: "
-        "`set_branch` sets all that a `switch` must"
+        f"law {law.name}: its branches (`enter`, `switch`, `advance`) give {forces}; "
+        "set all required rows in `switch` (`set_branch` does this)"
     )
 
 
 def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
-    """Return the fault of a law whose force depends on the path and that dissipates nothing.
+    """Return a message if the force of a law depends on its path but no dissipation is computed.
 
     Parameters
     ----------
@@ -282,16 +288,15 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
 
 
 def _drifts(size: float) -> Array:
-    """Return the drifts of a path of this size (m), turning points included."""
+    """Return the drifts of a path of the given size (m), including its turning points."""
     turns = size * np.array(_TURNS)
     return np.concatenate([np.linspace(a, b, _POINTS)[1:] for a, b in pairwise(turns)])
 
 
 def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_PathPoint]:
-    """Bring a story from rest to one drift after the other and commit each.
+    """Evaluate a story at each drift of a path, and commit its state after each evaluation.
 
-    Slopes are taken over `difference` (m). The law is executed directly and not by its number: it
-    may not have one yet.
+    The functions of the law are called directly, because the law may not have a number yet.
 
     Parameters
     ----------
@@ -316,12 +321,12 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
             before = law_state[rows.DRIFT, 0]
             lower, upper = float(law_state[rows.LOWER, 0]), float(law_state[rows.UPPER, 0])
             turns = law_state[rows.RATE_SIGN, 0] * (drift - before) < 0.0
-            # By the branches
+            # Force from the branches
             branch = math.nan
             if law_state[rows.SLOPE, 0] < math.inf:
                 walk(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
                 branch = float(law_state[rows.SECOND_TRIAL + rows.FORCE, 0])
-            # By the force of the law
+            # Force from the function `force` of the law
             below, _ = _reach(functions, table, law_state, drift - difference)
             above, _ = _reach(functions, table, law_state, drift + difference)
             force, tangent = _reach(functions, table, law_state, drift)
@@ -333,7 +338,7 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
 
 
 def _no_branch(law_parameters: Array, law_state: Array, i: int, block: int, event: int) -> None:
-    """Leave the branch as it is: the `switch` of a law without one.
+    """Keep the branch unchanged; used as `switch` for laws without branches.
 
     Parameters
     ----------
@@ -398,7 +403,7 @@ def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arr
 
 
 def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Put the committed state on the branch that it implies, as `branches.enter` does.
+    """Set the branch of the committed state, as `branches.enter` does.
 
     Parameters
     ----------
@@ -419,18 +424,18 @@ def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Arra
         functions.enter(table, law_state, 0)
 
 
-# ---- Numbers of a story
+# ---- Parameters of a story
 
 
 def _yield_drift(law: DriftLaw, column: Array) -> float:
-    """Return the drift at first yield that a law declares for its numbers, m.
+    """Return the drift at first yield that a law declares for its parameters, m.
 
     Parameters
     ----------
     law : DriftLaw
         Definition of the law.
     column : array
-        Numbers of the story: mass, stiffness and the parameters of the law.
+        Values of the story: number of the law, stiffness and the parameters of the law.
     """
     return float(
         law.yield_drift(float(column[rows.STIFFNESS]), column[rows.FIRST_PARAMETER :].tolist())
@@ -438,10 +443,10 @@ def _yield_drift(law: DriftLaw, column: Array) -> float:
 
 
 def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
-    """Yield numbers of a story within the bounds of the law's parameters.
+    """Yield columns of parameters within the bounds of a law.
 
-    A law with lists or points among its parameters has no obvious sample: its path is verified with
-    the numbers of the first model.
+    No samples are generated for laws with lists or points as parameters. The path of such a law is
+    verified with the parameters of the first model that uses it.
     """
     if any(parameter.many or parameter.points for parameter in law.parameters):
         return
@@ -451,7 +456,7 @@ def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
             value = factor * _FORCE**parameter.force * _LENGTH**parameter.length
             low, high = parameter.low, parameter.high
             if not low < value < high:
-                # A bounded number, as a ratio: somewhere between its bounds.
+                # A bounded parameter, such as a ratio, gets a value between its bounds.
                 part = factor / (1.0 + factor)
                 below = low if math.isfinite(low) else high - 1.0
                 above = high if math.isfinite(high) else low + 1.0
@@ -463,12 +468,13 @@ def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
 
 
 def _sampled_faults(law: DriftLaw, column: Array) -> list[str]:
-    """Return the faults of a law with sampled numbers; none if it cannot be executed with them.
+    """Return the differences of a law with sampled parameters.
 
-    The numbers are not those of a model, and a law may rely on more than the bounds that it
-    declares. It is executed again with the numbers of the first model.
+    The result is empty if the law cannot be executed with these parameters, because a law may
+    require more than the bounds that it declares. It is verified again with the parameters of the
+    first model that uses it.
     """
     try:
         return path_faults(law, column)
-    except Exception:  # code of others, with numbers that its author may not have intended
+    except Exception:  # user-defined code may raise any exception for unexpected parameters
         return []

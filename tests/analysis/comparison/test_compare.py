@@ -1,5 +1,5 @@
-"""Results beside recordings: a recording made of a result agrees with it, and what is done to one
-side is found."""
+"""Comparison of computed and recorded responses. A recording generated from a computed response
+agrees with it, and known changes of the recording are detected."""
 
 import math
 from dataclasses import replace
@@ -48,8 +48,8 @@ def sensor(column, more="", file="event.csv"):
 
 
 def recording(base=None, first=None, roof=None, more=""):
-    """What a file of recordings says: accelerations of the base, floor 1 and the roof where no
-    others are given."""
+    """Return the text of a file of recordings; by default with the accelerations of the base, floor
+    1 and the roof."""
     base, first = base or sensor("base_m_s2"), first or sensor("floor_1_m_s2")
     return f"base: {base}\nfloors:\n  1: {first}\n  roof: {roof or sensor('floor_3_m_s2')}\n{more}"
 
@@ -59,7 +59,7 @@ FLOORS = recording()
 
 
 def noise(seed, size=SIZE):
-    """A motion that fills the band, m/s^2, and rests at both ends."""
+    """Return a band-limited random motion, m/s^2, which is zero at both ends."""
     return (
         np.random.default_rng(seed).normal(size=size) * np.sin(np.linspace(0.0, math.pi, size)) ** 2
     )
@@ -67,8 +67,8 @@ def noise(seed, size=SIZE):
 
 @pytest.fixture
 def made(tmp_path):
-    """A model, its exact response to a noise whose median is 0, what writes it as a table, what
-    reads recordings."""
+    """Return a model, its exact response to a noise with median 0, a function that writes the
+    response as a table, and a function that reads recordings."""
     (tmp_path / "model.yaml").write_text(MODEL)
     model = load_model(tmp_path / "model.yaml")
     base = noise(1) - np.median(noise(1))
@@ -104,7 +104,7 @@ def made(tmp_path):
 
 @pytest.mark.parametrize("band", ["", "band: [0.5, 20]\n"])
 def test_a_result_agrees_with_itself(made, band):
-    """To the rounding of the file, whatever offset a sensor has."""
+    """The agreement is limited only by the rounding in the file, for any offset of a sensor."""
     made.usual(floor_1_m_s2=made.motions["floor_1"] + 0.3)
     for floor in compare(made.model, made.event(FLOORS + band)).floors:
         assert floor.quantity == "acceleration"
@@ -116,8 +116,8 @@ def test_a_result_agrees_with_itself(made, band):
 @pytest.mark.parametrize("law", [LINEAR, Law("bilinear", (5.0, 0.1))])
 @pytest.mark.parametrize("forces", [[], [Force(1, 1.0, 0.0, 5.0)]])
 def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
-    """A linear building that only its base moves; harmonic forces it would see at the steps
-    alone."""
+    """`exact` is chosen for a linear building that is excited only by its base. Harmonic forces are
+    excluded, because `exact` would only use their values at the time steps."""
     made.usual()
     case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
     taken = case_under(case, made.event()).method.family.linear_only
@@ -125,8 +125,8 @@ def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
 
 
 def test_noise_lowers_the_correlation_by_what_it_adds(made):
-    """Independent noise, a part e of the motion's rms: correlation 1 / sqrt(1 + e^2), difference e
-    / sqrt(1 + e^2)."""
+    """For independent noise with e times the rms of the motion, the correlation is 1 / sqrt(1 +
+    e^2), and the difference is e / sqrt(1 + e^2)."""
     part = 0.5
     clean = made.motions["floor_3"]
     added = np.random.default_rng(5).normal(size=SIZE)
@@ -141,8 +141,8 @@ def test_noise_lowers_the_correlation_by_what_it_adds(made):
 
 
 def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
-    """The difference of the two is a torsion that the mean does not see; of different quantities
-    they are refused."""
+    """The difference of two sensors is a torsional motion, which has no effect on their mean.
+    Sensors with different quantities are refused."""
     made.usual()
     plain = compare(made.model, made.event())
     turns = {"base": noise(9), "roof": 0.5 * noise(7)}
@@ -166,7 +166,8 @@ def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
 
 
 def test_displacements_are_relative_to_the_base(made):
-    """Of a linear building without offsets; in mm, beside an acceleration."""
+    """Displacements, in mm, of a linear building without offsets are compared relative to the base,
+    together with an acceleration."""
     made.usual(floor_1_mm=1e3 * made.displacements["floor_1"])
     text = recording(first=sensor("floor_1_mm", DISPLACEMENT), more="band: [0.3, 20]\n")
     floors = compare(made.model, made.event(text)).floors
@@ -187,7 +188,8 @@ def test_a_displacement_of_the_base_is_differentiated(made):
 
 
 def test_a_shift_of_the_clocks_is_found(made):
-    """Of a recording twice as dense, a part of a sample late."""
+    """The shift is determined for a recording with twice the sampling rate and a delay of a
+    fraction of a sample."""
     late = 0.137
     made.usual()
     before = compare(made.model, made.event(FLOORS + "band: [0.5, 8]\n"))
@@ -217,8 +219,8 @@ def test_weak_motions_are_shifted_as_strong_ones(made):
 
 
 def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_path):
-    """A record says its date, a table only the seconds since something: that is noted, and no time
-    lies between."""
+    """A record states a date, but a table only the time since an unknown start. They are assumed to
+    start together, and a note states this."""
     with quiet_import():
         from obspy import Trace, UTCDateTime
 
@@ -236,8 +238,8 @@ def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_p
 
 
 def test_the_smoothed_spectrum_of_an_impulse_is_its_size():
-    """At all frequencies: whatever is averaged over, the Fourier amplitude of a single sample is
-    that sample."""
+    """The Fourier amplitude of a single sample equals this sample at all frequencies, for any
+    smoothing window."""
     impulse = np.zeros(SIZE)
     impulse[SIZE // 3] = -4.0
     for band in (None, (0.5, 8.0)):
@@ -263,8 +265,8 @@ def test_the_window_is_what_is_compared(made):
 
 
 def test_spectra_of_both(made):
-    """Those of the floor's acceleration alone, and of a displacement the same once
-    differentiated."""
+    """For an acceleration, the spectrum is the spectrum of the floor acceleration. For a
+    displacement, it is the spectrum of its second derivative."""
     made.usual(floor_1_m=made.displacements["floor_1"])
     band = "band: [0.3, 5]\n"
     periods = np.array([0.25, 0.5, 1.0])
@@ -277,7 +279,8 @@ def test_spectra_of_both(made):
 
 
 def test_stiffness_and_damping_are_fitted_from_30_percent_off(made):
-    """With a tenth of noise on the floors; each story is off to another side."""
+    """The recordings of the floors contain 10 % noise; the initial stiffnesses of the stories
+    deviate in different directions."""
     generator = np.random.default_rng(11)
     noisy = {
         f"{name}_m_s2": values + 0.1 * np.std(values) * generator.normal(size=SIZE)
@@ -312,7 +315,7 @@ def test_an_offset_that_the_samples_tell_is_removed(made):
 
 
 def test_what_a_recording_does_not_tell_is_said(made):
-    """The damping of a mode far above the band, under noise."""
+    """A warning is given for the damping of a mode far above the frequency band, with noise."""
     roof = made.motions["floor_3"]
     made.usual(floor_3_m_s2=roof + 0.2 * np.std(roof) * np.random.default_rng(2).normal(size=SIZE))
     event = made.event(FLOORS + "band: [0.5, 3]\n")
@@ -367,7 +370,8 @@ def test_the_step_is_no_longer_than_the_interval(made):
 
 @pytest.mark.parametrize(("band", "fastest"), [(None, None), ((0.1, 2.0), 4.0 * math.pi)])
 def test_a_step_by_default_is_short_for_all_modes_within_the_band(made, band, fastest):
-    """The first halving of the interval with which omega dt is at most a quarter."""
+    """The default time step is the first halving of the sampling interval with omega dt of at most
+    a quarter."""
     made.usual()
     case = case_under(made.model, made.event(), "newmark-average")
     omega = fastest or case.building.fastest
@@ -388,8 +392,8 @@ def test_a_building_that_collapses_has_nothing_to_compare(made):
 
 
 def test_a_displacement_that_remains_leaves_no_jump(made):
-    """A slow ramp to a residual: its median would make a jump at t = 0, and an acceleration of 1 /
-    dt^2."""
+    """For a slow ramp to a residual displacement, subtraction of the median would cause a jump at t
+    = 0 and an acceleration of the order of 1 / dt^2."""
     time = DT * np.arange(SIZE)
     ramp = 0.05 * 0.5 * (1.0 + np.tanh((time - 6.0) / 0.8))
     motion = made.displacements["floor_3"] + ramp
@@ -422,8 +426,8 @@ def test_an_absolute_displacement_is_told(made):
 
 
 def test_a_common_factor_is_what_a_roof_sensor_tells(made):
-    """All stiffnesses 30 % off, one sensor: the factor is found to the rounding of the table, 12
-    digits; a base whose median is not 0 by chance is not moved."""
+    """With an error of 30 % of all stiffnesses and one sensor, the common factor is determined to
+    the 12 digits of the table. A base motion with a nonzero median is not shifted."""
     for median in (0.004, -0.006):
         base = made.base + median
         record = Record(base, DT, "", "", "", "noise")
@@ -450,7 +454,7 @@ def test_a_common_factor_is_what_a_roof_sensor_tells(made):
 
 
 def test_a_fit_that_ends_on_a_bound_says_so(made):
-    """Without damping the best ratio is 0, below the least one."""
+    """For a recording without damping, the best ratio is 0, which is below the lower bound."""
     bare = replace(made.model, damping=None)
     record = Record(made.base, DT, "", "", "", "noise")
     history = run_case(prepare(bare, record, method="exact"), history=True).history
@@ -464,8 +468,8 @@ def test_a_fit_that_ends_on_a_bound_says_so(made):
 
 
 def test_a_fit_begins_at_the_best_factors_of_its_scan():
-    """Where the costs are lower than those of both neighbors, or of the one there is; the lowest
-    first."""
+    """The fit starts at local minima of the scan, the lowest minimum first; the ends of the scan
+    count if they are lower than their only neighbor."""
 
     def starts(costs, on_stiffness=True):
         following = iter(costs)
@@ -491,8 +495,8 @@ def test_a_fit_begins_at_the_best_factors_of_its_scan():
 
 
 def test_the_window_by_counting():
-    """What was asked for, and of that what was recorded, to the sample; ten samples are the
-    fewest."""
+    """The window is the recorded part of the requested time range, exact to the sample. At least
+    ten samples are required."""
     random = np.random.default_rng(3)
     base = Record(random.normal(size=100), 0.01, "", "", "", "base")
     refused = 0
@@ -521,8 +525,8 @@ def test_the_window_by_counting():
 
 @pytest.mark.parametrize("shortest", [10, 9])
 def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
-    """One motion, each sensor with a factor and a start of its own: the mean is the mean
-    factor's."""
+    """Sensors record one motion with different factors and start times. Their mean is the motion
+    with the mean factor, over the common time range."""
     motion = np.random.default_rng(4).normal(size=200)
     begins = (30, 35, 20)
     signals = [
@@ -553,8 +557,8 @@ def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
 
 
 def test_a_run_without_a_result_is_as_far_off_as_any():
-    """Its differences have the same size in both measures, whatever floors and samples there
-    are."""
+    """The residuals of a failed run have a fixed size in both measures, for any number of floors
+    and samples."""
     event = SimpleNamespace(count=77, floors=(1, 2))
     problem = SimpleNamespace(_event=event, computed=lambda logarithms: None)
     temporal, spectral = _Problem.temporal(problem, None), _Problem.spectral(problem, None)
@@ -614,8 +618,9 @@ def test_an_unmet_requirement_is_stated_with_both_bounds(made):
 
 
 def test_of_many_floors_those_that_agree_least_are_drawn_and_all_below(made):
-    """Over time where they are shaken, close up eight cycles to both sides of the roof's peak, and
-    as spectra."""
+    """The figure shows the floors with the least agreement, over the time of strong shaking, as a
+    close-up of eight cycles on both sides of the roof peak, and as spectra. An overview below
+    contains all floors."""
     compared = []
     for part in (0.4, 0.3, 0.1, 0.2):
         made.usual(floor_3_m_s2=made.motions["floor_3"] + part * noise(6))
