@@ -236,10 +236,7 @@ def _fields(section: Section) -> FieldFile | None:
         component.fault("cannot be used with `pairs`, which use both components; remove one key")
     # Distances require the locations of sites.
     if not sites:
-        section.refuse(
-            ("distance", "max_distance"),
-            "has no effect without `sites`; add `sites`, or remove this key",
-        )
+        section.refuse(("distance", "max_distance"), "has no effect without `sites`; add them")
     choice, distance = _choice(section), section.read("distance", "km")
     return (
         FieldFile(file, choice, both, sites, distance, _largest(section), section.file("rates"))
@@ -559,9 +556,7 @@ def _check_together(section: Section) -> None:
     # A grid has pairs without the key `pairs`: its files contain both components.
     pair, pairs = value_of("intensity", "pair"), value_of("records", "pairs")
     if pair and records and not records.peek("grid") and (pairs is None or pairs.is_word("false")):
-        pair.fault(
-            "has no effect without `pairs: true` of the records; add `pairs`, or remove this key"
-        )
+        pair.fault("has no effect without `pairs: true` of the records; add this key")
     # The end of a sequence is the end of its last event.
     if (duration := value_of("analysis", "duration")) and value_of("records", "sequences"):
         duration.fault(

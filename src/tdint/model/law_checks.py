@@ -211,8 +211,8 @@ def path_faults(
                 return [
                     f"law {law.name}: its force at drift {point.drift:.6g} m is "
                     f"{point.force:.6g} N in the first evaluation and {point.again:.6g} N after "
-                    "the state is committed; `keep` must copy all values that `force` reads from the "
-                    "trial state to the committed state"
+                    "the state is committed; `keep` must copy all values that `force` reads from "
+                    "the trial state to the committed state"
                 ]
             tolerance = _TANGENT_TOLERANCE * steepest
             if not min(point.slopes) - tolerance <= point.tangent <= max(point.slopes) + tolerance:
