@@ -341,7 +341,7 @@ def test_what_makes_no_sense(frame):
     ):
         with pytest.raises(UsageError, match=message):
             ida(frame, records, settings=settings)
-    with pytest.raises(UsageError, match="given twice"):
+    with pytest.raises(UsageError, match="specified twice"):
         ida(frame, [*records, *records])
     with pytest.raises(UsageError, match="no record"):
         ida(frame, [])

@@ -1,4 +1,4 @@
-"""`tdint chart`: rows, words, files, exit codes."""
+"""`tdint chart`: rows, messages, files, exit codes."""
 
 import json
 import re
@@ -35,7 +35,8 @@ def references(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def kept_here(monkeypatch, references):
-    """References are kept for the tests of this file: many are of one building under one motion."""
+    """Cache reference solutions for the tests of this file, many of which use the same building and
+    motion."""
     monkeypatch.setattr(problem, "cache_folder", lambda: references)
 
 
@@ -111,7 +112,7 @@ def test_table_words_and_files(folder, tdint, drawn):
 
 
 def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint):
-    """It is stated in a line of its own, with its error."""
+    """Otherwise, a separate line states it with its error."""
     words = (
         "--method",
         "impulse4,moment4",
@@ -133,8 +134,8 @@ def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint
 
 
 def test_lines_by_tolerance(folder, tdint):
-    """They stand behind the others, with the error of peak drifts alone, and are not recommended:
-    they have no dt."""
+    """These lines are after the other lines, contain only the error of the peak drifts, and are not
+    recommended, because they have no dt."""
     result = tdint(
         "chart",
         "shaken.yaml",
@@ -353,7 +354,8 @@ def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
 
 
 def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
-    """Standard error is none here, so that of the bar its words are written alone."""
+    """Standard error is not a terminal here, so that only the text of the progress bar is
+    written."""
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream is sys.stderr)
     result = tdint("chart", "shaken.yaml", *QUICK, "--duration", "1", "-o", "x.csv", code=0)
     assert re.search(r"(?m)^reference\b", result.stderr)

@@ -1,4 +1,4 @@
-"""`tdint info --export`: processed motions as files, which read again are the same motions."""
+"""`tdint info --export`: processed motions as files. Reading these files gives the same motions."""
 
 import json
 
@@ -44,8 +44,8 @@ def test_miniseed_is_the_motion_to_the_bit(folder, tdint) -> None:
 
 
 def test_velocity_and_displacement_stand_beside_it(folder, tdint) -> None:
-    """Channels of their own that other programs read; central differences of the velocity are the
-    mean of the accelerations there and beside it."""
+    """Velocity and displacement are separate channels that other programs can read. Central
+    differences of the velocity equal means of adjacent accelerations."""
     from obspy import read
 
     assert tdint("info", "motion.mseed", *UNITS, *DONE, "--export", "out.mseed").exit_code == 0

@@ -1,4 +1,4 @@
-"""`tdint init` of real data: weights, curves of stories, motions; and the shapes of `tdint
+"""`tdint init` with real data (weights, story curves, motions), and the mode shapes of `tdint
 modes`."""
 
 from pathlib import Path
@@ -15,7 +15,8 @@ from tdint.units import STANDARD_GRAVITY
 
 @pytest.mark.parametrize(("units", "newton"), [("si", 1e3), ("us", 4448.2216152605)])
 def test_weights_and_the_period_make_a_building(folder, tdint, units, newton):
-    """By the eigenvalues of dense matrices; the first mode is a straight line."""
+    """The period agrees with the eigenvalues of dense matrices, and the first mode is a straight
+    line."""
     tdint(
         "init",
         "f.yaml",
@@ -81,8 +82,8 @@ def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
 
 
 def test_a_curve_without_a_corner_is_a_law_that_the_model_takes(folder, tdint):
-    """A law hardens by less than its stiffness: of a straight line, and of one that grows steeper,
-    just so."""
+    """The hardening ratio of a law must be less than 1. For a straight line and for a curve with
+    increasing slope, the fit is just below this limit."""
     curves("line.csv", ([0, 80], [0, 800]), ([0, 40, 80], [0, 400, 1000]))
     tdint("init", "b.yaml", "--weights", "4000,3500", "--from-pushover", "line.csv", code=0)
     for story in load_model("b.yaml").stories:
@@ -91,8 +92,8 @@ def test_a_curve_without_a_corner_is_a_law_that_the_model_takes(folder, tdint):
 
 
 def test_a_falling_curve_in_four_points(folder, tdint):
-    """The law of the model has the curve again, past its largest shear, and runs; loops reload
-    along straight lines."""
+    """The law of the model reproduces the curve, including the part after its maximum shear, and
+    the model runs; hysteresis loops reload along straight lines."""
     drift, shear = [0, 10, 40, 60, 80], [0, 1000, 1400, 700, 500]
     curves("fall.csv", (drift, shear), (drift, [2 * force for force in shear]))
     tdint(*FROM_CURVES, "2x4000", "--from-pushover", "fall.csv", "--law", "multilinear", code=0)
@@ -147,7 +148,7 @@ def test_what_makes_no_building(folder, tdint, line, code, message):
     ids=["sine", "sweep"],
 )
 def test_motions_for_teaching(folder, tdint, motion, ends, phase):
-    """With 5 s of rest after them, and of 20 s at least."""
+    """The motions end with 5 s of rest and have a duration of at least 20 s."""
     tdint("init", "f.yaml", "--motion", motion, code=0)
     assert "-0" not in Path("f-motion.txt").read_text().splitlines()
     record = read_record("f-motion.txt")
@@ -163,7 +164,8 @@ def test_motions_for_teaching(folder, tdint, motion, ends, phase):
 
 
 def test_shapes_of_modes(folder, tdint, drawn):
-    """1 at the roof; or, with a participation factor of 1, adding up to 1 at each floor."""
+    """The shapes are 1 at the roof, or have a participation factor of 1 and sum to 1 at
+    each floor."""
     tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
     by_roof = rows(tdint("modes", "f.yaml", "--shapes", "roof", "--plot=m.png").stdout)
     assert [float(row["floor_4_shape"]) for row in by_roof] == pytest.approx([1.0] * 4)
@@ -179,7 +181,7 @@ def test_shapes_of_modes(folder, tdint, drawn):
 
 
 def test_modes_have_damping_with_p_delta(folder, tdint):
-    """That of the mode moving alone: phi^T C phi / (2 omega)."""
+    """The damping ratio is the ratio of the uncoupled mode: phi^T C phi / (2 omega)."""
     tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
     Path("f.yaml").write_text(Path("f.yaml").read_text().replace("p_delta: false", "p_delta: true"))
     result = tdint("modes", "f.yaml")

@@ -1,4 +1,4 @@
-"""`tdint fragility`: functions of tables and of studies, their units, what is refused."""
+"""`tdint fragility`: functions of tables and studies, their units, and errors."""
 
 import re
 from pathlib import Path
@@ -24,8 +24,8 @@ CONFIGS = Path(__file__).parents[2] / "configs"
     ids=["capacities", "stripes", "cloud"],
 )
 def test_fragility_in_other_units(folder, tdint, text, name, arguments):
-    """A median converted is the median of what is converted; dispersions have no unit; the picture
-    goes with them."""
+    """The converted median equals the median of converted values. Dispersions have no unit. The
+    figure has the same units as the table."""
     (folder / "g.csv").write_text(text)
     table = [row | {name: repr(9.80665 * float(row[name])), "unit": "m/s^2"} for row in rows(text)]
     lines = [",".join(table[0]), *(",".join(row.values()) for row in table)]
@@ -69,8 +69,8 @@ def test_a_folder_of_a_study(folder, tdint, make_record):
 
 
 def test_runs_of_a_campaign(folder, tdint):
-    """Stripes where the runs stand at common levels; a run without a result counts neither way, and
-    is told. The bounds are those of tests/campaign/test_fit_table.py."""
+    """Runs at common levels are stripes. A run without a result is excluded and reported.
+    tests/campaign/test_fit_table.py tests the bounds."""
     header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
     lines = [
         f"a,{record},{'collapsed' if drift == 0.05 else 'done'},{drift},{level}"

@@ -301,7 +301,7 @@ def test_a_campaign_goes_on_where_it_stopped(study):
             UsageError,
             "colour",
         ),
-        (lambda: package.model_template(0), UsageError, "stories from 1 on"),
+        (lambda: package.model_template(0), UsageError, "stories must be at least 1"),
         (lambda: package.to_dict([]), UsageError, "one or more results"),
         (lambda: package.to_dict([motion(), package.methods()]), UsageError, "of the same type"),
     ],

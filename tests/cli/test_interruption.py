@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while a library works and Python does not look."""
+"""Ctrl-C and SIGTERM while a library is executing and Python cannot handle signals."""
 
 import errno
 import signal
@@ -40,7 +40,7 @@ OTHERS = [
 
 
 def started(ends, *words):
-    """Processes of Python at the line that they print, for each of what is expected of them: they
+    """Start Python processes that have printed their marker line, one per expected outcome; they
     mostly wait."""
     command = [sys.executable, *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -51,7 +51,7 @@ def started(ends, *words):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_signal_ends_the_command_inside_of_a_library(tmp_path):
-    """Of Ctrl-C and of a terminal that is closed, a command each at a time."""
+    """The signals are Ctrl-C and the hang-up of a terminal, one command for each."""
     ends = started([ASKED[0], *OTHERS[:1]], "-c", STUCK, str(tmp_path))
     time.sleep(0.1)  # into LAPACK
     for process, (number, _, _) in ends.items():
@@ -105,7 +105,7 @@ finally:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for():
-    """Once and three times, a command each at a time."""
+    """The signal is sent once and three times, to one command each."""
     ends = started(zip([*ASKED, *OTHERS[-1:]], (1, 3, 3), strict=False), "-c", LINGERING)
     for again, pause in enumerate((0.1, 0.1, 0.05)):
         time.sleep(pause)
@@ -120,7 +120,7 @@ def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for():
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, *(number for number, _, _ in OTHERS)])
 def test_what_is_raised_after_a_signal_is_the_signal(capsys, number):
-    """Modules that are being loaded turn it into errors of their own."""
+    """Modules that are being imported convert the interrupt into other exceptions."""
 
     def command():
         try:
@@ -143,7 +143,7 @@ def test_what_is_raised_after_a_signal_is_the_signal(capsys, number):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_signal_that_is_ignored_is_ignored(capsys):
-    """As of `nohup`."""
+    """This is the case with `nohup`."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         assert exit_code_of(lambda: signal.raise_signal(signal.SIGHUP), Settings()) == 0

@@ -1,4 +1,4 @@
-"""`tdint inventory` and `tdint pushover`: rows, files, words, exit codes."""
+"""`tdint inventory` and `tdint pushover`: rows, files, messages, exit codes."""
 
 import json
 from pathlib import Path
@@ -69,8 +69,8 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
 
 
 def test_a_pushover(folder, tdint, drawn):
-    """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a
-    base shear of 50 N."""
+    """Two equal stories with 8000 N/m and a yield force of 50 N: under equal forces, the lower
+    story yields at a base shear of 50 N."""
     words = (
         "--pattern",
         "uniform",
@@ -94,8 +94,8 @@ def test_a_pushover(folder, tdint, drawn):
 
 
 def test_a_pushover_to_a_design_spectrum(folder, tdint):
-    """What is the building's stands once in a sentence and in the JSON; the rows of each method:
-    test_interface.py."""
+    """Values of the building are printed once and stored in the JSON file. test_interface.py tests
+    the rows of each method."""
     target = "ec8:type=1,soil=C,ag=0.05g"
     result = tdint(
         "pushover",
@@ -148,7 +148,7 @@ def test_of_many_faults_the_first_ten_and_their_number_are_shown(folder, tdint):
 
 
 def test_modes_under_a_design_spectrum(folder, tdint):
-    """The rows: test_interface.py."""
+    """test_interface.py tests the rows."""
     arguments = ("modes", CONFIGS / "ten-story.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8")
     result = tdint(*arguments, "--plot=m.png", code=0)
     assert "All modes are included (100 % of the mass)." in result.stderr

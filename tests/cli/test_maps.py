@@ -1,4 +1,4 @@
-"""What maps need: columns of an inventory in the tables of its campaign, GeoJSON, Parquet."""
+"""Data for maps: columns of an inventory in the tables of its campaign, GeoJSON, Parquet."""
 
 import json
 from pathlib import Path
@@ -37,7 +37,8 @@ CARRIED = [
 
 @pytest.fixture
 def region(here: Path) -> Path:
-    """campaign.yaml with three buildings, one of them nowhere, under a pair at two scales."""
+    """Write campaign.yaml with three buildings (one of them without coordinates), a pair and two
+    scales."""
     Path("campaign.yaml").write_text(CAMPAIGN)
     Path("buildings.csv").write_text(BUILDINGS)
     Path("motion.mseed").write_bytes(
@@ -48,7 +49,7 @@ def region(here: Path) -> Path:
 
 @pytest.fixture
 def mapped(region: Path, tdint: Command) -> list[dict[str, Any]]:
-    """The buildings of a map of the campaign, which is in `out`."""
+    """Return the buildings of the map of the campaign in `out`."""
     tdint("campaign", "campaign.yaml", "-o", "out", code=0)
     assert tdint("campaign", "export", "out", "--geojson", code=0).stdout == ""
     return features()
@@ -66,7 +67,7 @@ def features() -> list[dict[str, Any]]:
 
 
 def of_building(table: list[dict[str, str]], properties: dict[str, Any]) -> list[dict[str, str]]:
-    """The rows of both components of a building at a scale."""
+    """Return the rows of both components for a building and a scale."""
     pair = [
         row
         for row in table
@@ -77,7 +78,8 @@ def of_building(table: list[dict[str, str]], properties: dict[str, Any]) -> list
 
 
 def positions(geometry: dict[str, Any] | None) -> list[float] | None:
-    """The position of a point after RFC 7946, 3.1.1 and 4: longitude, then latitude, degrees."""
+    """Return the coordinates of a point according to RFC 7946, 3.1.1 and 4: longitude, then
+    latitude, degrees."""
     if geometry is None:
         return None
     assert set(geometry) == {"type", "coordinates"} and geometry["type"] == "Point"
@@ -88,9 +90,9 @@ def positions(geometry: dict[str, Any] | None) -> list[float] | None:
 
 @pytest.mark.usefixtures("mapped")
 def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command) -> None:
-    """As they are written, but for what a spreadsheet would run; what has the name of another
-    column gets a prefix. Other columns of an inventory run nothing anew, and shards carry them
-    along."""
+    """Columns of the inventory follow the other columns. Their texts are unchanged, except for
+    texts that a spreadsheet would execute, and duplicate column names have a prefix. Changed
+    additional columns do not cause new runs. Shards keep these columns."""
     table, inventory = rows("out/runs.csv"), {row["id"]: row for row in rows("buildings.csv")}
     assert list(table[0])[-len(CARRIED) :] == CARRIED and len(table) == 12
     for row in table:
@@ -117,9 +119,8 @@ def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command)
 
 
 def test_a_map_by_the_rules_of_geojson(mapped: list[dict[str, Any]], tdint: Command) -> None:
-    """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, finite
-    numbers alone; and the larger component of runs.csv in the properties, in the units of the
-    tables."""
+    """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, only finite
+    numbers. The properties contain the larger component of runs.csv, in the units of the tables."""
     assert all(
         set(one) == {"type", "geometry", "properties"} and one["type"] == "Feature"
         for one in mapped
@@ -174,8 +175,8 @@ def test_what_a_map_refuses(
 
 @pytest.mark.usefixtures("mapped")
 def test_a_map_goes_with_its_places(tdint: Command) -> None:
-    """It is written anew with the other tables, and is gone where the inventory has no places any
-    more."""
+    """The map is updated with the other tables, and removed if the inventory no longer has
+    coordinates."""
     Path("buildings.csv").write_text(BUILDINGS.replace("1e6", "3e6"))
     assert "buildings.geojson: updated" in tdint("campaign", "campaign.yaml", "-o", "out").stderr
     assert features()[0]["properties"]["Cost"] == 3e6
@@ -189,7 +190,8 @@ def test_a_map_goes_with_its_places(tdint: Command) -> None:
 
 @pytest.mark.usefixtures("mapped")
 def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
-    """Runs and stories; columns of the inventory are numbers where all their cells are."""
+    """Runs and stories are written. Columns of the inventory are numeric if all their cells are
+    numbers."""
     pytest.importorskip("pyarrow")
     tdint("campaign", "export", "out", code=0)
     _, found = (
@@ -206,8 +208,8 @@ def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
 
 
 def test_damage_has_them_too(region: Path, tdint: Command) -> None:
-    """Columns of the inventory in damage.csv and damage.parquet; the map has the means over the
-    runs of damage.csv."""
+    """damage.csv and damage.parquet contain the columns of the inventory; the map contains the
+    means over the runs of damage.csv."""
     damage = (
         "{thresholds: {slight: 0.4%, complete: 2%}, dispersion: 0.3, losses: {slight: 10%, "
         "complete: 1}}"

@@ -1,4 +1,4 @@
-"""Both components of a recording are one motion in every command."""
+"""The two components of a recording count as one ground motion in every command."""
 
 import json
 import re
@@ -15,7 +15,7 @@ TARGET = "--target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:0.5"
 
 
 def write_pair(folder, name="RSN1_EQ_GIL", event="Loma Prieta", seed=0, sizes=(1.0, 0.6)):
-    """Write two PEER files: decaying noise of 067 and 337 with these sizes."""
+    """Write two PEER files, 067 and 337, with decaying noise of the given amplitudes."""
     generator = np.random.default_rng(seed)
     for direction, size in zip(("067", "337"), sizes, strict=True):
         time = np.arange(600) * 0.01
@@ -69,7 +69,7 @@ def test_components_of_different_events_are_refused(folder, tdint):
     ],
 )
 def test_components_that_do_not_belong_together_are_refused(folder, tdint, old, new, message):
-    """By every command that counts them as one motion; as separate motions they are run."""
+    """Commands that combine components refuse them; as separate motions they are run."""
     (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
     (folder / "in").mkdir()
     write_pair(folder / "in")
@@ -100,8 +100,8 @@ def test_a_missing_component_is_named(folder, tdint):
 
 
 def drift_means(runs, combine):
-    """Return the mean over motions of `combine` of the drift ratios of each motion, from the rows
-    of a table of runs (one story) in which the components of a pair follow each other."""
+    """Return the mean over motions of the drift ratios of each pair, combined by `combine`, from a
+    table of runs (one story) with consecutive rows for the components of a pair."""
     drifts = [float(row["peak_drift_ratio"]) for row in runs]
     return np.mean([combine(drifts[i : i + 2]) for i in range(0, len(drifts), 2)])
 
@@ -117,7 +117,7 @@ analysis: {method: newmark-average}
 
 @pytest.fixture
 def suite(folder, tdint):
-    """A folder of three matched pairs, and a building of one story."""
+    """Change to a directory with three matched pairs and a one-story building."""
     (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
     (folder / "in").mkdir()
     for seed, (name, event) in enumerate((("A", "Loma Prieta"), ("B", "Kobe"), ("C", "Duzce"))):
@@ -130,8 +130,8 @@ def suite(folder, tdint):
     ("demand", "combine"), [("larger", max), ("mean", np.mean), ("separate", None)]
 )
 def test_a_limit_of_matched_pairs_counts_them_as_declared(suite, tdint, demand, combine):
-    """The unsafe case: averaged as motions of their own, the components stayed within a limit that
-    the larger ones exceed."""
+    """This is the unsafe case: the average over separate components meets a limit that the average
+    of the larger components exceeds."""
     runs = rows(tdint("run", "one.yaml", "m", code=0).stdout)
     assert len(runs) == 6
     expected = drift_means(runs, combine or np.mean)
@@ -173,7 +173,7 @@ def test_a_choice_without_pairs_is_refused(suite, tdint):
 
 
 def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeypatch):
-    """Of pairs that were scaled as such and run as files of their own."""
+    """The pairs were scaled as pairs and are run as separate files."""
     from tdint.output import figures
 
     drawn = []
@@ -197,8 +197,8 @@ def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeyp
 
 
 def test_capacities_of_pairs(suite, tdint):
-    """Each pair has one capacity: the smaller one of its components with the larger demand, one
-    between them with the mean; fragility functions state the choice."""
+    """Each pair has one capacity: with the larger demand the smaller capacity of its components,
+    with the mean demand a value between them. Fragility functions state the rule."""
     call = "ida one.yaml m --threshold 0.5%,1% --max-im 3g"
     tables = {}
     for demand in ("larger", "mean", "separate"):
@@ -234,7 +234,7 @@ def test_capacities_of_pairs(suite, tdint):
 
 
 def test_the_mean_curve_of_a_pair_is_found_by_hand():
-    """Of two straight lines through the origin the mean is one with the mean slope."""
+    """The mean of two straight lines through the origin is a line with the mean slope."""
     record = Record(np.ones(10), 0.01, "", "", "", "")
     curves = []
     for slope in (0.01, 0.03):

@@ -1,4 +1,4 @@
-"""Pictures for print: their width, fonts, words, and what is refused."""
+"""Figures for print: width, fonts, texts, and errors."""
 
 import itertools
 import re
@@ -24,7 +24,7 @@ STABILITY = ("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", 
 def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(
     here, tdint, drawn
 ):
-    """Letters as the page's streams set them: `/F1 8 Tf`."""
+    """The font size is read from the page streams: `/F1 8 Tf`."""
     line = ("overshoot", "--method", "impulse4", "--steps", "3")
     tdint(*line, "--style", "90mm", "--plot=a.pdf", code=0)
     data = (here / "a.pdf").read_bytes()
@@ -44,7 +44,7 @@ def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_point
 
 
 def test_words_are_those_of_the_paper(here, tdint, drawn):
-    """And a style sheet has its say."""
+    """Titles and labels can be replaced; a style sheet is applied."""
     (here / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
     style = ("--style", "own.mplstyle,width=7in,label:impulse4='present, method',title=no")
     tdint(*STABILITY, *style, "--plot=a.svg", code=0)
@@ -105,8 +105,8 @@ def test_symbols():
 
 
 def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
-    """The command line goes over them; a style sheet is relative to the file, from wherever the
-    folder is read."""
+    """The command line takes precedence over the campaign file. The path of a style sheet is
+    relative to the campaign file, for any working directory."""
     asked = []
 
     def noted(self, stream):
@@ -201,8 +201,7 @@ is the harder one."""
 
 
 def words_of(figure):
-    """The texts that are seen and their boxes, points; numbers of ticks that are not drawn are
-    none."""
+    """Return the visible texts and their boxes, in points; hidden tick labels are excluded."""
     figure.draw_without_rendering()
     axes = [panel for whole in figure.axes for panel in (whole, *whole.child_axes)]
     every, shown = set(), set()
@@ -225,8 +224,8 @@ def words_of(figure):
 
 
 def faults(figure):
-    """Words beyond the page by more than half a point, and words over others by more than a point
-    both ways."""
+    """Return the texts that exceed the page by more than half a point, and texts that overlap
+    others by more than a point in both directions."""
     words, (wide, high) = words_of(figure), 72.0 * figure.get_size_inches()
     beyond = [
         text.get_text() for text, box in words if min(*box[:2], wide - box[2], high - box[3]) < -0.5
@@ -242,8 +241,8 @@ def faults(figure):
 
 @pytest.fixture
 def studied(folder, tdint, request):
-    """The folder with what the commands take: a study, recordings on the floors, counted collapses,
-    a spectrum."""
+    """Return a directory with the inputs of the commands: a study, recordings of floors, collapse
+    counts and a spectrum."""
     for name, text in {
         "study.yaml": STUDY,
         "recorded.yaml": RECORDED,

@@ -1,4 +1,4 @@
-"""profiles.csv, its picture and the limit of drifts, against numbers computed from stories.csv by
+"""profiles.csv, its figure and the drift limit, compared with values computed from stories.csv by
 hand."""
 
 import json
@@ -35,7 +35,7 @@ MOTIONS = {"motion.mseed": "pair", "other.mseed": "single", "third.mseed": "sing
 
 @pytest.fixture
 def study(folder: Path, make_record: Callable[..., None]) -> Path:
-    """The working directory with study.yaml: two buildings, a pair and two single components, two
+    """Change to a directory with study.yaml: two buildings, a pair and two single components, two
     scales."""
     make_record(folder / "third.mseed", "HNE", peak=2.0)
     (folder / "study.yaml").write_text(STUDY)
@@ -44,14 +44,16 @@ def study(folder: Path, make_record: Callable[..., None]) -> Path:
 
 
 def fractile(values: list[float], part: float) -> float:
-    """On straight lines between the values in order, the first at 0 and the last at 1."""
+    """Return a fractile by linear interpolation between the sorted values; the first value is at 0,
+    the last at 1."""
     ordered, place = sorted(values), part * (len(values) - 1)
     below = min(int(place), len(values) - 2)
     return ordered[below] + (place - below) * (ordered[below + 1] - ordered[below])
 
 
 def by_hand(stories: list[dict[str, str]], column: str, which: dict[str, str]) -> list[float]:
-    """The values of a column over the motions: of both components of a pair the larger one."""
+    """Return the values of a column for each motion: for a pair, the larger value of its two
+    components."""
     largest: dict[str, float] = {}
     for row in stories:
         if all(row[name] == value for name, value in which.items()):
@@ -97,8 +99,7 @@ def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> Non
 
 
 def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Command) -> None:
-    """All values a little larger or smaller give other statistics: by so much these may be off, and
-    no more."""
+    """The error of a statistic is the maximum change if all values change within their errors."""
     Path("study.yaml").write_text(
         STUDY.replace("{method: newmark-average}", "{method: moment4, check: true}")
     )
@@ -131,7 +132,8 @@ def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Co
 
 
 def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command) -> None:
-    """Not of the mean over motions of their worst stories, which is another number."""
+    """The limit applies to the maximum over stories of the mean drift, which differs from the mean
+    of the maximum drifts."""
     run = (
         "run",
         "stiff.yaml",
@@ -173,8 +175,9 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command
 def test_a_gate_does_not_pass_before_all_runs_are_done(
     study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
-    """The limit is so wide that the whole study is within: parts of it end with 5 all the same, and
-    without the gate with 0 and a warning that cannot be silenced."""
+    """The limit is so large that the complete study meets it. Parts of the study nevertheless cause
+    exit code 5 with --require; without --require, exit code 0 and a warning that --quiet does
+    not suppress."""
     make_record(study / "third.mseed", "HNE", peak=2.0, samples=12000)  # more than one chunk
     gate = ("--limit", "90%", "--require")
     parts = {
@@ -206,8 +209,8 @@ def test_a_gate_does_not_pass_before_all_runs_are_done(
 
 
 def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) -> None:
-    """One motion of three is made to collapse the building: the mean is that of the others, and
-    beyond any limit."""
+    """One of three motions causes collapse. The mean is over the other two motions, and no limit is
+    met."""
     factors = {"motion.mseed": "40", "other.mseed": "0.5", "third.mseed": "0.6"}
     lines = [
         "record,component,factor",
@@ -238,8 +241,8 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) 
 def test_of_many_buildings_ten_are_named_and_the_others_counted(
     study: Path, tdint: Command
 ) -> None:
-    """A building that is named twice is told; of all the table says how many motions each mean
-    lacks."""
+    """A building that is listed twice is reported. The table states the number of excluded motions
+    of each mean."""
     names = [f"weak-{place}.yaml" for place in range(7)]
     for name in names:
         Path(name).write_text(
@@ -374,7 +377,8 @@ def test_ratios_are_those_of_the_profiles(study: Path, tdint: Command) -> None:
 
 
 def test_without_a_motion_there_is_no_number() -> None:
-    """Where all runs of a building collapse; one motion is each of its statistics."""
+    """If all runs of a building collapse, the cells are empty. With one motion, all statistics
+    equal its value."""
     for values in vars(Statistics.of(np.empty((0, 3)))).values():
         assert values.shape == (3,)
         assert np.isnan(values).all()

@@ -1,5 +1,5 @@
-"""The page of --report: one file, well-formed, without anything from elsewhere, with the numbers of
-the tables."""
+"""The page of --report: one well-formed file without external resources, with the numbers of the
+tables."""
 
 import base64
 import hashlib
@@ -26,7 +26,7 @@ EMPTY = {"meta", "img", "br"}
 
 
 class Page(HTMLParser):
-    """The texts of the cells of all tables, the sources of pictures, and all text; every element is
+    """Parser of a page: cells of all tables, sources of images, and all text. Elements must be
     closed in order."""
 
     def __init__(self, text: str) -> None:
@@ -91,7 +91,7 @@ def table_with(found: Page, heading: str) -> list[dict[str, str]]:
 
 
 def test_the_page_of_a_run(folder: Path, tdint: Command, drawn: None) -> None:
-    """Its name cannot write into it."""
+    """Special characters in the name of the model cannot change the page."""
     change("shaken.yaml", ("name: shaken", "name: '<script>alert(1)</script> & \"co\"'"))
     result = tdint("run", "shaken.yaml", "--check", "--report", "page.html", code=0)
     found = page("page.html")
@@ -165,8 +165,8 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
 
 
 def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
-    """Limit, value and place, in words and in color; --require makes the limit of one run a gate,
-    too."""
+    """The result with limit, value and story is in words and in color. With --require, it also
+    determines the exit code of one run."""
     drifts = [
         float(row["peak_drift_ratio"]) for row in rows(tdint("run", "shaken.yaml", code=0).stdout)
     ]
@@ -277,7 +277,7 @@ def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(
 
 
 def test_the_base_shear_of_the_headline_is_in_the_table(folder: Path, tdint: Command) -> None:
-    """With dashpots the table has only the shear with viscous forces, and so has the headline."""
+    """With dashpots, the table and the headline contain the base shear with viscous forces."""
     table = rows(
         tdint("run", CONFIGS / "base-isolated.yaml", "--report", "page.html", code=0).stdout
     )
@@ -501,8 +501,8 @@ A4 = (595.3, 841.9)
 
 
 def printed(file: str) -> list[tuple[str, float, float]]:
-    """The lines of text on paper, with where their first and last letters begin, in points from the
-    left."""
+    """Return the lines of text on paper, with the positions of their first and last letters in
+    points from the left."""
     command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
     where = (
         f"--user-data-dir={Path('profile').absolute()}",
@@ -531,7 +531,7 @@ def stream(body: bytes) -> bytes:
 
 
 def letters(font: bytes, objects: dict[bytes, bytes]) -> dict[bytes, str]:
-    """What the codes of a font stand for: its table ToUnicode."""
+    """Return the characters for the codes of a font, from its table ToUnicode."""
     place = re.search(rb"/ToUnicode (\d+) 0 R", font)
     assert place
     table, found = stream(objects[place[1]]).decode("ascii"), {}
@@ -546,8 +546,8 @@ def letters(font: bytes, objects: dict[bytes, bytes]) -> dict[bytes, str]:
 
 
 def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[str, float, float]]:
-    """Text between BT and ET, a line or a cell of a table; the matrices are those of the page and
-    of the text."""
+    """Return the texts between BT and ET, one per line or table cell, with the matrices of the page
+    and the text."""
     named = re.search(rb"/Font <<(.*?)>>", body, re.DOTALL)
     fonts = {
         name: letters(objects[place], objects)
@@ -611,8 +611,8 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
 def test_no_page_but_the_last_is_more_than_a_quarter_white(
     folder: Path, tdint: Command, drawn: None, asked: tuple[str, ...]
 ) -> None:
-    """Printed to A4: the last ink of each page is in the lowest quarter of the area between the
-    margins, and the last page is at least a quarter full."""
+    """Printed on A4, the content of each page reaches the lowest quarter of the printable area, and
+    the last page is at least a quarter full."""
     tdint(asked[0], CONFIGS / asked[1], *asked[2:], "-q", "--report", "page.html", code=0)
     assert not re.search(r"\de[+-]\d", page("page.html").text)
     printed("page.html")
@@ -631,8 +631,7 @@ def test_no_page_but_the_last_is_more_than_a_quarter_white(
 def test_a_page_prints_with_whole_numbers_inside_its_margins(
     folder: Path, tdint: Command, drawn: None
 ) -> None:
-    """Every cell that is a number stands in the PDF as one piece of text, and no text is beyond the
-    paper."""
+    """Every cell with a number is one piece of text in the PDF, and no text exceeds the paper."""
     assert (
         tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
     )

@@ -1,4 +1,4 @@
-"""`tdint run`: the table, the files, every refusal with its exit code."""
+"""`tdint run`: the table, the files, and all errors with their exit codes."""
 
 import hashlib
 import json
@@ -232,7 +232,7 @@ def test_all_faults_of_a_model_are_lines(folder, tdint):
 
 
 def test_outputs_are_looked_at_before_the_work(folder, tdint):
-    """Not even the model is read: it does not exist."""
+    """The outputs are checked before the model is read: the model file does not exist."""
     (folder / "out").mkdir()
     (folder / "out" / "history.csv").write_text("old")
     tdint.refused(
@@ -266,8 +266,8 @@ def test_a_run_under_forces_and_one_that_failed_writes_its_summary_alone(folder,
 
 @pytest.mark.parametrize("method", ["newmark-average", "moment4"])
 def test_a_run_tells_its_errors(folder, tdint, method):
-    """Unasked and the same asked for, whatever the method, by one run of impulse4; --no-check
-    leaves them out, and no number is another."""
+    """By default and with --check, the errors of any method are estimated by one run of impulse4.
+    --no-check omits them and changes no other number."""
     call = ("run", "shaken.yaml", "--method", method)
     plain = tdint(*call, "--no-check")
     result = tdint(*call, "-o", "out", "--history", "--plot", code=0)
@@ -307,8 +307,8 @@ def test_a_run_tells_its_errors(folder, tdint, method):
 
 
 def test_a_history_holds_the_errors_that_are_asked_for(folder, tdint):
-    """Its largest drifts, corrected at the steps, are no more than the corrected peaks; without
-    --check it has none."""
+    """Its maximum drifts, corrected by the errors at the time steps, do not exceed the corrected
+    peaks. Without --check, it contains no errors."""
     run = ("run", "shaken.yaml", "--method", "moment4")
     result = tdint(*run, "--check", "--history", "-o", "out", "--plot", code=0)
     tdint(*run, "--history", "h.csv", code=0)
@@ -332,8 +332,8 @@ IDA = "ida shaken.yaml motion.mseed --units m/s^2 --component HNE --max-im 1m/s^
 
 
 def test_until_rest(folder, tdint):
-    """The residual drifts are at rest, and the summary says from when; without it a note says by
-    how much they move."""
+    """Residual drifts are values at rest, and the summary states the time of rest. Without
+    --until-rest, a note states the remaining motion."""
     plain = tdint("run", "shaken.yaml", "-o", "out")
     summaries = [summary_of(folder)]
     rest = tdint("run", "shaken.yaml", "-o", "out", "--overwrite", "--until-rest")
@@ -357,7 +357,8 @@ def test_until_rest(folder, tdint):
     "command", ["run shaken.yaml", "run shaken.yaml --scale 1,2", IDA], ids=["run", "many", "ida"]
 )
 def test_a_run_that_ends_before_its_record_is_told(folder, tdint, command):
-    """A third of the way, by the option or by the model, which may say it for another record."""
+    """A duration of a third of the record, from the option or from the model (possibly intended for
+    another record), causes a note."""
     told = (
         "note: the analysis ends at 1 s and omits a part of the Arias intensity: motion.mseed HNE "
     )
@@ -453,8 +454,8 @@ def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
 def test_a_history_that_the_disk_cannot_hold_is_refused_before_the_run(
     folder, tdint, monkeypatch, file, bytes_
 ):
-    """So many bytes a number at least: of 101 steps, time, ground, 2 floors and 2 stories, 7
-    energies."""
+    """The minimum size is computed from the bytes per number for 101 steps with time, ground
+    motion, 2 floors, 2 stories and 7 energies."""
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000.0))
     monkeypatch.setattr(
         "tdint.analysis.run.run.run_case", lambda *_, **__: pytest.fail("it was run")

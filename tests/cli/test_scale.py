@@ -1,4 +1,4 @@
-"""`tdint scale`: factors of single records, pairs and sets, and `tdint run` with them."""
+"""`tdint scale`: factors of single records, pairs and sets, and `tdint run` with these factors."""
 
 import json
 from pathlib import Path
@@ -42,8 +42,8 @@ def test_factors_to_a_value(folder, tdint):
 
 
 def test_counts_and_others_in_one_call(folder, tdint, make_record):
-    """Units by the end of the path, by a table and in a campaign are those of each file given
-    alone."""
+    """Units by the end of the path, by a table and in a campaign give the same results as units for
+    each file in a separate call."""
     make_record(folder / "counts.mseed", "HNE", integer=True)
     (folder / "lab.txt").write_text("# dt = 0.02 s\n0\n0.11\n-0.07\n0.02\n0\n")
     of_each = {"motion.mseed": "m/s^2", "counts.mseed": "1e-5 m/s^2", "lab.txt": "g"}
@@ -74,8 +74,8 @@ def test_a_pair_has_one_factor(folder, tdint):
 
 
 def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
-    """Whose names are unknown: one message says what would do, and with it two motions are two
-    pairs."""
+    """For unknown file names, one message states the option that is required; with this option, two
+    motions are two pairs."""
     (folder / "named").mkdir()
     for peak, name in enumerate(("kobe", "taft"), start=1):
         for channel, ending, more in (
@@ -147,8 +147,8 @@ EC8 = ("--target", "ec8:type=1,soil=B,ag=0.25g")
 
 
 def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
-    """Mean of the scaled spectra against those that `tdint spectrum` writes, and the mean PGA
-    against ag S."""
+    """The mean of the scaled spectra is compared with the output of `tdint spectrum`, and the mean
+    PGA with ag S."""
     building = CONFIGS / "ten-story.yaml"
     period = float(rows(tdint("modes", building).stdout)[0]["period_s"])
     files = ("motion.mseed", "other.mseed")
@@ -254,8 +254,8 @@ def test_scaling_that_is_refused(folder, tdint, arguments, message):
 
 
 def test_a_run_with_the_factors_of_a_suite(folder, tdint):
-    """What `tdint scale` writes, `tdint run` takes: each component with its factor, as by --scale
-    alone."""
+    """`tdint run` reads the output of `tdint scale`: each component has its factor, with the same
+    results as --scale."""
     suite = ("motion.mseed", "other.mseed", *UNITS)
     target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
     tdint("scale", *suite, *target, "-o", "suite.csv", code=0)
@@ -302,8 +302,8 @@ def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
 
 
 def test_records_of_the_table_of_factors(folder, tdint, make_record):
-    """Select, match, run, ida and campaign without naming a record: the table lists them, and the
-    other motions of the pool are not used."""
+    """Select, match, run, ida and campaign require no record arguments: the table lists the
+    selected records, and the other motions of the suite are not used."""
     (folder / "pool").mkdir()
     for seed in range(4):
         make_record(
@@ -355,7 +355,7 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
 
 
 def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
-    """The table of selected pairs lists both components, also next to the table alone."""
+    """The table of selected pairs lists both components, and can be used without the records."""
     (folder / "study").mkdir()
     for seed in range(3):
         make_record(
@@ -381,8 +381,8 @@ def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
 
 
 def test_motions_are_selected(folder, tdint):
-    """The best of three, told with what was left out; the table is that of `scale`; at most one of
-    an earthquake."""
+    """The best selection from three motions is printed with the omitted motions. The table has the
+    format of `scale`. At most one motion of an earthquake is selected."""
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\nother.mseed,there\n")
     words = (
         "scale",

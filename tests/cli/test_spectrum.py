@@ -1,5 +1,5 @@
-"""`tdint spectrum`, elastic and inelastic: rows, files, pictures, and good records beside bad
-ones."""
+"""`tdint spectrum`, elastic and inelastic: rows, files, figures, and valid records together with
+invalid records."""
 
 import json
 
@@ -42,7 +42,8 @@ def test_every_component_damping_ductility_and_period_in_order(folder, tdint, co
 
 
 def test_standard_input_at_the_default_periods(folder, tdint):
-    """Which stand in the help. The numbers are those of the library: test_interface.py."""
+    """The help lists the default periods. test_interface.py compares the numbers with the
+    library."""
     tdint("spectrum", "-", "-o", "out/", stdin=(folder / "other.mseed").read_bytes(), code=0)
     assert files(folder / "out") == {"stdin.csv", "stdin.json"}
     assert defaults.PERIODS in tdint("spectrum", "--help-all").stdout
@@ -62,7 +63,7 @@ def test_periods_component_and_method(folder, tdint):
 
 
 def test_a_choice_that_is_made_has_a_column(folder, tdint):
-    """And stands in the JSON file."""
+    """A selected option adds a column and an entry in the JSON file."""
     plain = tdint("spectrum", "other.mseed", *PERIODS).stdout.splitlines()
     named = tdint(
         "spectrum", "other.mseed", *PERIODS, "--maxima", "exact", "--interpolation", "linear"
@@ -113,7 +114,7 @@ def test_the_choices_are_those_of_the_library():
 
 @pytest.mark.parametrize("more", [(), PERIODS])
 def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, more, drawn):
-    """A picture has it, too, and a target over the spectra of records."""
+    """The figure contains it, and a target spectrum can be drawn with it."""
     words = ("--period", "0", *more, "--target", EC8, "-o", "zero.csv", "--plot")
     result = tdint("spectrum", "other.mseed", *words, code=0)
     assert "below a period" not in result.stderr
@@ -225,8 +226,8 @@ def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
     ],
 )
 def test_peaks_between_the_periods_that_nobody_chose(folder, tdint, options, told):
-    """The default periods are 3.5 % apart, more than half the width of resonance with 2 %
-    damping."""
+    """The default periods have a spacing of 3.5 %, which exceeds half the width of a resonance with
+    2 % damping."""
     said = "the spacing of the periods is 3.5 %: with 2 % damping the spectrum may be higher"
     assert (said in tdint("spectrum", "other.mseed", *options, code=0).stderr) == told
 
@@ -307,7 +308,7 @@ def test_a_record_of_zeros_is_drawn(folder, tdint, option, drawn):
 
 
 def test_fourier_spectra(folder, tdint, drawn):
-    """Settings beside the table; a factor, another unit, another smoothing."""
+    """The settings are in the JSON file; scale factor, units and smoothing are tested."""
     fourier = ("spectrum", "motion.mseed", *UNITS, "--fourier")
     assert tdint(*fourier, "-o", "f.csv", "--plot", "--scale", "2", code=0).stdout == ""
     table = rows(folder / "f.csv")

@@ -1,5 +1,5 @@
-"""The pages of `tdint ida --report` and `tdint fragility --report`: numbers of the tables, written
-as people write them."""
+"""The pages of `tdint ida --report` and `tdint fragility --report`: numbers of the tables, rounded
+for reading."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Pipes, full disks, closed streams and Ctrl-C, with the command as a process of its own."""
+"""Pipes, full disks, closed streams and Ctrl-C, with the command as a separate process."""
 
 import io
 import subprocess
@@ -18,13 +18,13 @@ TDINT = f"{sys.executable} -c 'from tdint_cli.main import main; main()'"
 
 
 def shell(command: str) -> subprocess.CompletedProcess[str]:
-    """Run a line of bash in which $TDINT is the command."""
+    """Run a line of bash with the command as $TDINT."""
     script = f'set -o pipefail; tdint() {{ {TDINT} "$@"; }}; {command}'
     return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
 
 
 def test_a_reader_that_goes_early_is_no_error(folder):
-    """Of many rows, and of a table whose files are written, too."""
+    """A closed pipe is no error for many rows and for a table that is also written to a file."""
     done = shell(
         "tdint law forced.yaml --drift 1% --points 2000 | head -n 2 && tdint run forced.yaml -o "
         "out | true"
@@ -40,7 +40,7 @@ def test_a_reader_that_goes_early_is_no_error(folder):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_help_goes_where_data_go():
-    """Data behind which there is no room: tests/faults/test_outputs.py."""
+    """Help is written to standard output. tests/faults/test_outputs.py tests a full disk."""
     full, closed = shell("tdint run -h > /dev/full"), shell("tdint init - >&-")
     assert (full.returncode, closed.returncode) == (6, 6)
     assert full.stderr == "Error: standard output: cannot be written: No space left on device\n"
@@ -61,7 +61,7 @@ def test_output_is_bytes_of_utf8_in_any_locale(folder):
 
 
 class _Trickle(io.RawIOBase):
-    """Takes a few bytes at a time, and no more than `limit`."""
+    """Stream that accepts a few bytes per call and at most `limit` bytes."""
 
     def __init__(self, limit):
         self.taken, self.limit = b"", limit
@@ -90,7 +90,7 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
 
 
 class Screen(io.StringIO):
-    """Standard error at a terminal."""
+    """Terminal as standard error."""
 
     def isatty(self) -> bool:
         return True

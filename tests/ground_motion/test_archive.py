@@ -73,7 +73,7 @@ def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):
     damaged = tmp_path / "b.zip"
     for content, message in (
         (data, "Bad CRC"),
-        *((whole[:size], "damaged") for size in (10, 100, len(whole) - 30)),
+        *((whole[:size], "corrupt") for size in (10, 100, len(whole) - 30)),
     ):
         damaged.write_bytes(content)
         refused(damaged, message)

@@ -86,7 +86,7 @@ class TestMiniSeed:
     def test_one_sample_more(self, data):
         (count,) = struct.unpack_from(">H", data, 30)
         struct.pack_into(">H", data, 30, count + 1)
-        refused(data, "damaged|gap|overlap|Xn")
+        refused(data, "corrupt|gap|overlap|Xn")
 
     def test_a_record_that_swallows_others(self, data):
         data[54] = 11
@@ -103,7 +103,7 @@ class TestMiniSeed:
         (count,) = struct.unpack_from(">H", data, last + 30)
         struct.pack_into(">H", data, last + 30, count - 10)
         if data[52] in (10, 11):
-            refused(data, "integrity check|Xn|damaged")
+            refused(data, "integrity check|Xn|corrupt")
         else:
             (note,) = read_contents(bytes(data), "file").notes
             assert note.startswith(f"the last record of XX.ABC.00.HNE states {count - 10} samples")
@@ -226,7 +226,7 @@ class TestMiniSeedByHand:
         refused_by(
             look_at_mseed,
             seed_record(encoding=encoding, samples=room + 1),
-            f"record 1: its header states {room + 1} samples, it has room for {room}",
+            f"record 1: its header states {room + 1} samples, but the record has space for {room}",
         )
 
     @pytest.mark.parametrize("exponent", [7, 20])
@@ -292,7 +292,7 @@ def test_rare_encodings_have_no_more_samples_than_room(name):
     data = bytearray(need_obspy_data(f"mseed/tests/data/{name}_encoding.mseed").read_bytes())
     assert read_contents(bytes(data), "file").compared == ("number of samples",)
     struct.pack_into(">H", data, 30, 60000)
-    refused(data, "states 60000 samples, it has room for")
+    refused(data, "states 60000 samples, but the record has space for")
 
 
 class TestSteim:

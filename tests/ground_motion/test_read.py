@@ -172,7 +172,7 @@ class TestKnet:
 
     @pytest.mark.parametrize("length", [14000, 700, 400, 100, 12])
     def test_cut_off(self, path, length):
-        refused(path.read_bytes()[:length], "damage")
+        refused(path.read_bytes()[:length], "corrupt")
 
 
 def test_kinemetrics_calibration_is_applied_once():

@@ -29,7 +29,7 @@ class TestNoFile:
     @pytest.mark.parametrize("stdin", [None, io.StringIO("text")])
     def test_no_standard_input(self, monkeypatch, stdin):
         monkeypatch.setattr(sys, "stdin", stdin)
-        refused("-", "no standard input")
+        refused("-", "standard input is closed")
 
     def test_no_permission(self, tmp_path, monkeypatch):
         """Whoever runs the tests: the superuser may read everything."""
@@ -151,7 +151,7 @@ class TestSamples:
             write(tmp_path / "a", trace(wave()), format="SAC", byteorder="<").read_bytes()
         )
         data[20:24] = struct.pack("<f", 1e18)  # B, the time of the first sample
-        refused(data, "damaged")
+        refused(data, "corrupt")
 
 
 class TestCutOff:
@@ -162,7 +162,7 @@ class TestCutOff:
         ).read_bytes()
         for size in range(len(whole) - 1, 0, -203):
             if size % length:
-                refused(whole[:size], "damaged|unknown format")
+                refused(whole[:size], "corrupt|unknown format")
         (tmp_path / "cut").write_bytes(whole[:length])
         assert read_record(tmp_path / "cut").acceleration.size < 800
 
@@ -172,7 +172,7 @@ class TestCutOff:
         whole = write(tmp_path / "a", trace(data), format=name).read_bytes()
         for part in (0.3, 0.6, 0.9, 0.97):
             (tmp_path / "cut").write_bytes(whole[: int(part * len(whole))])
-            refused(tmp_path / "cut", "damaged|unknown format", units="1 gal")
+            refused(tmp_path / "cut", "corrupt|unknown format", units="1 gal")
 
     def test_a_station_whose_code_has_a_dot(self, tmp_path):
         path = write(tmp_path / "a", trace(wave(), station="A.B"), format="SH_ASC")
@@ -195,7 +195,7 @@ class TestWhatCrashesTheReaders:
             0xE4  # A station code that is not ASCII, on which ObsPy's callback for messages fails.
         )
         data[700] ^= 0xFF
-        refused(data, "damaged")
+        refused(data, "corrupt")
         assert capfd.readouterr() == ("", "")
 
 

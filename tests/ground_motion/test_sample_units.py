@@ -109,7 +109,7 @@ def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
         ("*.sac=gg", r"of '\*\.sac', units 'gg'"),
         ("SAC=g,gal", "'gal'; expected FORMAT=UNITS"),
         ("=g", "'=g'; expected FORMAT=UNITS"),
-        ({"SAC": 9.81}, "units of 'SAC' are a text"),
+        ({"SAC": 9.81}, "units of 'SAC' must be a text"),
         ("SAC=g,SAC=m/s^2", "'SAC' is specified twice, as g and m/s"),
         ("SAC=g,sac=g", "'sac' is specified twice"),
     ],

@@ -168,7 +168,10 @@ def test_a_pipe_in_place_of_the_lock_does_not_block_the_run(of_user, caplog):
     caplog.set_level("INFO", "tdint")
     os.mkfifo(store.writable() / ".lock-beside")
     assert begun() and not of_user
-    assert "no process can be started" in caplog.text and "is not a file" in caplog.text
+    assert (
+        "process that compiles them cannot be started" in caplog.text
+        and "is not a file" in caplog.text
+    )
 
 
 @pytest.mark.parametrize("first", [True, False])

@@ -176,7 +176,7 @@ def half(law_state, i, block, slope, lower, upper, turn):
         "law": {"type": "half-gap", "gap": 0.003, "stop_stiffness": 1e8},
     }
     (fault,) = check_law(tdint.load_model({"stories": [story]}), 1)
-    assert "its branches (`enter`, `switch`, `advance`) lead to" in fault and "set_branch" in fault
+    assert "its branches (`enter`, `switch`, `advance`) give" in fault and "set_branch" in fault
     whole = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
     assert check_law(whole, 1) == []
 
@@ -215,7 +215,7 @@ def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
         "law": {"type": "skewed", "strength": 3e5},
     }
     tangent, energy = check_law(tdint.load_model({"stories": [story]}), 1)
-    assert "energy differ" in energy and "no" not in energy
+    assert "energy differs" in energy
     assert "the tangent is not the slope of the force" in tangent
 
 

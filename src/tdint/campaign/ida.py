@@ -288,7 +288,7 @@ def ida(
     names = [record.name for record in records]
     duplicates = [name for i, name in enumerate(names) if name in names[:i]]
     if duplicates:
-        raise UsageError(f"{duplicates[0]}: this record is given twice; remove one of them")
+        raise UsageError(f"{duplicates[0]}: this record is specified twice; remove one of them")
     if not names:
         raise UsageError("no record: an incremental dynamic analysis requires at least one record")
     # Compile before threads start, because all of them would wait.

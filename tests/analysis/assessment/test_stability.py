@@ -241,6 +241,6 @@ def test_declared_limits_are_the_measured_ones():
         explicit, 1.9
     )
     assert "the measured limit is no limit up to 10000" in false_limit(explicit, math.inf)
-    assert "declares that it is stable up to omega dt inf, measured is 3.5" in false_limit(
+    assert "declared stability limit is omega dt = inf, the measured limit is 3.5" in false_limit(
         implicit, 3.5
     )
