@@ -146,8 +146,6 @@ class SuiteLimits:
         return f"{name}: {text[0].lower()}{text[1:]}" if name else text
 
 
-
-
 def profile_name(profile: Profile, among: list[Profile]) -> str:
     """Return the building and the level, if they are needed to identify the profile."""
     parts = [profile.building] if len({other.building for other in among}) > 1 else []
