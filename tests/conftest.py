@@ -122,11 +122,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         if not any("kernels" in str(argument) for argument in config.args):
             logging.getLogger("tdint").addFilter(_of_something_else)
         return
-    from tdint.analysis.run.prepared import of_everything
+    from tdint.analysis.run.prepared import all_kernels
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
 
     # What came in a wheel serves, too.
-    missing = [pair for pair in of_everything() if not list_objects([pair])[0][2]]
+    missing = [pair for pair in all_kernels() if not list_objects([pair])[0][2]]
     terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
     if terminal:
         terminal.write(f"compiling {len(missing)} time loops for all tests, once: ", flush=True)

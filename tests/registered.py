@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tdint.analysis.run import batch as runs
-from tdint.analysis.run.prepared import PreparedBuilding, of_everything
+from tdint.analysis.run.prepared import PreparedBuilding, all_kernels
 from tdint.analysis.time_steps import Steps
 from tdint.ground_motion import measures
 from tdint.kernels.building import compilable
@@ -30,7 +30,7 @@ def forget():
     del NUMBERED[OURS:]
     for name in set(measures.MEASURES) - set(measures._OURS):
         del measures.MEASURES[name]
-    for cached in (methods._known, methods.catalogue, definition.laws, runs._parsed):
+    for cached in (methods._known, methods.catalogue, definition.laws, runs._parse_cached):
         cached.cache_clear()
     for name in [name for name in sys.modules if name.startswith(("tdint_plugin_", "outside"))]:
         del sys.modules[name]
@@ -74,6 +74,6 @@ def compiled_truth(monkeypatch):
 def plain(monkeypatch):
     """Kernels as they are written: nothing is compiled."""
     monkeypatch.setenv("TDINT_KERNELS", "python")
-    for kernel, _ in of_everything():
+    for kernel, _ in all_kernels():
         monkeypatch.setattr(kernel, "_loaded", {})
         monkeypatch.setattr(kernel, "_last", (compilable.EVERYTHING, None))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.analysis.run.many_results import KEPT
+from tdint.analysis.run.many_results import HISTORY_FIELDS
 
 LAW = {"type": "bilinear", "yield_force": 2e5, "hardening": 0.05}
 STORY = {"mass": 1e5, "height": 3.0, "stiffness": 1e8, "law": LAW}
@@ -28,9 +28,9 @@ def test_run_many_takes_lists_of_methods_and_time_steps_as_run_does():
 def test_history_true_keeps_all_quantities_and_a_name_is_refused_by_run():
     runs = tdint.run_many(MODEL, RECORD, history=True)
     response = tdint.run(MODEL, RECORD, history=True, check=False)
-    assert set(runs.history) == set(KEPT)
+    assert set(runs.history) == set(HISTORY_FIELDS)
     for name, kept in runs.history.items():
-        assert np.array_equal(kept[0], getattr(response.history, KEPT[name])), name
+        assert np.array_equal(kept[0], getattr(response.history, HISTORY_FIELDS[name])), name
     assert not tdint.run_many(MODEL, RECORD, history=False).history
     with pytest.raises(tdint.TdintError, match="history must be True or False, got 'drift'"):
         tdint.run(MODEL, RECORD, history="drift")

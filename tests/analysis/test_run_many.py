@@ -8,7 +8,7 @@ import pytest
 
 import tdint
 from building_cases import Law, model, noise, story, ten_bilinear, ten_linear
-from tdint.analysis.run.many_results import KEPT
+from tdint.analysis.run.many_results import HISTORY_FIELDS
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.model.definition import RayleighRatio
@@ -51,7 +51,12 @@ def test_histories_that_the_memory_cannot_hold_are_refused_with_their_size(monke
 @pytest.fixture(scope="module")
 def runs():
     return tdint.run_many(
-        MODELS, RECORDS, scales=SCALES, method="newmark-average", history=tuple(KEPT), jobs=2
+        MODELS,
+        RECORDS,
+        scales=SCALES,
+        method="newmark-average",
+        history=tuple(HISTORY_FIELDS),
+        jobs=2,
     )
 
 
@@ -77,7 +82,7 @@ def test_each_run_is_the_single_one(runs):
                 getattr(runs.stories, one.name)[i, :n], getattr(single.stories, one.name)
             )
             assert np.isnan(getattr(runs.stories, one.name)[i, n:]).all()
-        for name, attribute in KEPT.items():
+        for name, attribute in HISTORY_FIELDS.items():
             expected = getattr(single.history, attribute)
             np.testing.assert_array_equal(
                 runs.history[name][i, : len(expected), :n], expected, err_msg=name

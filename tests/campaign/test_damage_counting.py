@@ -150,12 +150,12 @@ def test_levels_count_motions_not_runs() -> None:
     large |= {Run(2, -2.0, 0): FALLEN[0], Run(3, -2.0, 0): "diverged", Run(4, -2.0, 0): FALLEN[0]}
     large |= {Run(7, -2.0, 0): FALLEN[-1], Run(8, -2.0, 0): "not-converged"}
     first, second = rules.levels(small | large)
-    assert [len(one) for one in first.stood] == [2, 2, 2, 1, 1]
+    assert [len(one) for one in first.completed] == [2, 2, 2, 1, 1]
     assert [(one.pairs, one.collapsed, one.failed) for one in (first, second)] == [
         (3, 0, 0),
         (3, 2, 2),
     ]
-    assert second.stood == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
+    assert second.completed == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
     assert (first.level, second.level) == (0.1, 0.4) and math.isnan(first.scale)
     (one,) = SuiteRules(PairRule("larger", {1: 1, 2: 2}), [], False, ("", "")).levels(
         {Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE}

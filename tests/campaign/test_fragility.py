@@ -325,8 +325,8 @@ def test_stripes_that_tell_nothing(arguments, message):
 @pytest.mark.parametrize(
     ("capacity", "censored", "message"),
     [
-        ([1.0], None, "median and dispersion require at least two"),
-        ([1.0, 2.0, 2.0], [False, True, True], "require at least two"),
+        ([1.0], None, "median and dispersion requires at least two"),
+        ([1.0, 2.0, 2.0], [False, True, True], "requires at least two"),
         ([1.0, 1.0, 1.0], None, "all capacities are equal"),
     ],
 )

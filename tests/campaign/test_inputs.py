@@ -102,9 +102,11 @@ def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
         one, other = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
         found = differences(one, other, kind="record", **known)
         assert found[:8] == [f"record r{i}: differs" for i in range(8)]
-        assert found[8:] == ([] if count == 8 else [f"and {count - 8} more of kind record"])
+        assert found[8:] == (
+            [] if count == 8 else [f"and {count - 8} more differences of type record"]
+        )
     same = ({"a": "1"}, {}, {"r": "2"}, {})
-    assert all_differences(same, same, given="b") == "the order of buildings or records: differs"
+    assert all_differences(same, same, given="b") == "the order of buildings or records differs"
     assert all_differences(same, ({"a": "2"}, {}, {}, {}), given="b").splitlines() == [
         "setting a: 1 in the store, 2 in b",
         "record r: only in the store",
@@ -171,7 +173,7 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
     rule = {"target": target, "damping": 0.2}
     same(scale(4 * pairs, **rule, rule="asce7"), scale_asce7(4 * pairs, **rule, periods=places))
     for wrong in ({}, {"measure": "pga"}, {"value": 3.0}):
-        with pytest.raises(UsageError, match="nothing to scale to"):
+        with pytest.raises(UsageError, match="scale requires an intensity measure"):
             scale(pairs, **wrong)
     for wrong in ({"measure": "pga"}, {"value": 3.0}):
         with pytest.raises(UsageError, match="a target and a value cannot be used together"):

@@ -210,7 +210,7 @@ def test_motions_that_cannot_be_read_are_left_out_and_named(study: Path) -> None
         ),
         (
             '{"dT": 0.01, "data_x": [1, 2], "data_y": [1, 2, 3]}',
-            "m00.json: data_x and data_y have different lengths",
+            "m00.json: data_x and data_y must have the same number",
         ),
     ],
 )

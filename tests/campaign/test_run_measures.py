@@ -170,7 +170,7 @@ def test_runs_under_one_motion_are_not_independent():
 
 
 def test_too_few_runs_and_a_measure_that_is_always_the_same():
-    with pytest.raises(AnalysisError, match="2 completed runs"):
+    with pytest.raises(AnalysisError, match="at least 3 completed runs, got 2"):
         line(np.zeros(2), np.zeros(2), {})
     with pytest.raises(AnalysisError, match="equal in all runs"):
         line(np.zeros(3), np.arange(3.0), {})

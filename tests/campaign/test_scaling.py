@@ -282,13 +282,13 @@ def test_targets_that_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("T (s),Sa\n1,2\n", "1: a column sa_g or sa_m_s2"),
+        ("T (s),Sa\n1,2\n", "1: no column of accelerations, such as sa_g or sa_m_s2"),
         ("sa_g\n1\n", "1: no column period_s"),
         ("period_s,sa_g,psa_g\n1,2,x\n2,1,1\n", "2: psa_g must be a positive number, got 'x'"),
-        ("period_s,sa_g,sa_m_s2\n1,2,3\n", "several spectra, sa_g, sa_m_s2"),
+        ("period_s,sa_g,sa_m_s2\n1,2,3\n", "the table contains several spectra, sa_g, sa_m_s2"),
         (
             "period_s,sa_g\n1,2\n0.5,2\n",
-            r"3: period 0\.5 s: the periods of a spectrum must be zero or positive, and increase",
+            r"3: the periods of a spectrum must be 0 or positive, and increase, got 0\.5 s",
         ),
         ("period_s,sa_g\n-1,2\n0.5,2\n", "2: period -1 s"),
         ("period_s,sa_g\n0,2\n0.5,2\n", "at least two periods"),

@@ -101,7 +101,7 @@ def test_the_rule_acts_on_the_chosen(pool):
             {"events": ["one"] * 17, "per_event": 2},
             "3 motions are requested, but only 2 of 17 can be selected .*at most 2 of an event",
         ),
-        ({"scatter": -1.0}, "the target standard deviation must be"),
+        ({"scatter": -1.0}, "target standard deviation must be"),
         ({"rule": "usual"}, "unknown rule 'usual'"),
     ],
 )

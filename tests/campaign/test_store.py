@@ -106,7 +106,7 @@ def test_chunks_of_equal_runs_are_of_equal_length() -> None:
     ("one", "other", "words"),
     [
         ({}, {"duration": 0.4}, "setting duration"),
-        ({}, {"names": ("b", "a")}, "the order of buildings or records: differs"),
+        ({}, {"names": ("b", "a")}, "the order of buildings or records differs"),
         ({}, {"peak": 2.0}, "record"),
     ],
 )

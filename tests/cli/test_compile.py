@@ -16,7 +16,7 @@ from tdint.model.config.model_file import load_model
 
 @pytest.fixture(autouse=True)
 def only_a_small_kernel(monkeypatch):
-    monkeypatch.setattr(prepared, "of_everything", lambda: [(scaled, EVERYTHING)])
+    monkeypatch.setattr(prepared, "all_kernels", lambda: [(scaled, EVERYTHING)])
 
 
 def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypatch):
@@ -57,7 +57,9 @@ def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypat
 
 def test_a_model_is_compiled_with_what_its_tables_need():
     model = load_model(Path(__file__).parents[2] / "configs" / "ten-story.yaml")
-    assert peaks in [kernel for kernel, _ in prepared.of_model(model, parse_method("impulse4"))]
+    assert peaks in [
+        kernel for kernel, _ in prepared.kernels_of_model(model, parse_method("impulse4"))
+    ]
 
 
 @pytest.mark.parametrize(

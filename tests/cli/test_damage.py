@@ -355,7 +355,7 @@ def test_refusals_of_functions_by_type(
         ),
         (
             "{thresholds: hazus}",
-            "hazus provides thresholds for inventories with the rules mdof-lu",
+            "hazus can only be used with an inventory with the rules mdof-lu",
         ),
         (
             "{thresholds: other.csv, dispersion: 0}",
@@ -388,7 +388,7 @@ def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str
         (CLASSES.replace("B,", "C,"), "damage thresholds of the class 'B' not found"),
         (
             CLASSES.replace("0.003,", "0.02,"),
-            "class A: the thresholds of damage states must increase",
+            "class A: the thresholds of damage states must be positive and increase",
         ),
         (
             CLASSES.replace("0.003,", "x,"),

@@ -43,7 +43,7 @@ def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
         (["--period", "0"], "--period"),
         (
             ["--period", "100"],
-            "a building of 4339 stories and 15186 m; from 1 to 1000 stories are possible",
+            "the number of stories must be from 1 to 1000, got 4339",
         ),
         (["--stories", "0"], "--stories"),
         (["--stories", "1001"], "a building of 1001 stories"),

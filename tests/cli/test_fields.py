@@ -277,7 +277,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             "M7-2,east",
             "M7-2,north",
             3,
-            "fields.csv:5: site 'north' is not in sites.csv",
+            "fields.csv:5: site 'north' not found in sites.csv",
         ),
         (
             "fields.csv",
@@ -340,7 +340,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             3,
             "sites.csv:3: latitude must be from -90 to 90 degrees, got '97.81'",
         ),
-        ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is a duplicate"),
+        ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is listed twice"),
         (
             "buildings.csv",
             "Latitude,Longitude",
@@ -368,7 +368,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             "pair_demand: separate}",
             "pair_demand: separate}\nintensity: {measure: pga, levels: [1 g]}",
             3,
-            "cannot be used with events, which have factors",
+            "cannot be used with events, which have scale factors",
         ),
     ],
 )
@@ -538,7 +538,7 @@ def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
     change("buildings.csv", ("Longitude", "Longitude,note"))
     tdint("campaign", "campaign.yaml", "-o", "part-2", "--shard", "2/10")
     refused = tdint("campaign", "merge", *parts, "-o", "other", code=2)
-    assert "columns of the inventory, or damage: differs" in refused.stderr
+    assert "columns of the inventory or the section damage differ" in refused.stderr
     # A building that has moved to another site changes the fields, but the inventory is the cause.
     change("buildings.csv", (",1002,37.85,-122.2", ",1002,37.8,-122.27"))
     tdint("campaign", "campaign.yaml", "-o", "moved", "--shard", "2/10", code=3)
@@ -563,7 +563,8 @@ def test_a_building_that_names_no_site(region: Path, tdint: Command) -> None:
     change("buildings.csv", ("-122.26,east", "-122.26,nowhere"))
     result = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
     assert result.stderr == (
-        "Error: buildings.csv:4:8: site: 'nowhere' is not in fields.csv; known: west, east\n"
+        "Error: buildings.csv:4:8: site: 'nowhere' is not a site in fields.csv; its sites are "
+        "west, east\n"
     )
 
 

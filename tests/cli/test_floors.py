@@ -78,9 +78,9 @@ def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
     [
         (
             ["--floor-spectra", "3", "-o", "out"],
-            "floor '3' not found; the building has the floors 1 to 2",
+            "floor '3' not found; floors must be numbers from 1 to 2",
         ),
-        (["--floor-spectra", "top", "-o", "out"], "or roof for the last floor"),
+        (["--floor-spectra", "top", "-o", "out"], "the last of them is the roof"),
         (["--floor-spectra", "roof"], "--floor-spectra requires -o DIR"),
         (["--export-floors", "mseed"], "--export-floors requires -o DIR"),
     ],

@@ -284,9 +284,13 @@ def test_a_campaign_goes_on_where_it_stopped(study):
             "start must be one of displacement, velocity",
         ),
         (lambda: package.failures(problems=["hardning"]), UsageError, "hardening"),
-        (lambda: package.paper_examples([4]), UsageError, "no example 4"),
-        (lambda: package.scale([motion()]), UsageError, "nothing to scale to"),
-        (lambda: package.scale([motion()], "sa", 1.0), UsageError, "unknown measure 'sa'"),
+        (lambda: package.paper_examples([4]), UsageError, "example 4 not found"),
+        (lambda: package.scale([motion()]), UsageError, "scale requires an intensity measure"),
+        (
+            lambda: package.scale([motion()], "sa", 1.0),
+            UsageError,
+            "unknown intensity measure 'sa'",
+        ),
         (
             lambda: package.scale([motion()], target="asce7:sds=1,sd1=0.6,tl=8", rule="best"),
             UsageError,

@@ -130,7 +130,11 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
             2,
             "drift 'x': write a drift ratio (0.02 or 2%)",
         ),
-        (["shaken.yaml", "--drift", "1%", "--story", "3"], 2, "story 3: the model has 2 stories"),
+        (
+            ["shaken.yaml", "--drift", "1%", "--story", "3"],
+            2,
+            "story 3 not found: the model has 2 stories",
+        ),
         (["shaken.yaml", "--drift", "1%", "--story", "0"], 2, "Invalid value for '--story'"),
         (["shaken.yaml", "--drift", "1%", "--cycles", "0"], 2, "Invalid value for '--cycles'"),
         (["shaken.yaml", "--drift", "1%", "--points", "0"], 2, "Invalid value for '--points'"),
@@ -154,7 +158,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
         (
             ["cubic.yaml", "--drift", "1e59m"],
             5,
-            "story 1: its law has no finite force and energy at drift ",
+            "story 1: force or energy of the law is not finite at the drift ",
         ),
     ],
 )

@@ -254,7 +254,7 @@ def test_of_many_buildings_ten_are_named_and_the_others_counted(
     )
     result = tdint("campaign", "study.yaml", "-o", "out", code=0)
     assert (
-        "note: listed more than once, and run the same number of times: weak-0.yaml"
+        "note: model files listed more than once, which are run repeatedly: weak-0.yaml"
         in result.stderr
     )
     told = [line for line in result.stderr.splitlines() if "no mean can be computed" in line]

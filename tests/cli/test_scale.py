@@ -224,10 +224,13 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
         (("--p695", "--pga", "0.4g"), "--p695 cannot be used with --pga"),
         (("--p695", "--pairs", "rotd50"), "--pairs rotd50 cannot be used with --p695"),
         ((*TARGET, "--range", "2"), "'2' is not a range; use FIRST:LAST"),
-        ((*TARGET, "--range", "0.2:9"), "periods must be from 0.02 to 5 s, got 0.2 to 9 s"),
+        ((*TARGET, "--range", "0.2:9"), "must be within the spectrum, 0.02 to 5 s, got 0.2 to 9 s"),
         ((*TARGET, "--rule", "asce7"), "add --at, --building or --range"),
         ((*TARGET, "--rule", "ec8"), "--rule ec8 compares spectra from 0.2 T to 2 T"),
-        ((*TARGET, "--rule", "ec8", "--at", 0.5), "the rule ec8 also compares at the period 0"),
+        (
+            (*TARGET, "--rule", "ec8", "--at", 0.5),
+            "the rule ec8 requires the target at the period 0",
+        ),
         ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at requires --sa"),
         (
             (*TARGET, "--building", "x.yaml", "--range", "0.2:2"),
@@ -237,7 +240,10 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
             ("--pga", "0.4g", "--building", "x.yaml"),
             "--building has no effect without --target",
         ),
-        (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"), "has 5 % damping"),
+        (
+            ("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"),
+            "the target applies to 5 % damping",
+        ),
         (
             (*TARGET, "--rule", "asce7", "--at", 0.5),
             "at least 11 pairs of components (16.2.2), got 1",
@@ -274,7 +280,11 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
     ("arguments", "code", "said"),
     [
         (("--factors", "lost.csv"), 3, "lost.csv: records not found: gone.mseed, (empty)"),
-        (("--factors", "component.csv"), 3, "component.csv: other.mseed has no HNZ"),
+        (
+            ("--factors", "component.csv"),
+            3,
+            "component.csv: other.mseed has no usable component HNZ",
+        ),
         (
             ("other.mseed", "--scale", "2", "--factors", "suite.csv"),
             2,

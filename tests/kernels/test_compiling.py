@@ -14,7 +14,7 @@ import pytest
 
 from small_kernel import scaled
 from tdint import load_model
-from tdint.analysis.run.prepared import of_model
+from tdint.analysis.run.prepared import kernels_of_model
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels.building import compilable, store
 from tdint.kernels.building import load_or_compile as building_module
@@ -189,7 +189,7 @@ def test_what_a_run_needs_is_compiled_and_no_more():
     configs = Path(__file__).parents[2] / "configs"
     variants = {}
     for name in ("ten-story", "ten-story-bilinear"):
-        wanted = of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
+        wanted = kernels_of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
         variants[name] = {
             kernel.name.rpartition(".")[2]: variant.text for kernel, variant in wanted
         }

@@ -10,14 +10,14 @@ from types import SimpleNamespace
 import pytest
 
 import tdint
-from tdint.analysis.run.prepared import of_everything
+from tdint.analysis.run.prepared import all_kernels
 from tdint.kernels.building import sources
 from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import LAWS
 
 PACKAGE = Path(tdint.__file__).parent
 MODULES = {
-    name: name.partition(":")[0] for name in sorted({kernel.name for kernel, _ in of_everything()})
+    name: name.partition(":")[0] for name in sorted({kernel.name for kernel, _ in all_kernels()})
 }
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
 

@@ -76,8 +76,8 @@ def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
     monkeypatch.setattr(order, "faults_with_yielding", lambda integrator: {})
     false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
     of_order, of_limit = check_method(replace(integrator, method=false)).faults
-    assert of_order == "verlet: the declared order is 4, the observed order is 2.00"
-    assert "stability limit is omega dt = 2.2, the measured limit is 2;" in of_limit
+    assert of_order == "verlet: declares order 4, but the observed order is 2.00"
+    assert "limit omega dt = 2.2, but the measured limit is 2;" in of_limit
 
 
 MISTAKES = {

@@ -205,7 +205,7 @@ def test_an_inventory_of_classes(inventory):
     for one in (first, second):
         (inventory / "m.yaml").write_text(model_text(one.row.id, one.building, "capacity"))
         assert load_model("m.yaml").stories == one.building.stories
-    with pytest.raises(UsageError, match="do not support a scatter"):
+    with pytest.raises(UsageError, match="do not use the scatter"):
         derive_all(rows, "capacity", stiffness=0.1)
 
 

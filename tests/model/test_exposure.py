@@ -164,7 +164,10 @@ def test_rules_by_structural_type_and_a_model_without_costs() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (in_xml().replace("CR/H:3", "CR/H:9"), "no row for 1 of the taxonomies of e.xml: 'CR/H:9'"),
+        (
+            in_xml().replace("CR/H:3", "CR/H:9"),
+            "add rows for 1 of the taxonomies of e.xml: 'CR/H:9'",
+        ),
         (in_xml().replace('number="5"', 'number="-5"'), "e.xml:14:1: number: must be zero or a"),
         (in_xml().replace('number="5"', ""), "e.xml:14:1: number: is missing; give zero or a"),
         (in_xml().replace('value="900"', 'value="x"'), "e.xml:19:1: structural: must be zero or"),
@@ -176,8 +179,8 @@ def test_rules_by_structural_type_and_a_model_without_costs() -> None:
         (in_xml().replace("exposureModel", "fragilityModel"), "must contain an exposureModel, got"),
         (in_xml().replace("</nrml>", ""), "invalid XML"),
         ('<!DOCTYPE x [<!ENTITY y "z">]>' + in_xml().partition("\n")[2], "document type"),
-        (in_csv("none.csv"), "none.csv: file not found"),
-        (TABLE, "e.xml:1: column structural can be the cost of one building or of all"),
+        (in_csv("none.csv"), "none.csv: no such file"),
+        (TABLE, "e.xml:1: column structural can be the cost of one building or of all buildings"),
         (TABLE.replace(",number,structural", ",storeys,x"), "e.xml:1: no column number"),
     ],
 )
@@ -193,7 +196,7 @@ def test_what_is_refused(text: str, message: str) -> None:
 def test_an_aggregated_cost_of_no_building_is_refused() -> None:
     text = in_xml().replace('structural" type="per_asset', 'structural" type="aggregated')
     Path("e.xml").write_text(text.replace('number="5"', 'number="0"'))
-    with pytest.raises(ModelError, match="number: must be positive where the structural cost is"):
+    with pytest.raises(ModelError, match="number: must be positive because the structural cost is"):
         read("e.xml")
 
 

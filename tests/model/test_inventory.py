@@ -223,7 +223,7 @@ def test_rows_together_are_as_each_alone(tmp_path: Path, cells: list[tuple[str, 
         said += [(number, fault.column, fault.message) for fault in wrong]
         for row in alone:
             twice = f"{row.id!r} is already on line {rows[row.id][1]}" if row.id in rows else ""
-            said += [(number, 1, f"{twice}; each building requires a different id")] * bool(twice)
+            said += [(number, 1, f"{twice}; use a different id for each building")] * bool(twice)
             rows.setdefault(row.id, (row, number))
     assert list(together) == [row for row, _ in rows.values()]
     assert [(fault.line, fault.column, fault.message) for fault in faults] == sorted(
@@ -248,7 +248,7 @@ def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
         "3:5: PlanArea: must be a positive number, got '0'",
         "4:1: id: is missing",
         f"4:4: StructureType: unknown 'S9'; known: {', '.join(STRUCTURES)}",
-        "5:1: id: 'a' is already on line 2; each building requires a different id",
+        "5:1: id: 'a' is already on line 2; use a different id for each building",
         "6:3: YearBuilt: is missing; give a whole number from 1000 to 2200",
         "6:5: PlanArea: is missing; give a positive number",
         "7:6: the row has 6 cells, but the header has 5 columns",

@@ -81,7 +81,7 @@ def command(request: Request) -> None:
             return
     if not is_requested:
         raise UsageError("no model file is specified; add MODEL.yaml, or --all")
-    from tdint.analysis.run.prepared import of_everything, of_model
+    from tdint.analysis.run.prepared import all_kernels, kernels_of_model
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
     from tdint.model.config.model_file import load_model
@@ -90,10 +90,12 @@ def command(request: Request) -> None:
         check_outputs([Path(request.output) / "objects"], overwrite=True)
     # Collect the kernels of each model, in addition to the kernels for any building with --all.
     # Kernels that are compiled already are skipped.
-    kernels = of_everything() if request.everything else []
+    kernels = all_kernels() if request.everything else []
     for file in request.models:
         model = load_model(file)
-        kernels += of_model(model, parse(request.method or model.analysis.method or DEFAULT_METHOD))
+        kernels += kernels_of_model(
+            model, parse(request.method or model.analysis.method or DEFAULT_METHOD)
+        )
     if request.show:
         emit(
             "".join(

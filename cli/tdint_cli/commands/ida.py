@@ -402,10 +402,10 @@ def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
     study : IdaStudy
         Results of the study.
     """
-    from tdint.campaign.pairs import note as note_of_pairs
+    from tdint.campaign.pairs import pairs_note
 
     if study.partners and request.pair_demand is None:
-        note(note_of_pairs(len(study.partners), study.pair_demand))
+        note(pairs_note(len(study.partners), study.pair_demand))
 
 
 def _report(study: IdaStudy, precision: float) -> None:

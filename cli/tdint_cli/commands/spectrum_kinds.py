@@ -446,7 +446,7 @@ class _OfOscillators(Kind):
             remarks.append(
                 f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) values "
                 "depend on the ground motion between the samples: taken as "
-                f"{manner.interpolation.words}, maxima {manner.maxima.words}"
+                f"{manner.interpolation.words}, maxima {manner.maxima.description}"
             )
         # The default grid is coarse if its spacing exceeds half the width of a resonance, which is
         # the damping ratio.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO, TypeAlias
 
@@ -43,7 +44,7 @@ AnyMotion: TypeAlias = "AnyRecord | Horizontals | tuple[AnyRecord, AnyRecord]"
 """Record, or pair of components."""
 
 
-def model_of(given: Any) -> Model:
+def model_of(argument: Any) -> Model:
     """Return a model, or load it from an argument of `load_model`.
 
     Raises
@@ -51,15 +52,15 @@ def model_of(given: Any) -> Model:
     ModelError
         The argument is invalid, or the file contains errors.
     """
-    if isinstance(given, Model):
-        return given
-    # The import of YAML is not needed for a model that is built in Python.
+    if isinstance(argument, Model):
+        return argument
+    # Imported here, because loading YAML takes time and is not needed for an existing model.
     from tdint.model.config.model_file import load_model
 
-    return load_model(given)
+    return load_model(argument)
 
 
-def record_of(given: Any) -> Record:
+def record_of(argument: Any) -> Record:
     """Return a record, or read it from a file or an ObsPy Trace or Stream.
 
     Raises
@@ -69,17 +70,17 @@ def record_of(given: Any) -> Record:
     UsageError
         The units of the record are unknown.
     """
-    if isinstance(given, Record):
-        return given
-    # The import is not needed if only drifts are used.
+    if isinstance(argument, Record):
+        return argument
+    # Imported here, because loading ObsPy takes time and is not needed for an existing record.
     from tdint.ground_motion.reading.read import make_record, read_record
 
-    if isinstance(given, str | os.PathLike):
-        return read_record(Path(given) if given != "-" else given)
-    if hasattr(given, "stats") or hasattr(given, "traces"):
-        return make_record(given)
+    if isinstance(argument, str | os.PathLike):
+        return read_record(Path(argument) if argument != "-" else argument)
+    if hasattr(argument, "stats") or hasattr(argument, "traces"):
+        return make_record(argument)
     raise RecordError(
-        f"a record must be a result of read_record, a path or a trace, got {_type_name(given)}; "
+        f"a record must be a result of read_record, a path or a trace, got {_type_name(argument)}; "
         "make_record(samples, dt=0.01, units='m/s^2') creates a record from samples"
     )
 
@@ -91,7 +92,8 @@ def model_record(model: Model) -> Record | None:
         return None
     from tdint.ground_motion.reading.read import read_record
 
-    if isinstance(source.choice.units, Mapping):  # units by file, which must match the file
+    # Units stated for names of files must match this file; `records_of` checks this.
+    if isinstance(source.choice.units, Mapping):
         from tdint.ground_motion.reading.suites import records_of
 
         records_of([source.file], source.choice)
@@ -103,32 +105,34 @@ def model_record(model: Model) -> Record | None:
     return record.scaled(source.scale) if source.scale != 1.0 else record
 
 
-def horizontals_of(given: Any) -> Horizontals:
+def horizontals_of(argument: Any) -> Horizontals:
     """Return a pair of components, or combine a sequence of two records or paths.
 
     Errors are raised as by `record_of` and `find_horizontals`.
     """
     from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 
-    if isinstance(given, Horizontals):
-        return given
-    if isinstance(given, tuple | list):
-        return find_horizontals([record_of(motion) for motion in given])
+    if isinstance(argument, Horizontals):
+        return argument
+    if isinstance(argument, tuple | list):
+        return find_horizontals([record_of(motion) for motion in argument])
     raise RecordError(
-        f"a pair must be a result of read_horizontals, or two records, got {_type_name(given)}"
+        f"a pair must be a result of read_horizontals, or two records, got {_type_name(argument)}"
     )
 
 
-def motion_of(given: Any) -> Record | Horizontals:
+def motion_of(argument: Any) -> Record | Horizontals:
     """Return a record or a pair of components; errors as by `record_of` and `horizontals_of`."""
     from tdint.ground_motion.horizontals import Horizontals
 
     return (
-        horizontals_of(given) if isinstance(given, tuple | list | Horizontals) else record_of(given)
+        horizontals_of(argument)
+        if isinstance(argument, tuple | list | Horizontals)
+        else record_of(argument)
     )
 
 
-def number_of(given: Any, name: str) -> float | None:
+def number_of(argument: Any, name: str) -> float | None:
     """Return a number, or None.
 
     Raises
@@ -136,25 +140,25 @@ def number_of(given: Any, name: str) -> float | None:
     UsageError
         The argument is neither a number nor None.
     """
-    if given is None:
+    if argument is None:
         return None
     try:
-        number = float(given)
+        number = float(argument)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if math.isnan(number) or isinstance(given, str | bytes):
-        raise UsageError(f"{name} must be a number, got {given!r:.60}")
+    if math.isnan(number) or isinstance(argument, str | bytes):
+        raise UsageError(f"{name} must be a number, got {argument!r:.60}")
     return number
 
 
 def between(
-    given: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False
+    argument: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False
 ) -> float:
     """Return a finite number between limits.
 
     Parameters
     ----------
-    given : object
+    argument : object
         Argument.
     name : str
         Name of the argument in messages.
@@ -168,7 +172,7 @@ def between(
     UsageError
         The argument is not a number between the limits.
     """
-    number = number_of(given, name)
+    number = number_of(argument, name)
     if (
         number is None
         or not low <= number <= high
@@ -178,53 +182,83 @@ def between(
         most = f" to {high:g}" if math.isfinite(high) else ""
         raise UsageError(
             f"{name} must be a number {'above' if above else 'from'} {low:g}{most}, got "
-            f"{given!r:.60}"
+            f"{argument!r:.60}"
         )
     return number
 
 
-def ratio_of(given: Any, name: str) -> float | None:
+def ratio_of(argument: Any, name: str) -> float | None:
     """Return a number, a ratio from a text such as `0.1%`, or None; errors as by `number_of`."""
-    return parse_ratio(given) if isinstance(given, str) else number_of(given, name)
+    return parse_ratio(argument) if isinstance(argument, str) else number_of(argument, name)
 
 
-def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
+def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
     """Return numbers as an array with one axis; errors as by `number_of`."""
     try:
-        masked = np.any(getattr(given, "mask", False))  # a masked entry is not a number
-        numbers = np.empty((0, 0)) if masked else np.atleast_1d(np.asarray(given, dtype=np.float64))
+        masked = np.any(getattr(argument, "mask", False))  # a masked entry is not a number
+        numbers = (
+            np.empty((0, 0)) if masked else np.atleast_1d(np.asarray(argument, dtype=np.float64))
+        )
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty((0, 0))
     if numbers.ndim != 1:
         raise UsageError(
-            f"{name} must be a sequence of numbers, got {' '.join(repr(given).split()):.60}"
+            f"{name} must be a sequence of numbers, got {' '.join(repr(argument).split()):.60}"
         )
     return numbers
 
 
-def damping_of(given: Any) -> float:
+def damping_of(argument: Any) -> float:
     """Return a damping ratio in [0, 1); errors as by `number_of`."""
-    ratio = ratio_of(given, "damping")
+    ratio = ratio_of(argument, "damping")
     if ratio is None or not 0.0 <= ratio < 1.0:
-        raise UsageError(f"damping must be a ratio in [0, 1), got {given!r:.60}")
+        raise UsageError(f"damping must be a ratio in [0, 1), got {argument!r:.60}")
     return ratio
 
 
-def drift_of(given: Any) -> DriftSize:
+def drift_of(argument: Any) -> DriftSize:
     """Return a drift from a text (see `parse_drift`) or a number (drift ratio).
 
     Errors are raised as by `parse_drift` and `number_of`.
     """
-    if isinstance(given, DriftSize):
-        return given
-    return parse_drift(given if isinstance(given, str) else str(number_of(given, "drift")))
+    if isinstance(argument, DriftSize):
+        return argument
+    return parse_drift(argument if isinstance(argument, str) else str(number_of(argument, "drift")))
 
 
-def is_list(given: Any) -> bool:
+def is_list(argument: Any) -> bool:
     """Return True for a list, a tuple or an array with at least one axis."""
-    return isinstance(given, list | tuple) or getattr(given, "ndim", 0) > 0
+    return isinstance(argument, list | tuple) or getattr(argument, "ndim", 0) > 0
 
 
-def _type_name(given: Any) -> str:
+def _type_name(argument: Any) -> str:
     """Return the type of an argument for messages."""
-    return "None" if given is None else f"a {type(given).__name__}"
+    return "None" if argument is None else f"a {type(argument).__name__}"
+
+
+@contextmanager
+def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> Iterator[None]:
+    """Add the number of the first sample with a value, from 0, to an error about the value.
+
+    Parameters
+    ----------
+    numbers : list of float
+        Values of a parameter.
+    value : float
+        Value to be checked in the context.
+    samples : sequence of int
+        Number of the sample of each value.
+    """
+    try:
+        yield
+    except UsageError as error:
+        index = next(i for i, number in enumerate(numbers) if number == value or math.isnan(number))
+        raise UsageError(f"{error} (sample {samples[index]}, counted from 0)") from None
+
+
+def as_sequence(argument: Any, name: str) -> Sequence[Any]:
+    """Return the argument as a sequence, or raise UsageError if it is empty."""
+    items = list(argument) if isinstance(argument, list | tuple) else [argument]
+    if not items:
+        raise UsageError(f"{name} must contain at least one item, got an empty sequence")
+    return items

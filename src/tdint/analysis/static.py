@@ -42,8 +42,9 @@ from tdint.units import DriftSize
 # ---- Cyclic test of a story: its hysteretic law along cycles of specified amplitudes (command
 # `tdint law`)
 
-MOST_OF_CYCLES = 2_000_000
-"""Maximum number of points of a test; a mistyped number of cycles must not fill the memory."""
+MAX_CYCLE_POINTS = 2_000_000
+"""Maximum number of points of a test, because a typing error in the number of cycles could fill the
+memory."""
 
 _ROUNDING = 1e-13
 """Rounding error of the dissipated energy of an elastic cycle, over the energy stored in it."""
@@ -230,12 +231,13 @@ def cyclic_test(
     """
     model = model_of(model)
     _check_story(model, story)
-    if len(sizes) * cycles * 4 * points > MOST_OF_CYCLES:
+    if len(sizes) * cycles * 4 * points > MAX_CYCLE_POINTS:
         raise UsageError(
             f"{len(sizes) * cycles} cycles of {4 * points} points exceed the maximum of "
-            f"{MOST_OF_CYCLES:,} points; reduce the cycles or the points"
+            f"{MAX_CYCLE_POINTS:,} points; reduce the cycles or the points"
         )
-    # Omit damping. A slow test does not need it, and P-delta may leave no stiffness to compute it.
+    # Omit damping, because a quasi-static test has no velocities. It could not be computed anyway
+    # if P-delta reduces the stiffness to zero.
     building = assemble(replace(model, damping=None))
     amplitudes = [amplitude(drift_of(size), building, story) for size in sizes]
     return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
@@ -265,16 +267,16 @@ def path_test(
         The law has no finite force along the path.
     """
     _check_story(model, story)
-    if not 1 <= len(drifts) <= MOST_OF_CYCLES:
+    if not 1 <= len(drifts) <= MAX_CYCLE_POINTS:
         raise UsageError(
-            f"a path must have from 1 to {MOST_OF_CYCLES:,} drifts, got {len(drifts):,}"
+            f"a path must have from 1 to {MAX_CYCLE_POINTS:,} drifts, got {len(drifts):,}"
         )
     building = assemble(replace(model, damping=None))
     unit = float(building.yield_drift[story - 1]) if in_yield_drifts else 1.0
     if math.isnan(unit):
         raise UsageError(
-            f"multiples of the yield drift: the law of story {story} does not yield; specify "
-            "drifts in m"
+            f"drifts cannot be multiples of the yield drift, because the law of story {story} does "
+            "not yield; specify drifts in m"
         )
     return _test(model, building, story, unit * np.asarray(drifts, float), None)
 
@@ -312,8 +314,8 @@ def _check_story(model: Model, story: int) -> None:
     """Raise UsageError if the model does not have the story."""
     if not 1 <= story <= len(model.stories):
         raise UsageError(
-            f"story {story}: the model has {pluralize(len(model.stories), 'story')}, numbered from "
-            "1 at the bottom"
+            f"story {story} not found: the model has {pluralize(len(model.stories), 'story')}, "
+            "numbered from 1 at the bottom"
         )
 
 
@@ -370,11 +372,11 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     springs = law_state_table(building.law_parameters)
     result = np.empty((drifts.size, RESULT_COLUMNS))
     follow.variant(variant(building))(building.law_parameters, story - 1, drifts, springs, result)
-    wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
-    if wrong.size:
+    not_finite = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
+    if not_finite.size:
         raise AnalysisError(
-            f"story {story}: its law has no finite force and energy at drift "
-            f"{drifts[wrong[0]]:.6g} m"
+            f"story {story}: force or energy of the law is not finite at the drift "
+            f"{drifts[not_finite[0]]:.6g} m; use smaller drifts or other parameters of the law"
         )
     return LawPath(
         drifts,
@@ -411,20 +413,22 @@ def read_drift_path(source: str) -> list[float]:
 
 # ---- Pushover
 
-MOST_PUSHOVER_POINTS = 100_000  # maximum number of rows; larger tables are hard to open
-_CLOSE = 1e-11  # tolerance of a force, over the maximum force of the story so far
-_ITERATIONS = 60  # maximum; Newton needs up to ten, and 60 bisections reach rounding errors
-_PARTS = 8  # steps of the controlling story per step of the roof
+MAX_PUSHOVER_POINTS = 100_000  # maximum number of rows; larger tables are hard to open
+_FORCE_TOLERANCE = 1e-11  # tolerance of a force, over the maximum force of the story so far
+_MAX_ITERATIONS = 60  # maximum; Newton needs up to ten, and 60 bisections reach rounding errors
+_STEPS_PER_ROW = 8  # steps of the controlling story per step of the roof
 # Maximum number of steps per row; the roof displacement is almost constant if the other stories
 # unload as fast as the controlling story is loaded
-_MOST_PARTS = 4000
-_CUT = 1e-8  # relative error of the area at each yield point; ten points give seven correct digits
-_LEAST_PART = 1e-5  # minimum step over the usual step: at kinks of a law and at reversals
-_MOST_ROWS = 20  # maximum number of rows per requested point, for a path with snap-back
-_BACK = 1e-9  # decrease of the roof displacement over its maximum that counts as snap-back
+_MAX_STEPS_PER_ROW = 4000
+_AREA_TOLERANCE = (
+    1e-8  # relative error of the area at each yield point; ten points give seven correct digits
+)
+_MIN_STEP_FRACTION = 1e-5  # minimum step over the usual step: at kinks of a law and at reversals
+_MAX_ROWS_PER_POINT = 20  # maximum number of rows per requested point, for a path with snap-back
+_SNAP_BACK = 1e-9  # decrease of the roof displacement over its maximum that counts as snap-back
 
 
-Miss = Callable[[Array, float], float]
+Excess = Callable[[Array, float], float]
 """Function of drifts (m) and of a base shear (N): relative excess over the required value."""
 
 
@@ -552,15 +556,16 @@ def pushover(
     """
     if pattern not in PATTERNS:
         raise UsageError(f"unknown pattern {pattern!r}; known: {', '.join(PATTERNS)}")
-    if not 1 <= points <= MOST_PUSHOVER_POINTS:
-        raise UsageError(f"points must be from 1 to {MOST_PUSHOVER_POINTS}, got {points}")
+    if not 1 <= points <= MAX_PUSHOVER_POINTS:
+        raise UsageError(f"points must be from 1 to {MAX_PUSHOVER_POINTS}, got {points}")
     model = model_of(model)
     building = assemble(replace(model, damping=None))
     target = _target(drift_of(size), building)
     forces = PATTERNS[pattern](building)
     forces /= forces.sum()
     chain = _Chain(building, forces)
-    drifts, shears, ended, reached = [np.zeros(building.stories)], [0.0], "", 0
+    drifts, shears, ended = [np.zeros(building.stories)], [0.0], ""
+    reached = 0  # number of the requested points that the roof displacement has reached
     while reached < points and not ended:
         ended = chain.push(target * (reached + 1) / points, target / points)
         # If the path ends between two rows, its last state is the last row.
@@ -568,7 +573,7 @@ def pushover(
             drifts.append(chain.drift.copy())
             shears.append(chain.factor)
         reached = max(reached, math.floor(chain.drift.sum() / target * points + 1e-6))
-        if not ended and len(drifts) > _MOST_ROWS * points:
+        if not ended and len(drifts) > _MAX_ROWS_PER_POINT * points:
             ended = "the roof displacement decreases and does not reach the target"
     if len(drifts) == 1:
         raise AnalysisError(f"the pushover stops at the first step: {ended}")
@@ -580,7 +585,7 @@ def pushover(
         np.array(shears),
         *chain.largest,
         ended,
-        chain.passed,
+        chain.path,
     )
 
 
@@ -624,7 +629,7 @@ class _Chain:
         self._states = [(self.drift, 0.0)]
 
     @property
-    def passed(self) -> tuple[Array, Array]:
+    def path(self) -> tuple[Array, Array]:
         """Path so far: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
         return np.array([drift for drift, _ in self._states]), np.array(
             [factor for _, factor in self._states]
@@ -643,9 +648,9 @@ class _Chain:
         step : float
             Difference of roof displacement between rows, m.
         """
-        usual, length = step / _PARTS, 0.0
-        size = usual
-        for _ in range(_MOST_PARTS):
+        default_size, length = step / _STEPS_PER_ROW, 0.0
+        size = default_size
+        for _ in range(_MAX_STEPS_PER_ROW):
             # Control by the story with the largest drift increment per factor, preferably a
             # softening story. If it cannot carry its share, control by another story.
             tangents = np.array([story.tangent for story in self.stories])
@@ -660,15 +665,16 @@ class _Chain:
             # Halve the step if the path bends within it, because the area below the curve would be
             # wrong at a yield point. The error of a straight line follows from the difference
             # between the new state and the extrapolation by the tangents.
-            if size > _LEAST_PART * usual:
-                moved, grown = drift - self.drift, factor - self.factor
-                bent = abs(grown - tangents[lead] * moved[lead] / self.share[lead]) * abs(
-                    moved.sum()
-                )
+            if size > _MIN_STEP_FRACTION * default_size:
+                drift_change, factor_change = drift - self.drift, factor - self.factor
+                predicted = tangents[lead] * drift_change[lead] / self.share[lead]
+                area_error = abs(factor_change - predicted) * abs(drift_change.sum())
                 others = (order != lead) & (tangents > 0.0)
-                straight = grown * self.share[others] / tangents[others]
-                bent += abs(moved[others].sum() - straight.sum()) * abs(grown)
-                if bent > _CUT * max(self.largest[0], factor) * drift.sum():
+                predicted_drifts = factor_change * self.share[others] / tangents[others]
+                area_error += abs(drift_change[others].sum() - predicted_drifts.sum()) * abs(
+                    factor_change
+                )
+                if area_error > _AREA_TOLERANCE * max(self.largest[0], factor) * drift.sum():
                     size *= 0.5
                     continue
             # The path ends exactly at the state in which the base shear is zero.
@@ -678,7 +684,7 @@ class _Chain:
                 )
                 self._keep(lead, drift, 0.0)
                 return "no remaining lateral resistance"
-            # Increasing roof displacement: the next row is reached.
+            # With increasing roof displacement, a row is complete at its displacement.
             if drift.sum() >= displacement:
                 self._keep(
                     lead,
@@ -690,9 +696,10 @@ class _Chain:
             length += float(np.abs(drift - self.drift).sum())
             self._keep(lead, drift, factor)
             self.furthest = max(self.furthest, float(drift.sum()))
-            size = min(2.0 * size, usual)
-            # Decreasing roof displacement: the next row is reached.
-            if length >= step and drift.sum() < self.furthest * (1.0 - _BACK):
+            size = min(2.0 * size, default_size)
+            # With decreasing roof displacement, a row is complete after a certain length of the
+            # path.
+            if length >= step and drift.sum() < self.furthest * (1.0 - _SNAP_BACK):
                 return ""
         return (
             f"the remaining stories unload as fast as story {lead + 1} deforms; more points may "
@@ -700,7 +707,7 @@ class _Chain:
         )
 
     def _meet(
-        self, miss: Miss, lead: int, size: float, drift: Array, factor: float
+        self, excess: Excess, lead: int, size: float, drift: Array, factor: float
     ) -> tuple[Array, float]:
         """Return the state within a step that has no excess over the required value.
 
@@ -719,21 +726,23 @@ class _Chain:
             State at the end of the step.
         """
         low, high = 0.0, size
-        below, above = miss(self.drift, self.factor), miss(drift, factor)
-        for _ in range(_ITERATIONS):
-            if abs(miss(drift, factor)) <= _CLOSE:
+        low_value, high_value = excess(self.drift, self.factor), excess(drift, factor)
+        for _ in range(_MAX_ITERATIONS):
+            if abs(excess(drift, factor)) <= _FORCE_TOLERANCE:
                 break
-            # Secant method. The value of the retained endpoint is halved, so that it is replaced.
-            middle = low + (high - low) * below / (below - above)
+            # Secant between both endpoints. The value at the endpoint that is retained is halved.
+            # Otherwise the same endpoint could be retained in all iterations, which converges
+            # slowly.
+            middle = low + (high - low) * low_value / (low_value - high_value)
             trial = self._trial(lead, middle)
             if trial is None or not low < middle < high:
                 break
             drift, factor = trial
-            excess = miss(drift, factor)
-            if excess > 0.0:
-                high, above, below = middle, excess, 0.5 * below
+            value = excess(drift, factor)
+            if value > 0.0:
+                high, high_value, low_value = middle, value, 0.5 * low_value
             else:
-                low, below, above = middle, excess, 0.5 * above
+                low, low_value, high_value = middle, value, 0.5 * high_value
         return drift, factor
 
     def _trial(self, lead: int, size: float) -> tuple[Array, float] | None:
@@ -747,27 +756,30 @@ class _Chain:
         drift[lead] += size
         for i, story in enumerate(self.stories):
             if i != lead:
-                carried = story.carrying(factor * self.share[i])
-                if carried is None:
+                story_drift = story.drift_at_force(factor * self.share[i])
+                if story_drift is None:
                     return None
-                drift[i] = carried
+                drift[i] = story_drift
         return drift, factor
 
     def _keep(self, lead: int, drift: Array, factor: float) -> None:
         """Advance to these drifts, and update the maximum base shear."""
-        # The maximum is at the end, or at the maximum force of the controlling story, because this
-        # force determines the factor.
-        story, high = self.stories[lead], float(drift[lead] - self.drift[lead])
+        # The maximum base shear of the step is at its end, or at the maximum force of the
+        # controlling story, which determines the factor. If the tangent of this story changes its
+        # sign, the maximum is found by bisection.
+        story, size = self.stories[lead], float(drift[lead] - self.drift[lead])
         largest = (factor, drift)
         if story.tangent > 0.0 and story.at(float(drift[lead]))[1] <= 0.0:
-            here = self.drift[lead]
-            _, high = halved(lambda step: story.at(here + step)[1] > 0.0, 0.0, high, _ITERATIONS)
-            top = self._trial(lead, high)
-            if top and top[1] >= factor:
-                largest = (top[1], top[0])
+            start = self.drift[lead]
+            _, size = halved(
+                lambda step: story.at(start + step)[1] > 0.0, 0.0, size, _MAX_ITERATIONS
+            )
+            maximum = self._trial(lead, size)
+            if maximum and maximum[1] >= factor:
+                largest = (maximum[1], maximum[0])
         self.largest = max(self.largest, largest, key=lambda state: state[0])
         for story, new in zip(self.stories, drift, strict=True):
-            story.go(float(new))
+            story.advance(float(new))
         self.drift, self.factor = drift, factor
         self._states.append((drift, factor))
 
@@ -789,11 +801,10 @@ class _Story:
         path = follow_path(
             self._building, self._number, np.array([*self._reversals, self.drift, drift])
         )
-        return float(path.shear[-1]) + self._geometric * drift, float(
-            path.tangent[-1]
-        ) + self._geometric
+        force = float(path.shear[-1]) + self._geometric * drift
+        return force, float(path.tangent[-1]) + self._geometric
 
-    def go(self, drift: float) -> None:
+    def advance(self, drift: float) -> None:
         """Advance to a drift."""
         if drift == self.drift:
             return
@@ -803,26 +814,27 @@ class _Story:
             self._reversals.append(self.drift)
         self.drift = drift
 
-    def carrying(self, force: float) -> float | None:
+    def drift_at_force(self, force: float) -> float | None:
         """Return the next drift with a force; None if it does not exist.
 
         The drift increases for a larger force, and decreases for a smaller force.
         """
-        missing = force - self.force
-        close = _CLOSE * max(self._largest, abs(force))
-        if abs(missing) <= close:
+        force_change = force - self.force
+        tolerance = _FORCE_TOLERANCE * max(self._largest, abs(force))
+        if abs(force_change) <= tolerance:
             return self.drift
-        forwards = missing > 0.0
-        # Newton's method, bracketed by a drift with a smaller and a drift with a larger force
+        is_loading = force_change > 0.0
+        # Newton's method, bracketed by a drift at which the force is not reached yet (`near`) and a
+        # drift beyond it (`far`). A story that softens before it reaches the force cannot reach it.
         near, far = self.drift, None
-        stiffness = self.tangent if self.tangent > 0.0 and forwards else self.initial
-        drift = near + missing / stiffness
-        for _ in range(_ITERATIONS):
-            here, tangent = self.at(drift)
-            residual = force - here
-            if abs(residual) <= close:
+        stiffness = self.tangent if self.tangent > 0.0 and is_loading else self.initial
+        drift = near + force_change / stiffness
+        for _ in range(_MAX_ITERATIONS):
+            trial_force, tangent = self.at(drift)
+            residual = force - trial_force
+            if abs(residual) <= tolerance:
                 return drift
-            if (residual > 0.0) == forwards:
+            if (residual > 0.0) == is_loading:
                 if tangent <= 0.0:
                     return None
                 near = drift

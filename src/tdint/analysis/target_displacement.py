@@ -29,18 +29,18 @@ from tdint.units import STANDARD_GRAVITY, DriftSize
 SITE_FACTORS = {"A": 130.0, "B": 130.0, "C": 90.0, "D": 60.0, "E": 60.0, "F": 60.0}
 """Factor a of C1 by site class (ASCE 41-17, 7.4.3.3.2)."""
 
-_MOST_OF_ELASTIC = 3.0  # maximum ratio to the elastic displacement (EN 1998-1, B.5)
+_MAX_DISPLACEMENT_RATIO = 3.0  # maximum ratio to the elastic displacement (EN 1998-1, B.5)
 # Fraction of the yield force at which the effective stiffness intersects the curve (ASCE 41-17,
 # 7.4.3.2.4)
 _SECANT = 0.6
 _STRONG_AT_1_S = 0.6  # g; larger values occur at near-fault sites (ASCE 41-17, 7.4.3.3.2)
 # Required range of the curve over the target displacement (EN 1998-1, 4.3.3.4.2.3)
-_ENOUGH = 1.5
+_REQUIRED_RANGE = 1.5
 # Relative change of force that counts as yield. Residuals of equilibrium are a millionth of it, the
 # first yield is a thousand times larger
-_STRAIGHT = 1e-6
+_YIELD_TOLERANCE = 1e-6
 _ROUNDING = 1e-9  # relative difference of forces; residuals of the curve are a hundredth of it
-_HALVINGS = 100  # maximum number of bisections; more than the number of digits of a float
+_MAX_BISECTIONS = 100  # maximum number of bisections; more than the number of digits of a float
 
 
 @dataclass(frozen=True, repr=False)
@@ -109,7 +109,7 @@ class TargetDisplacements(ResultList[TargetDisplacement]):
 
 
 @dataclass(frozen=True)
-class _Pushed:
+class _PushoverCurve:
     """Pushover curve for increasing roof displacement.
 
     Attributes
@@ -129,12 +129,12 @@ class _Pushed:
     drift: Array
 
     @classmethod
-    def of(cls, pushed: Pushover) -> _Pushed:
+    def of(cls, pushed: Pushover) -> _PushoverCurve:
         """Select the states in which the roof displacement exceeds all previous values."""
         drift, shear = pushed.way
         roof = drift.sum(axis=1)
-        on = roof > np.maximum.accumulate(np.concatenate(([-math.inf], roof[:-1])))
-        roof, shear, drift = roof[on], shear[on], drift[on]
+        is_increasing = roof > np.maximum.accumulate(np.concatenate(([-math.inf], roof[:-1])))
+        roof, shear, drift = roof[is_increasing], shear[is_increasing], drift[is_increasing]
         work = np.concatenate(([0.0], np.cumsum(np.diff(roof) * (shear[:-1] + shear[1:]) / 2.0)))
         return cls(pushed, roof, shear, work, drift)
 
@@ -143,9 +143,12 @@ class _Pushed:
 
         It is at least the end of the first straight line, and at most the peak.
         """
-        line = self.shear[1:] >= (1.0 - _STRAIGHT) * self.shear[1] / self.roof[1] * self.roof[1:]
-        straight = line.size if line.all() else int(np.argmin(line))
-        return float(np.clip(displacement, self.roof[straight], self.roof[self.peak]))
+        is_elastic = (
+            self.shear[1:]
+            >= (1.0 - _YIELD_TOLERANCE) * self.shear[1] / self.roof[1] * self.roof[1:]
+        )
+        last_elastic = is_elastic.size if is_elastic.all() else int(np.argmin(is_elastic))
+        return float(np.clip(displacement, self.roof[last_elastic], self.roof[self.peak]))
 
     @property
     def peak(self) -> int:
@@ -222,7 +225,7 @@ def target_displacements(
     if not 0.0 < mass_factor <= 1.0:
         raise UsageError(f"mass_factor must be above 0 and at most 1, got {mass_factor!r}")
     demand = read_target(target) if isinstance(target, str) else target
-    building, curve = assemble(replace(pushed.model, damping=None)), _Pushed.of(pushed)
+    building, curve = assemble(replace(pushed.model, damping=None)), _PushoverCurve.of(pushed)
     shape = pushed.forces / building.mass
     shape /= shape[-1]
     mass = float(building.mass @ shape)
@@ -231,7 +234,7 @@ def target_displacements(
     site = SITE_FACTORS[site_class.upper()]
     effective = partial(_coefficients, curve, demand, building, site, mass_factor)
     coefficients = _solve("coefficients", curve, effective)
-    notes = _beyond_strength(curve, building, coefficients, demand)
+    notes = _strength_note(curve, building, coefficients, demand)
     c0 = float(building.modes().participation[0])
     return TargetDisplacements(
         [
@@ -251,7 +254,7 @@ def target_displacements(
 
 
 def _n2(
-    curve: _Pushed, demand: TargetSpectrum, mass: float, participation: float, roof: float
+    curve: _PushoverCurve, demand: TargetSpectrum, mass: float, participation: float, roof: float
 ) -> _Idealized:
     """Apply N2 (EN 1998-1:2004, annex B) to the curve up to a roof displacement.
 
@@ -259,7 +262,7 @@ def _n2(
 
     Parameters
     ----------
-    curve : _Pushed
+    curve : _PushoverCurve
         Pushover curve.
     demand : TargetSpectrum
         Elastic design spectrum.
@@ -270,24 +273,26 @@ def _n2(
     """
     roof = curve.idealized_to(roof)
     strength = curve.strongest(roof) / participation
-    reached, area = roof / participation, curve.at(roof)[1] / participation**2
-    yielding = 2.0 * (reached - area / strength)  # (B.6)
-    period = 2.0 * math.pi * math.sqrt(mass * yielding / strength)  # (B.7)
+    oscillator_displacement = roof / participation
+    area = curve.at(roof)[1] / participation**2
+    yield_displacement = 2.0 * (oscillator_displacement - area / strength)  # (B.6)
+    period = 2.0 * math.pi * math.sqrt(mass * yield_displacement / strength)  # (B.7)
     acceleration = float(demand.at(np.array([period]))[0])
     elastic = acceleration * (period / (2.0 * math.pi)) ** 2  # (B.8)
     ratio = acceleration * mass / strength
     increase = 1.0
     if period < demand.corner and ratio > 1.0:  # (B.10)
         increase = min(
-            max((1.0 + (ratio - 1.0) * demand.corner / period) / ratio, 1.0), _MOST_OF_ELASTIC
+            max((1.0 + (ratio - 1.0) * demand.corner / period) / ratio, 1.0),
+            _MAX_DISPLACEMENT_RATIO,
         )
     displacement = participation * increase * elastic
-    yields = strength * participation, yielding * participation
-    return _Idealized(period, *yields, acceleration, ratio, (increase, 1.0), displacement)
+    yield_point = strength * participation, yield_displacement * participation
+    return _Idealized(period, *yield_point, acceleration, ratio, (increase, 1.0), displacement)
 
 
 def _coefficients(
-    curve: _Pushed,
+    curve: _PushoverCurve,
     demand: TargetSpectrum,
     building: Building,
     site: float,
@@ -301,7 +306,7 @@ def _coefficients(
 
     Parameters
     ----------
-    curve : _Pushed
+    curve : _PushoverCurve
         Pushover curve.
     demand : TargetSpectrum
         Elastic design spectrum.
@@ -316,9 +321,9 @@ def _coefficients(
     """
     roof = curve.idealized_to(roof)
     modes = building.modes()
-    strength, yields = _two_lines(curve, roof)
+    strength, yield_displacement = _two_lines(curve, roof)
     initial = float(curve.shear[1] / curve.roof[1])
-    stiffness = min(strength / yields, initial)
+    stiffness = min(strength / yield_displacement, initial)
     period = 2.0 * math.pi / float(modes.omega[0]) * math.sqrt(initial / stiffness)
     acceleration = float(demand.at(np.array([period]))[0])
     ratio = acceleration * mass_factor * float(building.mass.sum()) / strength
@@ -328,10 +333,12 @@ def _coefficients(
     displacement = (
         float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2
     )  # (7-28)
-    return _Idealized(period, strength, yields, acceleration, ratio, (c1, c2), displacement)
+    return _Idealized(
+        period, strength, yield_displacement, acceleration, ratio, (c1, c2), displacement
+    )
 
 
-def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
+def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
     """Return force and displacement at the intersection of two lines with the area of the curve.
 
     The smallest such force is returned. If the curve hardens after a yield at 0.6 of a force, the
@@ -339,26 +346,28 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
     """
     end, area = curve.at(roof)
     largest = curve.strongest(roof)
-    # Between the corners of the curve below 0.6 of the force, the intersection with the secant
-    # moves on a straight line, and the difference of the areas is linear. Corners are evaluated
-    # from both sides, because the curve may decrease or be flat before them.
-    before = np.maximum.accumulate(curve.shear)
-    rising = np.flatnonzero(curve.shear[1:] > before[:-1]) + 1
-    rising = rising[before[rising - 1] < _SECANT * largest]
-    ends = np.minimum(np.array([before[rising - 1], before[rising]]), _SECANT * largest)
-    along = (curve.roof[rising] - curve.roof[rising - 1]) / (
+    # For each force, the secant intersects the curve at 0.6 of the force. While this intersection
+    # moves along a straight part of the curve, the difference of the areas is a linear function of
+    # the force. The difference is therefore computed at both ends of each straight part, and
+    # interpolated. Flat and decreasing parts are skipped, because they contain no new intersection.
+    maximum_before = np.maximum.accumulate(curve.shear)
+    rising = np.flatnonzero(curve.shear[1:] > maximum_before[:-1]) + 1
+    rising = rising[maximum_before[rising - 1] < _SECANT * largest]
+    ends = np.minimum(
+        np.array([maximum_before[rising - 1], maximum_before[rising]]), _SECANT * largest
+    )
+    flexibility = (curve.roof[rising] - curve.roof[rising - 1]) / (
         curve.shear[rising] - curve.shear[rising - 1]
     )
     forces = ends / _SECANT
-    yields = (curve.roof[rising] - along * (curve.shear[rising] - ends)) / _SECANT
+    yields = (curve.roof[rising] - flexibility * (curve.shear[rising] - ends)) / _SECANT
     low, high = (forces * roof + end * (roof - yields)) / 2.0 - area
     crossed = np.flatnonzero((low < 0.0) & (high >= 0.0))
-    if crossed.size and area > (1.0 + _STRAIGHT) * end * roof / 2.0:
+    if crossed.size and area > (1.0 + _YIELD_TOLERANCE) * end * roof / 2.0:
         i = crossed[0]
-        part = -low[i] / (high[i] - low[i])
-        return float(forces[0, i] + part * np.ptp(forces[:, i])), float(
-            yields[0, i] + part * np.ptp(yields[:, i])
-        )
+        fraction = -low[i] / (high[i] - low[i])
+        force = forces[0, i] + fraction * np.ptp(forces[:, i])
+        return float(force), float(yields[0, i] + fraction * np.ptp(yields[:, i]))
     # A curve that does not yield is idealized by its first line, through the first point that
     # reaches the force of the secant.
     secant, i = _SECANT * largest, int(np.argmax(curve.shear >= _SECANT * largest))
@@ -368,43 +377,47 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
     )
 
 
-def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized]) -> _Idealized:
+def _solve(
+    method: str, curve: _PushoverCurve, idealize: Callable[[float], _Idealized]
+) -> _Idealized:
     """Return the idealization for the first displacement on the curve that reproduces itself.
 
     Parameters
     ----------
     method : str
         Name of the method in messages.
-    curve : _Pushed
+    curve : _PushoverCurve
         Pushover curve.
     idealize : callable
         Idealization up to a roof displacement.
     """
     rows = curve.roof[1:]
-    before = rows[0]
+    previous = rows[0]
     for roof in rows.tolist():
         if idealize(roof).roof_displacement <= roof:
             break
-        before = roof
+        previous = roof
     else:
-        displacement = idealize(before).roof_displacement
-        why = (
+        displacement = idealize(previous).roof_displacement
+        reason = (
             f"; the curve ends there: {curve.pushed.ended}"
             if curve.pushed.ended
             else "; push further"
         )
         raise AnalysisError(
             f"the target displacement ({method}) exceeds the curve: about {displacement:.4g} m at "
-            f"the roof, but the curve reaches {before:.4g} m{why}"
+            f"the roof, but the curve reaches {previous:.4g} m{reason}"
         )
-    root = before
-    if before != roof:
-        _, root = halved(lambda x: x < idealize(x).roof_displacement, before, roof, _HALVINGS)
+    root = previous
+    if previous != roof:
+        _, root = halved(
+            lambda x: x < idealize(x).roof_displacement, previous, roof, _MAX_BISECTIONS
+        )
     return idealize(root)
 
 
-def _beyond_strength(
-    curve: _Pushed, building: Building, made: _Idealized, demand: TargetSpectrum
+def _strength_note(
+    curve: _PushoverCurve, building: Building, idealized: _Idealized, demand: TargetSpectrum
 ) -> tuple[str, ...]:
     """Return a note if the strength ratio exceeds the limit of the coefficient method.
 
@@ -412,54 +425,60 @@ def _beyond_strength(
 
     Parameters
     ----------
-    curve : _Pushed
+    curve : _PushoverCurve
         Pushover curve.
     building : Building
         Building without damping.
-    made : _Idealized
+    idealized : _Idealized
         Result of the coefficient method.
     demand : TargetSpectrum
         Elastic design spectrum.
     """
     peak = curve.peak
-    below = np.flatnonzero(curve.shear[peak:] <= _SECANT * made.yield_force)
+    below = np.flatnonzero(curve.shear[peak:] <= _SECANT * idealized.yield_force)
     last = peak + int(below[0]) if below.size else curve.shear.size - 1
     span = float(curve.roof[last] - curve.roof[peak])
     if last == peak or span <= 0.0 or curve.shear[last] >= curve.shear[peak]:
-        # The roof displacement decreases from the peak: no slope and no ductility after the peak.
+        # The roof displacement decreases after the peak, so that the curve has no slope there. If
+        # the building cannot be pushed further, the slope is considered infinite.
         if curve.pushed.ended and last == peak:
             slope = geometric = -math.inf
         else:
             return ()
     else:
-        stiffness = made.yield_force / made.yield_displacement
+        stiffness = idealized.yield_force / idealized.yield_displacement
         slope = float(curve.shear[last] - curve.shear[peak]) / span / stiffness
         # Compute the contribution of P-delta to the slope by a second pushover without P-delta.
         geometric, pushed = 0.0, curve.pushed
         if pushed.model.p_delta:
             high = float(curve.roof[last])
-            bare = replace(pushed.model, p_delta=False)
+            without_p_delta = replace(pushed.model, p_delta=False)
             size = DriftSize(f"{high:.6g}m", high, "length")
             points = max(pushed.base_shear.size - 1, 1)
-            other = _Pushed.of(pushover(bare, size, pattern=pushed.pattern, points=points))
+            other = _PushoverCurve.of(
+                pushover(without_p_delta, size, pattern=pushed.pattern, points=points)
+            )
             geometric = (
                 slope
                 - (other.at(high)[0] - other.at(float(curve.roof[peak]))[0]) / span / stiffness
             )
-    near = float(demand.at(np.array([1.0]))[0]) >= _STRONG_AT_1_S * STANDARD_GRAVITY
+    is_near_fault = float(demand.at(np.array([1.0]))[0]) >= _STRONG_AT_1_S * STANDARD_GRAVITY
     effective = (
-        geometric + (0.8 if near else 0.2) * (slope - geometric)
+        geometric + (0.8 if is_near_fault else 0.2) * (slope - geometric)
         if math.isfinite(slope)
         else -math.inf
     )
-    largest = min(made.roof_displacement, float(curve.roof[peak])) / made.yield_displacement
+    largest = (
+        min(idealized.roof_displacement, float(curve.roof[peak])) / idealized.yield_displacement
+    )
     if effective < 0.0 and math.isfinite(effective):
-        largest += abs(effective) ** -(1.0 + 0.15 * math.log(made.period)) / 4.0
-    # A building that remains elastic loses no strength.
-    if made.strength_ratio <= max(largest, 1.0):
+        largest += abs(effective) ** -(1.0 + 0.15 * math.log(idealized.period)) / 4.0
+    # The limit does not apply to a building that remains elastic (strength ratio up to 1).
+    if idealized.strength_ratio <= max(largest, 1.0):
         return ()
     return (
-        f"coefficients: the strength ratio {made.strength_ratio:.3g} exceeds {largest:.3g}, the "
+        f"coefficients: the strength ratio {idealized.strength_ratio:.3g} exceeds {largest:.3g}, "
+        "the "
         "limit of the method for a building that loses strength (ASCE 41-17, 7.4.3.3.2): do not "
         "use its displacement, run time history analyses",
     )
@@ -467,10 +486,10 @@ def _beyond_strength(
 
 def _result(
     method: str,
-    curve: _Pushed,
+    curve: _PushoverCurve,
     target: TargetSpectrum,
     building: Building,
-    made: _Idealized,
+    idealized: _Idealized,
     participation: float,
     mass: float,
     notes: tuple[str, ...] = (),
@@ -481,13 +500,13 @@ def _result(
     ----------
     method : str
         `n2` or `coefficients`.
-    curve : _Pushed
+    curve : _PushoverCurve
         Pushover curve.
     target : TargetSpectrum
         Elastic design spectrum.
     building : Building
         Building without damping.
-    made : _Idealized
+    idealized : _Idealized
         Idealized curve.
     participation, mass : float
         As in `TargetDisplacement`.
@@ -495,14 +514,14 @@ def _result(
         Notes of the method.
     """
     drift = np.array(
-        [np.interp(made.roof_displacement, curve.roof, column) for column in curve.drift.T]
+        [np.interp(idealized.roof_displacement, curve.roof, column) for column in curve.drift.T]
     )
-    most = float(np.max(curve.roof))
-    if most < _ENOUGH * made.roof_displacement and not notes and method == "n2":
+    end = float(np.max(curve.roof))
+    if end < _REQUIRED_RANGE * idealized.roof_displacement and not notes and method == "n2":
         ended = curve.pushed.ended
-        text = f"n2: the curve {'ends' if ended else 'reaches'} {'at ' * bool(ended)}"
-        text += f"{most / made.roof_displacement:.3g} times the target displacement"
-        required = f"{_ENOUGH:g} are required (EN 1998-1, 4.3.3.4.2.3)"
+        text = f"n2: the curve {'ends at' if ended else 'reaches'} "
+        text += f"{end / idealized.roof_displacement:.3g} times the target displacement"
+        required = f"{_REQUIRED_RANGE:g} are required (EN 1998-1, 4.3.3.4.2.3)"
         # If the building cannot be pushed further, the requirement of the standard cannot be met.
         refused = (
             f" ({ended}), {required} and cannot be met: do not use its displacement, run time "
@@ -516,8 +535,8 @@ def _result(
         method=method,
         participation=participation,
         mass=mass,
-        **vars(made),
-        base_shear=curve.at(made.roof_displacement)[0],
+        **vars(idealized),
+        base_shear=curve.at(idealized.roof_displacement)[0],
         drift=drift,
         drift_ratio=drift / building.rises,
         ductility=drift / yields,

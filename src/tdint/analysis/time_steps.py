@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 
 from tdint.errors import UsageError
 
-_SAME = 1e-9  # dimensionless; relative difference below which time steps are considered equal
+_STEP_TOLERANCE = (
+    1e-9  # dimensionless; relative difference below which time steps are considered equal
+)
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Steps:
         return max(self.count * self.h - self.end, 0.0)
 
 
-MOST_STEPS = 1_000_000_000
+MAX_STEPS = 1_000_000_000
 """Maximum number of time steps of a run, about 15 minutes for a few stories. A mistake in dt does
 not cause a run of years.
 """
@@ -82,7 +84,7 @@ def choose_steps(
                 "model file"
             )
         return Steps(dt, _count(duration, dt), end=duration)
-    if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
+    if dt is not None and not record_dt / MAX_STEPS <= dt <= record_dt * MAX_STEPS:
         raise UsageError(
             f"dt must be comparable to the sampling interval of the record, {record_dt:.6g} s; "
             f"got {dt:.6g} s"
@@ -90,21 +92,21 @@ def choose_steps(
     duration = record_duration if duration is None else duration
     if dt is None:
         return Steps(record_dt, _count(duration, record_dt), end=duration)
-    # The time step divides the sampling interval or is a multiple of it, except for rounding: the
-    # result is computed from the sampling interval.
+    # If the time step divides the sampling interval or is a multiple of it, except for rounding, it
+    # is computed from the sampling interval, so that steps and samples coincide exactly.
     for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
-        whole = round(ratio)
-        if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
-            h = record_dt / whole if per_sample else record_dt * whole
+        factor = round(ratio)
+        if factor >= 1 and abs(ratio - factor) <= _STEP_TOLERANCE * factor:
+            h = record_dt / factor if per_sample else record_dt * factor
             return Steps(
-                h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration
+                h, _count(duration, h), *((factor, 1) if per_sample else (1, factor)), end=duration
             )
-    # Next larger and next smaller compatible time step
-    whole = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
+    # Otherwise, report the next smaller and the next larger compatible time step.
+    factor = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
     if dt > record_dt:
-        below, above = record_dt * whole, record_dt * (whole + 1)
+        below, above = record_dt * factor, record_dt * (factor + 1)
     else:
-        below, above = record_dt / (whole + 1), record_dt / whole
+        below, above = record_dt / (factor + 1), record_dt / factor
     raise UsageError(
         f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: the "
         f"nearest steps are {below:.12g} and {above:.12g} s"
@@ -113,11 +115,11 @@ def choose_steps(
 
 def _count(duration: float, h: float) -> int:
     """Return the number of steps for a duration; UsageError if there are too many."""
-    count = duration / h * (1.0 - _SAME)
-    if not count <= MOST_STEPS:
+    count = duration / h * (1.0 - _STEP_TOLERANCE)
+    if not count <= MAX_STEPS:
         raise UsageError(
             f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most "
-            f"{MOST_STEPS:.0e} are allowed; use a longer dt or a shorter duration"
+            f"{MAX_STEPS:.0e} are allowed; use a longer dt or a shorter duration"
         )
     return max(1, math.ceil(count))
 

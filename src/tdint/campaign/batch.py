@@ -279,28 +279,32 @@ def building_step(
     """
     # Order the runs so that the first N use as many different motions as possible, with scale
     # factors from the middle of the range.
-    of_motion: dict[int, list[Run]] = {}
+    runs_by_motion: dict[int, list[Run]] = {}
     for run in sorted(runs, key=lambda run: abs(run.scale)):
-        of_motion.setdefault(run.motion, []).append(run)
-    ranked = sorted(
-        of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga
+        runs_by_motion.setdefault(run.motion, []).append(run)
+    motions_by_pga = sorted(
+        runs_by_motion,
+        key=lambda motion: abs(runs_by_motion[motion][-1].scale) * records[motion].pga,
     )
-    rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
-    spread = (run for run in chain.from_iterable(rounds) if run is not None)
+    rounds = zip_longest(
+        *(_middle_first(runs_by_motion[motion]) for motion in _middle_first(motions_by_pga))
+    )
+    ordered = (run for run in chain.from_iterable(rounds) if run is not None)
 
     # Runs that collapse or fail provide no time step: try other runs instead.
     step, evaluated = math.inf, 0
-    enough = min(max(_MIN_EVALUATED, len(runs) // 4), _MAX_EVALUATED)
-    for run in islice(spread, _MAX_TRIALS):
+    required = min(max(_MIN_EVALUATED, len(runs) // 4), _MAX_EVALUATED)
+    for run in islice(ordered, _MAX_TRIALS):
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
             case = case.under(
                 sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt).whole
             )
-        first = attempt(case, case.steps(settings.dt, settings.duration))
-        if isinstance(first, Response) and first.collapse:
+        outcome = attempt(case, case.steps(settings.dt, settings.duration))
+        if isinstance(outcome, Response) and outcome.collapse:
             continue
+        # With `largest`, the step of each run is at most the step of the previous runs.
         try:
             step = step_within(
                 case, tolerance, dt=settings.dt, duration=settings.duration, largest=step
@@ -308,12 +312,12 @@ def building_step(
         except FailedRun:
             continue
         evaluated += 1
-        if evaluated == enough:
+        if evaluated == required:
             break
     return step if evaluated else None
 
 
-def _spread(items: Sequence[Item]) -> Iterator[Item]:
+def _middle_first(items: Sequence[Item]) -> Iterator[Item]:
     """Yield the middle item, then the middle items of both halves, and so on."""
     parts = deque([items])
     while parts:
@@ -379,7 +383,8 @@ class Batch:
         AnalysisError
             The method does not integrate this building.
         """
-        # The times of a sequence depend on the decay of free vibration: integrate each separately.
+        # The start times of the events of a sequence depend on the decay of free vibration, which
+        # differs between runs. Sequences are therefore integrated individually.
         results = Rows()
         for run in runs:
             if isinstance(self.motions.records[run.motion], JoinedRecord):
@@ -387,7 +392,8 @@ class Batch:
         runs = [
             run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
         ]
-        # Time steps depend on the motion only: all runs of a motion use the same time steps.
+        # The time step depends on the sampling interval of the motion, but not on the scale factor:
+        # compute it once for each motion.
         chosen = math.inf if largest is None else largest
         steps = {
             motion: self._steps(motion, chosen)
@@ -418,13 +424,13 @@ class Batch:
         # The joined record includes the scale factor, so it is run at the scale factor 1 with
         # scaled intensities.
         spectral = self.spectral[run.motion]
-        single = replace(
+        single_run_batch = replace(
             self,
             motions=Motions({run.motion: sequence.whole}),
             spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
             settings=replace(self.settings, duration=sequence.whole.duration),
         )
-        rows = single.results([run._replace(scale=1.0)], largest)
+        rows = single_run_batch.results([run._replace(scale=1.0)], largest)
         (row,) = rows.runs
         # Compute the demands of each event, if the run has a result.
         if row.steps is not None:
@@ -445,13 +451,13 @@ class Batch:
         return Rows([row._replace(scale=run.scale)], stories, rows.shocks)
 
     def _steps(self, motion: int, largest: float) -> Steps:
-        """Return the time steps for a motion by the settings, halved or doubled to the maximum up
-        to `largest`."""
+        """Return the time steps for a motion: the time step of the settings, doubled or halved as
+        often as necessary to be the longest one that does not exceed `largest` (s)."""
         case, duration = self._case(Run(motion, 1.0)), self.settings.duration
         steps = case.steps(self.settings.dt, duration)
         if largest == math.inf:
             return steps
-        # Halved and doubled time steps have times in common with the samples.
+        # Time steps that are halved or doubled still end at samples of the record.
         doublings = math.floor(math.log2(largest / steps.h) + _EQUAL_STEPS)
         if doublings > 0:
             return case.steps(steps.h * 2.0**doublings, duration)
@@ -579,18 +585,18 @@ class Done:
 
 def do(chunk: Chunk) -> Done:
     """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
-    # Measure the time of this thread only: chunks run in parallel.
+    # Chunks run in parallel on threads, so that the time of the process would count all of them.
     began = time.thread_time()
     motions = Motions(chunk.records)
     subjects = [part.source.subject() for part in chunk.buildings]
 
     # Compute Sa(T1) for each motion at the periods of all buildings in one call.
     spectral: list[dict[int, float | None]] = [{} for _ in subjects]
-    users: dict[int, list[int]] = {}
+    subjects_of_motion: dict[int, list[int]] = {}
     for index, part in enumerate(chunk.buildings):
         for motion in dict.fromkeys(run.motion for run in part.runs):
-            users.setdefault(motion, []).append(index)
-    for motion, indices in users.items():
+            subjects_of_motion.setdefault(motion, []).append(index)
+    for motion, indices in subjects_of_motion.items():
         values = spectral_accelerations(
             chunk.records[motion], [subjects[index].period for index in indices]
         )
@@ -632,5 +638,6 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     except AnalysisError:
         if len(periods) == 1:
             return [None]
-    # A period that is too short makes the call fail: compute each period separately.
+    # The call fails if one of the periods is too short for the record. Compute each period
+    # separately, so that only this period has no result.
     return [value for period in periods for value in spectral_accelerations(record, [period])]

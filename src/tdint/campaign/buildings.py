@@ -30,7 +30,11 @@ def output_units(buildings: Buildings) -> OutputUnits:
 
 def models_of(buildings: Buildings) -> list[Model]:
     """Return the models of buildings of model files; empty for an inventory."""
-    return [given.made.model for given in different(buildings) if isinstance(given, GivenBuilding)]
+    return [
+        building.made.model
+        for building in different(buildings)
+        if isinstance(building, GivenBuilding)
+    ]
 
 
 def model_files(buildings: Buildings) -> dict[str, str]:
@@ -111,6 +115,7 @@ def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
 
 def digest_of(model: Model, method: str) -> str:
     """Return the SHA-256 of the building and the time steps of a model, and of the method."""
+    # Remove everything that does not change the response, such as names and units of the output.
     content = asdict(model)
     for name in (
         "name",
@@ -185,28 +190,35 @@ class RowBuilding:
 
     @property
     def name(self) -> str:
+        """Identifier of the row, with the label of its variation."""
         return f"{self.row.id}: {self.row.label}" if self.row.label else self.row.id
 
     @property
     def stories(self) -> int:
+        """Number of stories."""
         return self.row.facts.stories
 
     @property
     def method(self) -> str:
+        """Method with its parameters."""
         return self.rules.method
 
     @property
     def digest(self) -> str:
+        """SHA-256 of the row and the rules, which determine the building."""
         row = self.row
+        # Rows without a variation keep the digest that they had before sweeps existed.
         contents = (row.id, row.facts, self.rules, *((row.changes,) if row.changes else ()))
         return hashlib.sha256(repr(contents).encode()).hexdigest()
 
     @property
     def varied(self) -> Mapping[str, float]:
+        """Parameters that a sweep changed, with their values."""
         return dict(self.row.changes)
 
     @property
     def cells(self) -> str:
+        """Further cells of the row, as JSON."""
         return self.row.cells
 
 
@@ -231,6 +243,7 @@ class RowBuildings(LazySequence[RowBuilding]):
         return len(self.rows)
 
     def make(self, number: int) -> RowBuilding:
+        """Return the building with a number."""
         return RowBuilding(self.rows.make(number), self.rules)
 
 

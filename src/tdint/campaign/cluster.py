@@ -24,7 +24,7 @@ from tdint.files import MOST_BYTES, read_at_most
 from tdint.methods.catalogue import load_plugin
 from tdint.model.plugins import files_received, files_to_send
 
-_AHEAD = 3
+_SUBMITTED_PER_THREAD = 3
 """Number of submitted chunks per worker thread, including the chunk that is running."""
 
 _NOTICE_AFTER, _TIMEOUT = 1.0, 10.0
@@ -60,20 +60,20 @@ class Cluster:
         # Anyone who can connect to a scheduler can execute code on it, so remote schedulers require
         # certificates.
         parts = _parse_address(self.address)
-        given = [self.ca, self.cert, self.key]
+        certificates = [self.ca, self.cert, self.key]
         if parts.scheme == "tls":
-            if None in given:
+            if None in certificates:
                 raise UsageError(
                     f"{self.address}: --tls-ca, --tls-cert and --tls-key are all required"
                 )
-            for file in given:
+            for file in certificates:
                 try:
                     read_at_most(str(file), MOST_BYTES, UsageError)
                 except OSError as error:
                     raise UsageError(
                         f"{file}: cannot read the file: {error.strerror or error}"
                     ) from None
-        elif any(given):
+        elif any(certificates):
             raise UsageError(f"{self.address}: certificates can only be used with a tls:// address")
         elif not is_loopback(parts.hostname or ""):
             raise UsageError(
@@ -86,9 +86,8 @@ class Cluster:
 
 def _parse_address(address: str) -> Any:
     """Split a scheduler address into its parts; raise UsageError if it is invalid."""
-    with suppress(
-        ValueError
-    ):  # urlsplit raises it for an invalid port, but only when `port` is accessed
+    # For an invalid port, access to `port` raises a ValueError.
+    with suppress(ValueError):
         parts = urlsplit(address)
         is_bare = (
             f"{parts.scheme}://{parts.netloc}".lower() == address.lower()
@@ -157,6 +156,7 @@ def do_with(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> Done:
 
 
 def _connect(cluster: Cluster) -> Any:
+    """Return a client of a Dask scheduler; raise UsageError if no scheduler responds."""
     try:
         from distributed import Client, Security
     except ImportError:
@@ -214,7 +214,7 @@ def _results(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int])
     # fit in memory.
     def submit_more(pending: int) -> int:
         threads: dict[str, int] = client.nthreads()
-        limit = _AHEAD * max(1, sum(threads.values()))
+        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads.values()))
         for number in islice(numbers, max(0, limit - pending)):
             running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
             pending += 1
@@ -228,7 +228,7 @@ def _results(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int])
             raise AnalysisError(
                 f"workers failed repeatedly while processing the same runs: {error}"
             ) from None
-        # Let the scheduler free the memory of the result.
+        # The result is here; let the scheduler free its memory.
         future.release()
         yield done
         pending = submit_more(pending - 1)

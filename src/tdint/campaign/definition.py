@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _MAX_VARIATIONS = (
     1_000_000  # maximum number of variations of a building, which are stored in memory
 )
-_LABEL_DIGITS = 6  # significant digits in a label
+_LABEL_DIGITS = 6  # significant digits of the values in the labels of variations
 
 DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
     "lognormal": ("median", "beta"),
@@ -57,11 +57,14 @@ class Distribution:
         """Raise UsageError for invalid parameters."""
         first, second = DISTRIBUTIONS[self.kind]
         if self.kind == "uniform" and not self.first < self.second:
-            raise UsageError(f"uniform: {first} must be less than {second}")
+            raise UsageError(
+                f"uniform: {first} must be less than {second}, got {self.first:g} and "
+                f"{self.second:g}"
+            )
         if self.kind != "uniform" and not self.second > 0.0:
-            raise UsageError(f"{self.kind}: {second} must be positive")
+            raise UsageError(f"{self.kind}: {second} must be positive, got {self.second:g}")
         if self.kind == "lognormal" and not self.first > 0.0:
-            raise UsageError(f"lognormal: {first} must be positive")
+            raise UsageError(f"lognormal: {first} must be positive, got {self.first:g}")
 
     def at(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the quantiles for probabilities (0 to 1)."""
@@ -125,7 +128,8 @@ class ParameterSweep:
         UsageError
             A sampled value is out of range; there are too many variations.
         """
-        # Check the number before variations are created: a typing error can lead to millions.
+        # Check the number of variations before they are created, because a typing error can lead to
+        # millions of them, which do not fit in memory.
         count = math.prod(map(len, self.grids.values())) * max(self.samples, 1)
         if count > _MAX_VARIATIONS:
             raise UsageError(
@@ -142,20 +146,19 @@ class ParameterSweep:
         # A Latin hypercube covers the range of each parameter even with few samples.
         from scipy.stats import qmc
 
-        parts = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed)).random(
-            self.samples
-        )
+        sampler = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed))
+        probabilities = sampler.random(self.samples)  # shape (samples, parameters)
         columns = [
-            distribution.at(parts[:, i]).tolist()
+            distribution.at(probabilities[:, i]).tolist()
             for i, distribution in enumerate(self.random.values())
         ]
-        draws = [
+        samples = [
             dict(zip(self.random, values, strict=True)) for values in zip(*columns, strict=True)
         ]
-        for draw in draws:
-            for name, value in draw.items():
+        for sample in samples:
+            for name, value in sample.items():
                 check_value(name, value)
-        return [point | draw for point in grid for draw in draws]
+        return [point | sample for point in grid for sample in samples]
 
     def of(self, models: Sequence[Model]) -> tuple[Model, ...]:
         """Return all variations of models, model by model.
@@ -191,10 +194,12 @@ class ParameterSweep:
         UsageError
             A sampled value is out of range; there are too many variations.
         """
-        draws = enumerate(self.changes(), start=1)
         return replace(
             rows,
-            changes=[(tuple(draw.items()), self._label(draw, i, None, None)) for i, draw in draws],
+            changes=[
+                (tuple(change.items()), self._label(change, number, None, None))
+                for number, change in enumerate(self.changes(), start=1)
+            ],
         )
 
     def _label(
@@ -245,11 +250,11 @@ _RANDOM = Keys(
         Key(
             kind,
             Keys(
-                tuple(Key(name, _NUMBER, needed=True) for name in two),
+                tuple(Key(name, _NUMBER, needed=True) for name in parameters),
                 make=partial(_distribution, kind=kind),
             ),
         )
-        for kind, two in DISTRIBUTIONS.items()
+        for kind, parameters in DISTRIBUTIONS.items()
     ),
     # Exactly one distribution is allowed, so that no other is silently ignored.
     ways=tuple((kind,) for kind in DISTRIBUTIONS),

@@ -128,14 +128,15 @@ def execute_plan(
     # Chunks that were stored by a previous call count as completed.
     numbers = range(plan.chunks) if shard is None else shard.chunks(plan)
     remaining = sorted(set(numbers) - store.done())
-    before = sum(plan.size(number) for number in numbers) - sum(
+    runs_before = sum(plan.size(number) for number in numbers) - sum(
         plan.size(number) for number in remaining
     )
     # Complete the chunk in which the limit is reached: incomplete chunks are never stored.
     if max_runs is not None:
         totals = list(accumulate(plan.size(number) for number in remaining))
         remaining = remaining[: sum(total < max_runs for total in totals) + 1]
-    advance = Advance(before, before + sum(plan.size(number) for number in remaining), before, 0.0)
+    runs_after = runs_before + sum(plan.size(number) for number in remaining)
+    advance = Advance(runs_before, runs_after, runs_before, 0.0)
     if shard is not None:
         store.add_shard(shard.text)
     # Compile before the clock starts: compilation is not part of the reported time per run.
@@ -146,7 +147,7 @@ def execute_plan(
     for done in engine(plan, remaining):
         store.add(done)
         advance = Advance(
-            advance.done + len(done.rows.runs), advance.runs, before, time.perf_counter() - began
+            advance.done + len(done.rows.runs), runs_after, runs_before, time.perf_counter() - began
         )
         on_chunk(advance)
     return advance
@@ -165,19 +166,21 @@ def threads(jobs: int) -> Engine:
     return lambda plan, numbers: on_threads(lambda number: do(plan.chunk(number)), numbers, jobs)
 
 
-def cluster(of: Cluster) -> Engine:
+def cluster(scheduler: Cluster) -> Engine:
     """Return an engine that uses the workers of a Dask cluster."""
-    return lambda plan, numbers: on_cluster(of, plan.chunk, numbers)
+    return lambda plan, numbers: on_cluster(scheduler, plan.chunk, numbers)
 
 
 def compile_for(plan: Plan) -> None:
     """Load the time loops of the buildings, and compile them if necessary, before threads request
     them simultaneously."""
+    # Keys of the dictionary are the loops without duplicates; `integrate_many` computes spectra.
     variants = {(integrate_many, EVERYTHING): None}
     for building in plan.buildings[:_MAX_COMPILED_FOR]:
         subject = building.subject()
         variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
     load_or_compile(list(variants))
+    # A first call loads the kernel of spectra, which is needed for Sa(T1).
     spectral_accelerations(plan.motions[0].record, [1.0])
 
 
@@ -331,7 +334,8 @@ def campaign(
     definition = load_campaign(source)
     plan = make_plan(definition, read_inputs(definition))
     with ExitStack() as stack:
-        # Only one process may write to a directory; network disks do not guarantee this.
+        # Only one process may write to a directory, which is ensured by a lock. Network disks do
+        # not support locks reliably, and are refused.
         if folder is not None:
             schema.refuse_network(Path(folder))
             stack.enter_context(schema.locked(Path(folder)))
@@ -356,8 +360,8 @@ def campaign(
         return CampaignRuns.of(store, plan.failures, plan.warnings)
 
 
-_OF_BUILDINGS = ("buildings", "inventory", "building_types")
-_ROWS = {**{table.name: -1 for table in schema.ROW_TABLES}, "chunks": 0}
+_BUILDING_TABLES = ("buildings", "inventory", "building_types")
+_CHUNK_COLUMNS = {**{table.name: -1 for table in schema.ROW_TABLES}, "chunks": 0}
 """Index of the column with the number of the chunk, by table."""
 
 _log = logging.getLogger(__name__)
@@ -400,8 +404,8 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     # Chunks in the target from an earlier call are not missing. The target may not exist, or may be
     # empty.
     merged = list(parts)
-    with suppress(UsageError), open_existing(target) as before:
-        merged.append(_part(target, before))
+    with suppress(UsageError), open_existing(target) as existing:
+        merged.append(_part(target, existing))
     if (missing := _describe_missing(merged)) and not partial:
         raise AnalysisError(f"{missing}; add their directories, or use --partial")
     name = str(target / FILE)
@@ -464,8 +468,8 @@ def _check_same(part: _Part, other: _Part) -> None:
         lines = "\n".join([INVENTORY_CHANGED] * has_new_inventory)
         if any(part.about[key] != other.about[key] for key in ("inventory", "damage")):
             lines = (
-                "columns of the inventory, or damage: differs; call `tdint campaign` for each "
-                f"shard again\n{lines}"
+                "the columns of the inventory or the section damage differ; run `tdint campaign` "
+                f"again for each shard\n{lines}"
             ).rstrip()
     else:
         with _reopened(part) as first, _reopened(other) as second:
@@ -487,18 +491,21 @@ def _describe_missing(parts: Sequence[_Part]) -> str:
     missing = sorted(set(range(int(parts[0].about["chunks"]))) - set(stored))
     if not missing:
         return ""
-    every = parts[0].runs
+    total = parts[0].runs
     message = (
-        f"{every - sum(stored.values())} of {pluralize(every, 'run')} are not in any directory"
+        f"{total - sum(stored.values())} of {pluralize(total, 'run')} are not in any directory"
     )
     # Missing shards can be named if all shards have the same N of K/N, the usual case.
     requested = {text for part in parts for text in part.shards}
     if len(divisions := {int(text.partition("/")[2]) for text in requested}) != 1:
         return message
-    (of,) = divisions
-    # A directory may be present and still lack chunks, if its shard was not completed.
-    lacking = [Shard(number, of).text for number in sorted({chunk % of + 1 for chunk in missing})]
-    names = [f"{text} (not complete)" if text in requested else text for text in lacking]
+    (shard_count,) = divisions
+    # A shard with a directory can also lack chunks, if it was not completed.
+    incomplete = [
+        Shard(number, shard_count).text
+        for number in sorted({chunk % shard_count + 1 for chunk in missing})
+    ]
+    names = [f"{text} (not complete)" if text in requested else text for text in incomplete]
     return f"{message}: missing {'shard' if len(names) == 1 else 'shards'} {', '.join(names)}"
 
 
@@ -517,9 +524,9 @@ def _copy(
 ) -> None:
     """Copy the rows of a table that a function accepts. Rows that exist in the target are kept."""
     rows = source.connection.execute(f"SELECT * FROM {table}")
-    marks = ", ".join("?" * len(rows.description))
+    placeholders = ", ".join("?" * len(rows.description))
     target.connection.executemany(
-        f"INSERT OR IGNORE INTO {table} VALUES({marks})", filter(accept, rows)
+        f"INSERT OR IGNORE INTO {table} VALUES({placeholders})", filter(accept, rows)
     )
 
 
@@ -534,7 +541,7 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
             with _reopened(part) as source:
                 for table in (
                     *(("meta", "records") if is_new and not number else ()),
-                    *_OF_BUILDINGS,
+                    *_BUILDING_TABLES,
                 ):
                     _copy(source, target, table)
                 target.add_unused(
@@ -554,5 +561,5 @@ def _copy_chunks(source: Store, target: Store, sound: set[int]) -> None:
     """Copy the chunks that only the source contains. Chunks in both stores are not mixed."""
     new = sound - target.done()
     with schema.transaction(target.connection, target.name):
-        for table, index in _ROWS.items():
+        for table, index in _CHUNK_COLUMNS.items():
             _copy(source, target, table, lambda row, index=index: row[index] in new)  # type: ignore[misc]

@@ -288,19 +288,21 @@ def ida(
     names = [record.name for record in records]
     duplicates = [name for i, name in enumerate(names) if name in names[:i]]
     if duplicates:
-        raise UsageError(f"{duplicates[0]}: this record is specified twice; remove one of them")
+        raise UsageError(f"{duplicates[0]}: the record is specified twice; remove one of them")
     if not names:
         raise UsageError("no record: an incremental dynamic analysis requires at least one record")
-    # Compile before threads start, because all of them would wait.
+    # Compile before the threads start, because each thread would wait for the compilation.
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
     # A work item is a record and a state of the building. Its levels depend only on its runs.
     ordered = [
-        (*part, before) for state in states for part, before in zip(parts, state, strict=True)
+        (*part, damaged_state)
+        for state in states
+        for part, damaged_state in zip(parts, state, strict=True)
     ]
     works = [
-        _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, before)
-        for number, (motion, record, before) in enumerate(ordered)
+        _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, damaged_state)
+        for number, (motion, record, damaged_state) in enumerate(ordered)
     ]
     paired = pair if len(parts) > len(suite) else None
     # The input of the runs is stored with them, so that another study in the directory is refused.
@@ -313,10 +315,10 @@ def ida(
     collapse_drift = subject.model.collapse_drift
     # Curves are in the order of the work items: all records of a state, then of the next state.
     curves = [
-        IdaCurve(record, runs, collapse_drift, *((before.drift, before.left) if before else ()))
-        for (_, record, before), runs in zip(ordered, runs_of_works, strict=True)
+        IdaCurve(record, runs, collapse_drift, *((state.drift, state.left) if state else ()))
+        for (_, record, state), runs in zip(ordered, runs_of_works, strict=True)
     ]
-    # Collapse is always the last threshold.
+    # The collapse drift is always the last threshold.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
     common = subject.model, chosen, subject.integrator.label, thresholds
     partners = {
@@ -388,7 +390,7 @@ class _Work:
         measure: IntensityMeasure,
         intensity: float,
         settings: IdaSettings,
-        before: DamagedState | None = None,
+        damaged_state: DamagedState | None = None,
     ) -> _Work:
         """Return the work item of a record.
 
@@ -406,11 +408,12 @@ class _Work:
             Intensity of the unscaled record.
         settings : IdaSettings
             Settings of the study.
-        before : DamagedState, optional
+        damaged_state : DamagedState, optional
             State of the building before the record; by default undamaged.
         """
-        # Residual drifts of a mainshock are no response to the record: use only thresholds above.
-        left = before.left if before else 0.0
+        # A drift threshold must exceed the residual drift of the mainshock. Otherwise it is
+        # exceeded before the record starts.
+        residual_drift = damaged_state.left if damaged_state else 0.0
         elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
         # The first level is below yield in the first mode, so that the curve starts elastic.
         levels = LevelSearch(
@@ -420,7 +423,7 @@ class _Work:
                 (
                     drift
                     for drift in settings.thresholds or ()
-                    if drift > _MIN_RESIDUAL_MULTIPLE * left
+                    if drift > _MIN_RESIDUAL_MULTIPLE * residual_drift
                 ),
                 default=math.inf,
             ),
@@ -430,8 +433,9 @@ class _Work:
             settings.dt, settings.duration, settings.until_rest, check=settings.check
         )
         # The scale factor of the mainshock is constant; the factor of the record increases.
-        if before:
-            record = JoinedRecord.of([before.record, record], before.rest, fixed=1)
+        if damaged_state:
+            mainshock = damaged_state.record
+            record = JoinedRecord.of([mainshock, record], damaged_state.rest, fixed=1)
         batch = Batch(0, subject, Motions({number: record}), {number: None}, run_settings)
         return cls(number, batch, measure, intensity, levels)
 
@@ -449,14 +453,15 @@ class _Work:
         def run(scale: float) -> RunRow:
             """Integrate the run of a scale factor."""
             (row,) = self.batch.results([Run(self.number, scale)]).runs
-            # All levels would be unstable: raise the same error as a single run.
+            # The time step is unstable at every level. Integrate the record again to raise the
+            # error, which states the stability limit.
             if row.status == UNSTABLE:
                 case, settings = self.batch.subject.case(self.record), self.batch.settings
                 case.integrate(case.steps(settings.dt, settings.duration))
             rows.runs.append(row)
             return row
 
-        runs = self._through(run)
+        runs = self._runs_at_levels(run)
         return Done(self.number, rows, time.thread_time() - began), runs
 
     def kept(self, rows: Sequence[RunRow]) -> RecordRuns | None:
@@ -464,14 +469,16 @@ class _Work:
         execute."""
         by_scale = {row.scale: row for row in rows}
         try:
-            runs = self._through(by_scale.__getitem__)
+            runs = self._runs_at_levels(by_scale.__getitem__)
         except KeyError:
             return None
         return runs if len(runs) == len(rows) else None
 
-    def _through(self, run: Callable[[float], RunRow]) -> RecordRuns:
-        """Return the runs in ascending order of levels. Each level depends on the preceding
-        runs."""
+    def _runs_at_levels(self, run: Callable[[float], RunRow]) -> RecordRuns:
+        """Return the runs at all levels in ascending order of the levels.
+
+        `run` returns the run of a scale factor. Each level depends on the preceding runs.
+        """
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
             runs.append(IdaRun.of(level, run(factor_to(level, self.measure, self.intensity))))
@@ -503,7 +510,7 @@ def _run_all(
     for number in sorted(store.done()):
         if runs := works[number].kept(store.runs_of(number)):
             results[number] = runs
-        else:  # stored by a version with other levels
+        else:  # the runs were stored by a version of tdint that selected other levels
             store.remove({number})
     resumed = len(results)
     progress(resumed, len(works))
@@ -544,17 +551,17 @@ def _prepared(
         raise UsageError(f"the maximum intensity must be positive, got {settings.max_im:g}")
     # An isolator has no drift ratio and needs no height, but at least one story must have a drift
     # ratio.
-    no_height = [
+    without_height = [
         i
         for i, story in enumerate(model.stories, start=1)
         if story.height is None and not story.isolator
     ]
     if all(story.isolator for story in model.stories):
-        no_height = [1]
-    if no_height:
+        without_height = [1]
+    if without_height:
         raise ModelError(
             f"{model.source}: an incremental dynamic analysis requires drift ratios; add the "
-            f"height of story {no_height[0]}"
+            f"height of story {without_height[0]}"
         )
     subject = Subject(
         replace(model, collapse_drift=collapse_drift),
@@ -587,10 +594,8 @@ def _states(
     UsageError
         A drift is not positive, or not below the collapse drift.
     """
-    drift, damages = (
-        subject.model.collapse_drift,
-        sorted(set(mainshock.damages if mainshock else ())),
-    )
+    drift = subject.model.collapse_drift
+    damages = sorted(set(mainshock.damages if mainshock else ()))
     for damage in damages:
         if not 0.0 < damage < drift:
             raise UsageError(
@@ -620,14 +625,16 @@ def _elastic_scale(building: Building, record: Record, collapse_drift: float) ->
     omega, shape = building.vibration.first
     has_height = np.isfinite(building.heights)  # an isolator has no drift ratio
     heights = building.heights[has_height]
+    # Drift ratios of the first mode for a unit spectral displacement, in which `shape @ mass` is
+    # the participation factor
     ratios = (
         float(shape @ building.mass) * np.abs(np.diff(shape, prepend=0.0))[has_height] / heights
     )
-    yielding = building.yield_drift[has_height] / heights
-    limits = np.where(np.isfinite(yielding), yielding * _YIELD_FRACTION, math.inf)
+    yield_ratios = building.yield_drift[has_height] / heights
+    limits = np.where(np.isfinite(yield_ratios), yield_ratios * _YIELD_FRACTION, math.inf)
     limits = np.minimum(limits, _MAX_FIRST_DRIFT * collapse_drift)
-    spectral = sa(2.0 * math.pi / omega).of(record) / omega**2
-    return float(np.min(limits / (ratios * spectral)))
+    spectral_displacement = sa(2.0 * math.pi / omega).of(record) / omega**2
+    return float(np.min(limits / (ratios * spectral_displacement)))
 
 
 def _identity(

@@ -100,8 +100,8 @@ class IdaRun:
 _HUNT = 1.5
 """Ratio of successive levels while no collapse is found."""
 
-_MAX_HUNTS = 40
-_FILL = 1.2
+_MAX_HUNTS = 40  # maximum number of increases or decreases of the level by this ratio
+_GAP_RATIO = 1.2
 """Ratio of drifts of adjacent levels above which a level is added between them."""
 
 _PROBES = (1.25, 1.5)
@@ -157,30 +157,30 @@ class LevelSearch:
         if len(runs) >= MOST_RUNS:
             return None
         runs = sorted(runs, key=lambda run: run.im)
-        standing, collapse = list(below_collapse(runs)), first_collapse(runs)
+        stable, collapse = list(below_collapse(runs)), first_collapse(runs)
         lowest, highest = runs[0].im, runs[-1].im
-        least, largest = self.start / _HUNT**_MAX_HUNTS, self.start * _HUNT**_MAX_HUNTS
+        min_level, max_level = self.start / _HUNT**_MAX_HUNTS, self.start * _HUNT**_MAX_HUNTS
 
         # Hunt: increase the level until collapse, or decrease it until there is no collapse.
-        if collapse is None and highest < self.most and highest <= largest:
+        if collapse is None and highest < self.most and highest <= max_level:
             return min(highest * _HUNT, self.most)
-        if collapse and not standing and lowest > least:
+        if collapse and not stable and lowest > min_level:
             return lowest / _HUNT
         # Bisect the capacity.
-        if collapse and standing and collapse.im > standing[-1].im * (1.0 + self.precision):
-            level = _between(standing[-1].im, collapse.im, runs)
+        if collapse and stable and collapse.im > stable[-1].im * (1.0 + self.precision):
+            level = _between(stable[-1].im, collapse.im, runs)
             if level is not None:
                 return level
         # Decrease the level until a drift is below the lowest threshold: in proportion to the
         # drift, but not below a tenth of the level in one step.
-        if standing and standing[0].drift_ratio >= self.lowest_drift and lowest >= least:
+        if stable and stable[0].drift_ratio >= self.lowest_drift and lowest >= min_level:
             return lowest * max(
-                0.1, min(1.0 / _HUNT, 0.8 * self.lowest_drift / standing[0].drift_ratio)
+                0.1, min(1.0 / _HUNT, 0.8 * self.lowest_drift / stable[0].drift_ratio)
             )
         # Fill gaps between adjacent levels with very different drifts.
-        for low, high in pairwise(standing):
+        for low, high in pairwise(stable):
             small, large = sorted((low.drift_ratio, high.drift_ratio))
-            if large > _FILL * small and high.im > low.im * (1.0 + self.precision):
+            if large > _GAP_RATIO * small and high.im > low.im * (1.0 + self.precision):
                 level = _between(low.im, high.im, runs)
                 if level is not None:
                     return level
@@ -309,23 +309,24 @@ class IdaCurve:
         """
         if threshold >= self.collapse_drift:
             return self.collapse
-        # Use the first crossing: drifts of a curve may decrease again at a higher level.
+        # A curve may reach the drift ratio several times, because drifts can decrease at a higher
+        # level. Use the first crossing.
         for i, run in enumerate(self.stable):
             if run.drift_ratio < threshold:
                 continue
             if threshold <= self.left:
                 return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
             if i == 0:  # Interpolate linearly from the origin or from the residual drift.
-                part = (threshold - self.left) / (run.drift_ratio - self.left)
-                return Capacity(threshold, run.im * part, 0.0, run.im, censored=False)
-            before = self.stable[i - 1]
-            part = math.log(threshold / before.drift_ratio) / math.log(
-                run.drift_ratio / before.drift_ratio
+                fraction = (threshold - self.left) / (run.drift_ratio - self.left)
+                return Capacity(threshold, run.im * fraction, 0.0, run.im, censored=False)
+            lower = self.stable[i - 1]
+            fraction = math.log(threshold / lower.drift_ratio) / math.log(
+                run.drift_ratio / lower.drift_ratio
             )
             return Capacity(
                 threshold,
-                before.im * (run.im / before.im) ** part,
-                before.im,
+                lower.im * (run.im / lower.im) ** fraction,
+                lower.im,
                 run.im,
                 censored=False,
             )
@@ -449,13 +450,13 @@ def fractiles(
     parts : sequence of float
         Fractions of the fractiles; by default 16 %, 50 % and 84 %.
     """
-    standing = [curve for curve in curves if curve.stable]
+    used = [curve for curve in curves if curve.stable]
     result = np.full((len(parts), drift_ratios.size), math.nan)
-    if not standing:
+    if not used:
         return result
-    ranked = np.sort([curve.intensity_at(drift_ratios) for curve in standing], axis=0)
+    ranked = np.sort([curve.intensity_at(drift_ratios) for curve in used], axis=0)
     for row, part in zip(result, parts, strict=True):
-        position = part * (len(standing) - 1)
+        position = part * (len(used) - 1)
         low, high = ranked[math.floor(position)], ranked[math.ceil(position)]
         is_finite = np.isfinite(low) & np.isfinite(high)
         is_finite &= low > 0.0

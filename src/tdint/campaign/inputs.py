@@ -142,9 +142,9 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         and motions.places is not None
         and motions.places.places
     ):
-        rows, lost, far = _placed(campaign, campaign.records, motions.places, rows)
-        faults = (*faults, *((ModelError(lost),) if lost else ()))
-    # Runs do not use costs, but invalid costs would otherwise be found only after all runs.
+        rows, unlocated, far = _select_located(campaign, campaign.records, motions.places, rows)
+        faults = (*faults, *((ModelError(unlocated),) if unlocated else ()))
+    # Costs are used only after all runs. Check them now, so that an error does not waste the runs.
     if rows and campaign.damage:
         _check_costs(rows)
     with sweep.reported_at_key():
@@ -243,7 +243,7 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
 def _check_costs(rows: InventoryRows) -> None:
     """Raise ModelError for all invalid costs and numbers of buildings, before any run."""
     faults: list[ModelFault] = []
-    for name in filter(rows.of.table.has, (COST, NUMBER)):
+    for name in filter(rows.table.table.has, (COST, NUMBER)):
         faults += rows.faults(
             name,
             lambda _, text: (
@@ -256,7 +256,7 @@ def _check_costs(rows: InventoryRows) -> None:
         raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
 
 
-def _placed(
+def _select_located(
     campaign: CampaignFile,
     records: GridFile | FieldFile,
     motions: GridMotions | FieldMotions,
@@ -297,29 +297,30 @@ def _placed(
             f"{campaign.source}: motions at sites require an inventory with Latitude and Longitude"
         )
     # A row without a location is an error of the file; a row that is too far away is not.
-    lost, unlocated = list[ModelFault](), np.isnan(rows.places[:, 0] + rows.places[:, 1])
-    if unlocated.any():
+    faults: list[ModelFault] = []
+    is_unlocated = np.isnan(rows.places[:, 0] + rows.places[:, 1])
+    if is_unlocated.any():
         missing = "is missing; motions at sites require the location of each building"
         for name in ("Latitude", "Longitude"):
-            lost += rows.only(unlocated).faults(name, lambda _, text: "" if text else missing)
-        lost.sort(key=lambda fault: (fault.line, fault.column))
-    placed = rows.only(~unlocated)
-    if not placed:
-        raise ModelError(lost)
+            faults += rows.only(is_unlocated).faults(name, lambda _, text: "" if text else missing)
+        faults.sort(key=lambda fault: (fault.line, fault.column))
+    located = rows.only(~is_unlocated)
+    if not located:
+        raise ModelError(faults)
     # The nearest site may be determined in degrees; its distance is always in m.
-    sites = nearest(placed.places, motions.places, records.distance)
-    distance = meters(placed.places, np.array(motions.places)[sites])
+    sites = nearest(located.places, motions.places, records.distance)
+    distance = meters(located.places, np.array(motions.places)[sites])
     too_far = distance > records.max_distance
-    kept, far_km = placed.only(~too_far), 1e-3 * distance[too_far]
+    kept, far_km = located.only(~too_far), 1e-3 * distance[too_far]
     if isinstance(motions, FieldMotions):
         kept = replace(kept, near=(motions.sites, sites[~too_far], distance[~too_far]))
     limit = f"max_distance is {1e-3 * records.max_distance:g} km"
-    far = placed.only(too_far).faults(
+    far = located.only(too_far).faults(
         "Latitude", lambda row, _: f"{far_km[row]:.4g} km from the nearest site; {limit}"
     )
     if not kept:
-        raise ModelError([*lost, *far])
-    return kept, lost, tuple(far)
+        raise ModelError([*faults, *far])
+    return kept, faults, tuple(far)
 
 
 def _assignment(
@@ -357,24 +358,26 @@ def _assignment(
     if isinstance(motions, GridMotions):
         assert isinstance(records, GridFile) and rows is not None
         return GridDraws(rows, motions, records)
-    # Events without sites act on all buildings alike.
+    # Without sites, all buildings have the same ground motion in an event.
     if motions.sites == ("",):
         return FieldDraws(motions, np.zeros(len(rows) if rows else models, dtype=np.int64))
     if rows and rows.near is not None:
         return FieldDraws(motions, np.repeat(rows.near[1], len(rows.changes)))
-    if not rows or not rows.of.table.has("site"):
+    if not rows or not rows.table.table.has("site"):
         raise UsageError(
             f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
             "key `sites` of the records, a file with the locations of the sites"
         )
-    # The inventory names the sites if their locations are not specified.
+    # The locations of the sites are not specified, so that the inventory must name the site of each
+    # building.
     numbers = {site: number for number, site in enumerate(motions.sites)}
     reason = (
-        f"is not in {records.file}; known: "
+        f"is not a site in {records.file}; its sites are "
         f"{', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
     )
-    if lost := rows.faults("site", lambda _, text: "" if text in numbers else f"{text!r} {reason}"):
-        raise ModelError(lost)
+    faults = rows.faults("site", lambda _, text: "" if text in numbers else f"{text!r} {reason}")
+    if faults:
+        raise ModelError(faults)
     return FieldDraws(
         motions, np.repeat([numbers[site] for site in rows.texts("site")], len(rows.changes))
     )
@@ -494,12 +497,13 @@ def _sequence(
             raise error
         notes |= dict.fromkeys(suite.notes)
         by_shock.append([record.scaled(shock.factor) for record in suite.records])
-    # Components are combined by name; a single component is combined with any component.
+    # Components with the same name are joined. Records with a single component are joined
+    # regardless of its name.
     names = [[record.component for record in records] for records in by_shock]
     if any(part != names[0] for part in names) and any(len(part) > 1 for part in names):
         raise RecordError(
-            "its records have different components; specify one for each record in the column "
-            "component"
+            "the records of the sequence have different components; specify one component for each "
+            "record in the column component"
         )
     for records in zip(*by_shock, strict=True):
         joined = JoinedRecord.of(records, sequences.rest)
@@ -616,11 +620,13 @@ def read_listed(
     for (file, component), motions in rows.items():
         if component and len(motions) != 1 and file not in failed:
             problem = (
-                f"has {len(motions)} components {component}" if motions else f"has no {component}"
+                f"has {len(motions)} components named {component}"
+                if motions
+                else f"has no usable component {component}"
             )
             raise ModelError(
-                f"{table.source}: {file} {problem} in the components that can be used; specify the "
-                "full id of the component in the table"
+                f"{table.source}: {file} {problem}; specify the full id of the component in the "
+                "table"
             )
     listed = {id(motion.whole) for motions in rows.values() for motion in motions}
     kept = tuple(motion for motion in suite.motions if id(motion) in listed)

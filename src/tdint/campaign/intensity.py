@@ -10,7 +10,7 @@ scale factor; Arias intensity is proportional to its square.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -116,7 +116,8 @@ class MotionIntensity:
         first, second = motion.first, motion.second
         if percentile is None:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
-        # Compute a record for each direction of half a circle; the other half differs only in sign.
+        # Compute the ground motion in each direction of half a circle. In the opposite directions
+        # only the sign differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
         values = [
@@ -130,7 +131,7 @@ def without_levels(name: str) -> str:
     """Return the reason why motions cannot be scaled to levels of a measure; empty if they can, or
     if the measure is unknown."""
     if name == "sdi":
-        return "its value is not proportional to a power of the scale factor"
+        return "it is not proportional to a power of the scale factor"
     return MEASURES[name].without_levels if name in MEASURES else ""
 
 
@@ -155,7 +156,7 @@ def pga() -> SpectralIntensity:
 def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
     """Return the measure pseudo-acceleration at a period (s), exact for motions that are linear
     between samples."""
-    _check_period(period)
+    check_period(period)
     return SpectralIntensity(f"sa({period:.6g})", (float(period),), damping)
 
 
@@ -164,7 +165,7 @@ def sa_average(
 ) -> SpectralIntensity:
     """Return the measure geometric mean of pseudo-accelerations over logarithmically spaced
     multiples of a period (s)."""
-    _check_period(period)
+    check_period(period)
     periods = tuple((period * multiples.values()).tolist())
     return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
 
@@ -197,10 +198,16 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
     try:
         return SPECTRAL[base_name](float(period), damping)
     except (KeyError, ValueError):
-        names = ", ".join(known for known in levelled() if known not in SPECTRAL)
-        raise UsageError(
-            f"unknown measure {name!r:.60}; known: {names}, sa(T), sa-avg(T) with T in s"
-        ) from None
+        names = (known for known in levelled() if known not in SPECTRAL)
+        raise unknown_measure(name, (*names, "sa(T)", "sa-avg(T) with T in s")) from None
+
+
+def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageError:
+    """Return the error for an unknown intensity measure.
+
+    `hint` is the text of `did_you_mean`; `known` are the forms of the known measures.
+    """
+    return UsageError(f"unknown intensity measure {name!r:.60}{hint} (known: {', '.join(known)})")
 
 
 def percentile_of(pair: str) -> int | None:
@@ -258,8 +265,8 @@ def pseudo_accelerations(
     return np.asarray(rotated_spectrum(motion, periods, damping, [percentile]).psa[0])
 
 
-def _check_period(period: float) -> None:
-    """Raise UsageError if a period is not positive."""
+def check_period(period: float) -> None:
+    """Raise UsageError if the period of an intensity measure is not positive."""
     if not (math.isfinite(period) and period > 0.0):
         raise UsageError(
             "the period of an intensity measure must be a positive number of seconds, got "

@@ -8,10 +8,12 @@ workflow.
 from __future__ import annotations
 
 import hashlib
+import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +22,19 @@ from scipy.spatial import cKDTree
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array, cached_property
 from tdint.campaign.intensity import IntensityMeasure, factor_to
-from tdint.errors import ModelError, TdintError
+from tdint.csv_table import number
+from tdint.errors import ModelError, TdintError, UsageError
 from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
 from tdint.model.inventory import InventoryRows
+
+if TYPE_CHECKING:
+    from tdint.model.keys.fields import Section
 
 MAX_DISTANCE = 15e3
 """Default maximum distance of a building from its site, m; equal to the default of
 `asset_hazard_distance` in OpenQuake."""
 
-_EARTH = 6371e3  # m, mean radius
+_EARTH_RADIUS = 6371e3  # m, mean radius of the earth
 
 Places = Sequence[tuple[float, float]] | Array
 """Longitudes and latitudes, degrees."""
@@ -110,9 +116,9 @@ class FieldMotions:
             strict=True,
         )
         return sorted(
-            Draw(motion, event, value / part)
+            Draw(motion, event, value / divisor)
             for event, record, value in rows
-            for motion, part in self.motions[record]
+            for motion, divisor in self.motions[record]
         )
 
 
@@ -133,10 +139,14 @@ class FieldDraws:
     site_of: NDArray[np.int64]
 
     def draws(self, building: int) -> Sequence[Draw]:
+        """Return the motions of a building: all events at its site."""
         return self.field.draws(int(self.site_of[building]))
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
+        """Return the number of runs of each building; see `EveryMotion.counts`."""
         field = self.field
+        # The rows are sorted by site: differences of the cumulative number of runs are the number
+        # of runs at each site.
         runs_of_record = np.array(
             [sum(runs(motion) for motion, _ in motions) for motions in field.motions],
             dtype=np.int64,
@@ -145,10 +155,9 @@ class FieldDraws:
         return np.asarray(np.diff(cumulative[field.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        field, digest = (
-            self.field,
-            hashlib.sha256(repr((self.field.sites, self.field.motions)).encode()),
-        )
+        """Return the settings of the assignment for the fingerprint."""
+        field = self.field
+        digest = hashlib.sha256(repr((field.sites, field.motions)).encode())
         for part in (field.start, field.event, field.record, field.value, self.site_of):
             digest.update(part.tobytes())
         return {"events": field.events, "field_sha256": digest.hexdigest()}
@@ -263,46 +272,55 @@ class GridDraws:
 
     rows: InventoryRows = field(repr=False)
     grid: GridMotions
-    wanted: GridFile
+    settings: GridFile
 
     def draws(self, building: int) -> Sequence[Draw]:
         """Return the sampled motions: points are sampled by weight with replacement, then one of
         the motions of each point with equal probability."""
-        random = np.random.default_rng([self.wanted.seed, *self.rows[building].id.encode()])
+        random = np.random.default_rng([self.settings.seed, *self.rows[building].id.encode()])
         near, weights = self.weights(building)
-        points = random.choice(near, size=self.wanted.samples, p=weights)
-        drawn = []
+        points = random.choice(near, size=self.settings.samples, p=weights)
+        draws = []
         for sample, point in enumerate(points.tolist(), start=1):
             choices = self.grid.motions[point]
             chosen, factor = choices[int(random.integers(len(choices)))]
-            drawn += [Draw(motion, sample, factor) for motion in chosen]
-        return sorted(drawn)
+            draws += [Draw(motion, sample, factor) for motion in chosen]
+        return sorted(draws)
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        # If all motions have the same number of runs, the usual case, no sampling is required.
+        """Return the number of runs of each building; see `EveryMotion.counts`."""
+        # Usually all motions have the same number of runs. Then the number of runs of a building
+        # does not depend on the sampled motions, and the sampling, which takes time, is omitted.
         run_counts = {
             sum(map(runs, chosen)) for choices in self.grid.motions for chosen, _ in choices
         }
         if len(run_counts) == 1:
-            return np.full(buildings, self.wanted.samples * run_counts.pop(), dtype=np.int64)
-        drawn = map(self.draws, range(buildings))
+            return np.full(buildings, self.settings.samples * run_counts.pop(), dtype=np.int64)
         return np.array(
-            [sum(runs(draw.motion) for draw in draws) for draws in drawn], dtype=np.int64
+            [
+                sum(runs(draw.motion) for draw in self.draws(building))
+                for building in range(buildings)
+            ],
+            dtype=np.int64,
         )
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
         """Return the points near a building and their probabilities, which are proportional to 1 /
         distance^2."""
-        count = min(self.wanted.neighbors, self._tree.n)
+        count = min(self.settings.neighbors, self._tree.n)
         distances, near = self._tree.query(self._places[building], k=np.arange(1, count + 1))
-        is_same_place = distances == 0.0
-        weights = (
-            is_same_place.astype(float) if is_same_place.any() else (distances[0] / distances) ** 2
-        )
+        # If the building is at a point of the grid, only this point is sampled, because its weight
+        # is infinite.
+        is_at_point = distances == 0.0
+        if is_at_point.any():
+            weights = is_at_point.astype(float)
+        else:
+            weights = (distances[0] / distances) ** 2
         return near.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        grid_file, grid = self.wanted, repr((self._tree.data.tolist(), self.grid.motions))
+        """Return the settings of the assignment for the fingerprint."""
+        grid_file, grid = self.settings, repr((self._tree.data.tolist(), self.grid.motions))
         numbers = {
             "neighbors": grid_file.neighbors,
             "samples": grid_file.samples,
@@ -316,19 +334,21 @@ class GridDraws:
 
     @cached_property
     def _places(self) -> Array:
-        return coordinates(self.rows.places, self.wanted.distance)
+        """Coordinates of the buildings in the space of the selected distance."""
+        return coordinates(self.rows.places, self.settings.distance)
 
     @cached_property
     def _tree(self) -> Any:
-        return cKDTree(coordinates(self.grid.places, self.wanted.distance))
+        """Search tree of the points of the grid, for nearest neighbors."""
+        return cKDTree(coordinates(self.grid.places, self.settings.distance))
 
 
 Assignment = EveryMotion | FieldDraws | GridDraws
 """Assignment of motions to buildings. The methods are described in `EveryMotion`."""
 
 
-def nearest(here: Places, there: Places, distance: str) -> NDArray[np.int64]:
-    """Return the index of the nearest location in `there` for each location in `here`.
+def nearest(places: Places, candidates: Places, distance: str) -> NDArray[np.int64]:
+    """Return the index of the nearest candidate for each location.
 
     Parameters
     ----------
@@ -338,14 +358,15 @@ def nearest(here: Places, there: Places, distance: str) -> NDArray[np.int64]:
         Unit of distances: a key of `COORDINATES`.
     """
     return np.asarray(
-        cKDTree(coordinates(there, distance)).query(coordinates(here, distance))[1], dtype=np.int64
+        cKDTree(coordinates(candidates, distance)).query(coordinates(places, distance))[1],
+        dtype=np.int64,
     )
 
 
-def meters(here: Places, there: Places) -> Array:
+def meters(places: Places, others: Places) -> Array:
     """Return the distance on the earth between corresponding locations, m."""
-    chord = np.linalg.norm(coordinates(here, "km") - coordinates(there, "km"), axis=1)
-    return np.asarray(2.0 * _EARTH * np.arcsin(np.minimum(0.5 * chord, 1.0)))
+    chord = np.linalg.norm(coordinates(places, "km") - coordinates(others, "km"), axis=1)
+    return np.asarray(2.0 * _EARTH_RADIUS * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
 def coordinates(places: Places, distance: str) -> Array:
@@ -450,8 +471,8 @@ class FactorTable:
             if key in self.by_name:
                 return self.by_name[key]
         raise ModelError(
-            f"{self.source}: no factor for {motion.name} {motion.component}; without records the "
-            "records of the table are used"
+            f"{self.source}: no factor for {motion.name} {motion.component}; add a row for it, or "
+            "remove the key `files` to use only the records of the table"
         )
 
     def of_motions(self, motions: Sequence[GroundMotion]) -> list[float]:
@@ -471,7 +492,7 @@ class FactorTable:
                 listed = ", ".join(f"{value:g}" for value in values)
                 raise ModelError(
                     f"{self.source}: {whole.source} {whole.component} has the factors {listed}; "
-                    "specify only one factor"
+                    "specify a single factor"
                 )
         return [next(iter(factors[id(whole)])) for whole in motions]
 
@@ -485,12 +506,15 @@ class GivenFactors:
     of_value: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
+        """Return the number of factors of a motion."""
         return len(self.by_motion[motion])
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
+        """Return the factors of a motion for each building; they are equal for all buildings."""
         return [self.by_motion[motion]] * len(periods)
 
     def description(self) -> dict[str, object]:
+        """Return the settings for the fingerprint."""
         return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
 
 
@@ -520,27 +544,31 @@ class MeasureLevels:
     of_value: bool = field(default=True, init=False)
 
     def count(self, motion: int) -> int:
+        """Return the number of factors of a motion."""
         return len(self.values)
 
     @property
     def by_period(self) -> bool:
+        """True if the factors depend on the first period of the building."""
         return self.period is None
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
         """Return the factors of a motion for each building. Both components of a pair have the same
         factors."""
-        whole, by_period = self.motions[motion].whole, dict[float, tuple[float, ...]]()
-        for period in dict.fromkeys(self._at(periods)):
+        # The intensity of a pair is computed from the pair, not from one of its components.
+        recording, by_period = self.motions[motion].whole, dict[float, tuple[float, ...]]()
+        for period in dict.fromkeys(self._measure_periods(periods)):
             measure = self.measure(period)
-            measured = measure.of(whole, self.pair)
+            measured = measure.of(recording, self.pair)
             by_period[period] = tuple(factor_to(value, measure, measured) for value in self.values)
-        return [by_period[period] for period in self._at(periods)]
+        return [by_period[period] for period in self._measure_periods(periods)]
 
-    def _at(self, periods: Sequence[float]) -> Sequence[float]:
+    def _measure_periods(self, periods: Sequence[float]) -> Sequence[float]:
         """Return the period of the measure for each building, s."""
         return periods if self.period is None else [self.period] * len(periods)
 
     def description(self) -> dict[str, object]:
+        """Return the settings for the fingerprint. The default damping ratio is omitted."""
         measure = self.measure(1.0)
         name, damping = measure.name.partition("(")[0], getattr(measure, "damping", SA_DAMPING)
         period = "T1" if self.period is None else self.period
@@ -556,3 +584,21 @@ class MeasureLevels:
 
 Levels = Scales | GivenFactors | MeasureLevels
 """Factors of motions. The methods are described in `Scales`."""
+
+
+def read_max_distance(section: Section) -> float:
+    """Return the maximum distance of a building from its site, m."""
+    value = section.get("max_distance")
+    return (value.parsed(parse_distance) if value else None) or MAX_DISTANCE
+
+
+def parse_distance(text: str) -> float:
+    """Convert a distance, a number of km or with a unit, to m."""
+    match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
+    meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
+    if not meters > 0.0:
+        raise UsageError(
+            f"must be a positive distance in km or with a unit, such as 15 or 800 m, "
+            f"got {text!r:.40}"
+        )
+    return meters

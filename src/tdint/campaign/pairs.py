@@ -80,12 +80,14 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
         groups[name].append(number)
     numbers = {number: number for number in records}
 
-    # Records that are one recording by their names, if they are at right angles.
+    # Two records with the same name apart from the component are one recording, if the directions
+    # of the components are at right angles.
     for first, *others in groups.values():
         if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
             numbers[others[0]] = first
 
-    # Pairs that were read as such are identified by their direction.
+    # The second component of a pair that was read as a pair has the direction 2; the first
+    # component is the record before it.
     for number, (_, _, direction) in records.items():
         if direction > 1:
             numbers[number] = number - 1
@@ -157,7 +159,7 @@ class PairRule:
 
     def note(self) -> str:
         """Return one line that reports the default choice; empty without pairs."""
-        return note(self.pairs, self.demand) if self.pairs else ""
+        return pairs_note(self.pairs, self.demand) if self.pairs else ""
 
 
 def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
@@ -171,7 +173,7 @@ def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
     if rule.demand == SEPARATE:
         return
     for second, first in rule.partners.items():
-        # The pairs of `pairs: true` have been checked when they were read.
+        # Components that were read as a pair (direction 2) have been checked then.
         if motions[second].direction != 2:
             check_components(motions[first].record, motions[second].record)
 
@@ -230,7 +232,7 @@ def motions_text(records: int, pairs: int) -> str:
     return f"{text} and {pluralize(singles, 'single record')}" if singles else text
 
 
-def note(pairs: int, demand: str) -> str:
+def pairs_note(pairs: int, demand: str) -> str:
     """Return one line that reports recognized pairs and the choice that was not made explicitly."""
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
     return (

@@ -49,11 +49,11 @@ _SECONDS_PER_STEP = 0.15e-6
 """Approximate time per time step and story, s; used only to determine the size of chunks."""
 
 _SECONDS_PER_BUILDING = 2e-4  # s; approximate time to create a building
-_CHUNKS = 64  # number of chunks of a small campaign
+_MIN_CHUNKS = 64  # number of chunks of a small campaign, enough for all processors
 _MOST_NAMES = 10  # names listed in a note
-_KEPT = 1000  # number of buildings with a stored time step
+_MAX_STORED_STEPS = 1000  # maximum number of buildings with a time step in memory
 _MIN_CHUNK_TIME, _MAX_CHUNK_TIME = 0.002, 2.0
-"""Minimum and maximum time of a chunk, s. A small campaign is divided into `_CHUNKS` chunks, so
+"""Minimum and maximum time of a chunk, s. A small campaign is divided into `_MIN_CHUNKS` chunks, so
 that all processors are used."""
 
 
@@ -164,11 +164,14 @@ class Plan:
         chunk of the next runs."""
         firsts = np.searchsorted(self._ends, self._cuts[:-1], side="right")
         firsts[0] = 0
-        # The runs of a building may be divided between two chunks.
+        # If the runs of a building are divided between two chunks, it is the last building of the
+        # first chunk and the first building of the second chunk.
         lasts = np.append(
             firsts[1:] + (self._starts[firsts[1:]] < self._cuts[1:-1]), len(self.buildings)
         )
-        return sorted({at for chunk in chunks for at in range(firsts[chunk], lasts[chunk])})
+        return sorted(
+            {building for chunk in chunks for building in range(firsts[chunk], lasts[chunk])}
+        )
 
     def chunk(self, number: int) -> Chunk:
         """Return a chunk with its complete input.
@@ -180,13 +183,13 @@ class Plan:
         """
         first, last = int(self._cuts[number]), int(self._cuts[number + 1])
         # A chunk may start or end within the runs of a building: determine the slice of its runs.
-        at = int(np.searchsorted(self._ends, first, side="right"))
+        building = int(np.searchsorted(self._ends, first, side="right"))
         chosen: list[tuple[int, slice]] = []
         while first < last:
-            start, end = int(self._starts[at]), int(self._ends[at])
+            start, end = int(self._starts[building]), int(self._ends[building])
             until = min(last, end)
-            chosen.append((at, slice(first - start, until - start)))
-            first, at = until, at + 1
+            chosen.append((building, slice(first - start, until - start)))
+            first, building = until, building + 1
         parts = self._with_runs(chosen)
         used = sorted({run.motion for part in parts for run in part.runs})
         return Chunk(
@@ -238,15 +241,17 @@ class Plan:
             else np.array([building.stories for building in buildings])
         )
         counts = np.maximum(self._counts, 1)
-        # Estimate the time of a run from its time steps and stories, and from the building.
+        # The estimated time of a run is the time of its time steps, and a part of the time to
+        # create its building.
         run_times = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
         costs = np.cumsum(run_times * counts)
-        length = min(max(costs[-1] / _CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
+        length = min(max(costs[-1] / _MIN_CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
         targets = np.arange(length, costs[-1], length)
-        # Divide by time, not by number of runs, so that all chunks need about the same time.
-        at = np.searchsorted(costs, targets)
-        excess = targets - (costs[at] - run_times[at] * counts[at])
-        cuts = self._starts[at] + np.ceil(excess / run_times[at]).astype(np.int64)
+        # Divide the runs by their estimated time, so that all chunks take about the same time: find
+        # the building in which a chunk ends, and the run of this building.
+        building = np.searchsorted(costs, targets)
+        excess = targets - (costs[building] - run_times[building] * counts[building])
+        cuts = self._starts[building] + np.ceil(excess / run_times[building]).astype(np.int64)
         return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
 
     def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
@@ -258,7 +263,8 @@ class Plan:
         for index, (number, part) in enumerate(chosen):
             runs = []
             for draw in draws[index]:
-                # Levels of an intensity replace the factor of a sample; only its sign remains.
+                # If the motions are scaled to levels of an intensity measure, only the sign of the
+                # sampled factor is used.
                 factor = math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
                 runs += [
                     Run(draw.motion, factor * scale, draw.sample)
@@ -289,7 +295,7 @@ class Plan:
         with self._choosing:
             is_first = number not in self._chosen
             if is_first:
-                while len(self._chosen) >= _KEPT:
+                while len(self._chosen) >= _MAX_STORED_STEPS:
                     self._chosen.pop(next(iter(self._chosen)))
                 self._chosen[number] = Future()
             chosen = self._chosen[number]
@@ -308,15 +314,15 @@ class Plan:
     ) -> dict[tuple[int, int], tuple[float, ...]]:
         """Return the factors by index of the building and number of the motion."""
         # Compute the spectrum of each motion once for the periods of all buildings.
-        users: dict[int, list[int]] = {}
+        buildings_of_motion: dict[int, list[int]] = {}
         for index, building_draws in enumerate(draws):
             for motion in dict.fromkeys(draw.motion for draw in building_draws):
-                users.setdefault(motion, []).append(index)
+                buildings_of_motion.setdefault(motion, []).append(index)
         periods = [
             source.subject().period if self.levels.by_period else math.nan for source in sources
         ]
         factors: dict[tuple[int, int], tuple[float, ...]] = {}
-        for motion, indices in users.items():
+        for motion, indices in buildings_of_motion.items():
             values_by_index = self.levels.factors(motion, [periods[index] for index in indices])
             factors |= {
                 (index, motion): values
@@ -359,13 +365,14 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     notes += cut_off(
         (motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf)
     )
-    # At the end of a record, residual drifts still include free vibration.
+    # Residual drifts at the end of a record are not final, because the building still vibrates.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     residual = damage and any("residual" in type_.demand for type_ in damage.types.values())
     if residual and not campaign.settings.until_rest:
         notes.append(
-            "damage states depend on drifts at the end of the records, which include free "
-            "vibration; set until_rest of the analysis to continue until it has decayed"
+            "damage states depend on residual drifts, but the building still vibrates at the end "
+            "of "
+            "the records; set until_rest of the analysis to continue until it is at rest"
         )
     # The plan includes all messages before the runs: skipped inputs, notes and warnings.
     plan = Plan(
@@ -412,7 +419,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
         Notes for the user; notes are appended.
     """
     inventory, analysis = campaign.buildings, campaign.analysis
-    # All rows of an inventory have the same rules; random factors depend on the id of the row.
+    # All buildings of an inventory are derived by the same rules.
     if isinstance(inventory, InventoryFile):
         with (campaign.sweep or ParameterSweep()).reported_at_key():
             if analysis.method is None:
@@ -431,12 +438,13 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             "the models specify different output units: results are written in SI units; select "
             "others with --output-units"
         )
-    # The variations of a model in a sweep are different buildings.
-    named = Counter((model.source, model.label) for model in inputs.models)
-    repeated = [source for (source, _), count in named.items() if count > 1]
+    # Warn of model files that are listed repeatedly. Variations of a model in a sweep have
+    # different labels.
+    counts = Counter((model.source, model.label) for model in inputs.models)
+    repeated = [source for (source, _), count in counts.items() if count > 1]
     if repeated:
         notes.append(
-            "listed more than once, and run the same number of times: "
+            "model files listed more than once, which are run repeatedly: "
             f"{abbreviate(list(dict.fromkeys(repeated)), _MOST_NAMES)}"
         )
     # A method of the campaign replaces the methods of the models.

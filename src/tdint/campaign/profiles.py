@@ -37,7 +37,7 @@ from tdint.system import on_threads
 from tdint.units import Quantity
 
 DRIFT_RATIO = "peak_drift_ratio"
-_RANK = ("level", "")
+_NUMBERED_LEVEL = ("level", "")
 """Name and unit of levels that are individual factors of the motions."""
 
 
@@ -122,7 +122,7 @@ class SuiteLevel:
 
     scale: float
     level: float
-    stood: list[list[Run]]
+    completed: list[list[Run]]
     pairs: int
     collapsed: int
     failed: int
@@ -137,7 +137,7 @@ class SuiteLevel:
     @property
     def runs(self) -> int:
         """Number of motions; a pair is one motion."""
-        return len(self.stood) + self.collapsed + self.failed
+        return len(self.completed) + self.collapsed + self.failed
 
 
 @dataclass(frozen=True)
@@ -278,21 +278,21 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
         The baseline does not exist, or is the only building.
     """
     check_baseline(baseline, (other.building for other in profiles))
-    # Use texts of scale and level as keys, because NaN is not equal to NaN.
-    bases = {
+    # The keys are texts, because scale or level may be NaN, which is not equal to NaN.
+    baseline_profiles = {
         (repr(other.scale), repr(other.level)): other
         for other in profiles
         if other.building == baseline
     }
     compared = []
     for profile in profiles:
-        base = bases.get((repr(profile.scale), repr(profile.level)))
+        base = baseline_profiles.get((repr(profile.scale), repr(profile.level)))
         if base is None or profile.building == baseline:
             continue
         for quantity in STORY:
             compared_values, base_values = profile.statistics(quantity), base.statistics(quantity)
             values = {
-                name: _over(getattr(compared_values, name), getattr(base_values, name))
+                name: _story_ratios(getattr(compared_values, name), getattr(base_values, name))
                 for name in ("mean", "median", "max")
             }
             compared.append(
@@ -301,35 +301,33 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     return compared
 
 
-def _over(compared_values: Array, base_values: Array) -> Array:
+def _story_ratios(compared_values: Array, base_values: Array) -> Array:
     """Return the ratios of the maxima over all stories, and of each common story."""
     common = min(compared_values.size, base_values.size)
-    # The maximum over all stories may occur in different stories of the two buildings.
-    tops = [
+    # The first ratio is that of the maxima over all stories, which may occur in different stories
+    # of the two buildings.
+    maxima = [
         np.max(values[np.isfinite(values)], initial=-math.inf)
         for values in (compared_values, base_values)
     ]
-    over, under = (
-        np.concatenate([[tops[0]], compared_values[:common]]),
-        np.concatenate([[tops[1]], base_values[:common]]),
-    )
-    positive = (under > 0.0) & np.isfinite(over)
-    return np.asarray(np.divide(over, under, out=np.full(over.size, math.nan), where=positive))
+    numerator = np.concatenate([[maxima[0]], compared_values[:common]])
+    denominator = np.concatenate([[maxima[1]], base_values[:common]])
+    is_known = (denominator > 0.0) & np.isfinite(numerator)
+    result = np.full(numerator.size, math.nan)
+    return np.asarray(np.divide(numerator, denominator, out=result, where=is_known))
 
 
 def profiles(store: Store) -> Iterator[Profile]:
     """Yield the profiles of each building and level in order. Only one building is in memory at a
-    time. Nothing is yielded if the store contains no stories."""
+    time. Without stored peaks of stories, there are no profiles."""
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
-    # Read the data of all buildings once: there may be a million buildings.
-    records, counts = (
-        store.records(),
-        dict(store.connection.execute("SELECT id, stories FROM buildings")),
-    )
+    # Query the tables before the loop, because there may be a million buildings.
+    records = store.records()
+    counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
     rules, checked = SuiteRules.of(store), store.checked
-    named = motion_names([name for name, _, _ in records.values()])
-    motion_of = dict(zip(records, named, strict=True))
+    names = motion_names([name for name, _, _ in records.values()])
+    name_of_record = dict(zip(records, names, strict=True))
     for number, (name, _) in store.buildings().items():
         # Read the values of the stories of each run, with their errors if these were estimated.
         quantities = [quantity.column for quantity in STORY]
@@ -343,10 +341,10 @@ def profiles(store: Store) -> Iterator[Profile]:
         by_run: dict[Run, list[list[float]]] = defaultdict(list)
         for record, scale, sample, *values in store.connection.execute(query, (number,)):
             by_run[Run(record, scale, sample)].append(values)
-        kept = {key: np.array(rows, dtype=np.float64) for key, rows in by_run.items()}
+        values_of_run = {key: np.array(rows, dtype=np.float64) for key, rows in by_run.items()}
         for level in rules.levels_of(store, number):
-            motions = tuple(motion_of[keys[0].motion] for keys in level.stood)
-            height, peaks, errors = _peaks(level, kept, counts[number], checked)
+            motions = tuple(name_of_record[keys[0].motion] for keys in level.completed)
+            height, peaks, errors = _peaks(level, values_of_run, counts[number], checked)
             yield Profile(
                 **vars(level),
                 building=name,
@@ -392,7 +390,7 @@ class SuiteRules:
 
     pairs: PairRule
     values: Sequence[float]
-    several: bool
+    has_several_levels: bool
     measure: tuple[str, str]
 
     @classmethod
@@ -400,7 +398,7 @@ class SuiteRules:
         """Return the rules of a campaign."""
         settings = store.parameters()
         values = sorted(settings.get("levels", ()), key=abs)
-        measure = _RANK
+        measure = _NUMBERED_LEVEL
         if values:
             name, period = settings["measure"], settings["period"]
             unit = measure_at(name, SA_DAMPING, 1.0).unit
@@ -421,7 +419,8 @@ class SuiteRules:
         """Yield the levels of a building in ascending order of factors, from the statuses of its
         runs."""
         by_rank: dict[int, list[Run]] = defaultdict(list)
-        # Group by the rank of the factors, because motions may have individual factors.
+        # Motions may have different factors for the same level. The level of a run is therefore the
+        # rank of its factor.
         for key, rank in level_ranks(status).items():
             by_rank[rank].append(key)
         for rank, keys in sorted(by_rank.items()):
@@ -429,7 +428,8 @@ class SuiteRules:
             grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
             for key in keys:
                 grouped[self.pairs.motion(key.motion), key.sample].append(key)
-            # A pair that is one motion failed or collapsed if one of its components did.
+            # A motion failed or collapsed if the run of one of its components did. A motion with a
+            # failed and a collapsed component counts as failed.
             failed = [
                 runs
                 for runs in grouped.values()
@@ -439,8 +439,12 @@ class SuiteRules:
                 runs for runs in grouped.values() if any(status[key] in FALLEN for key in runs)
             ]
             yield SuiteLevel(
-                math.nan if self.several or len(scales) > 1 else scales.pop(),
-                self.values[rank] if self.values else rank + 1.0 if self.several else math.nan,
+                math.nan if self.has_several_levels or len(scales) > 1 else scales.pop(),
+                self.values[rank]
+                if self.values
+                else rank + 1.0
+                if self.has_several_levels
+                else math.nan,
                 [runs for runs in grouped.values() if runs not in failed and runs not in collapsed],
                 sum(len(runs) > 1 for runs in grouped.values()),
                 sum(runs not in failed for runs in collapsed),
@@ -459,7 +463,7 @@ def has_levels(store: Store) -> bool:
 
 
 def _peaks(
-    level: SuiteLevel, kept: Mapping[Run, Array], stories: int, checked: bool
+    level: SuiteLevel, values_of_run: Mapping[Run, Array], stories: int, checked: bool
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """Return the peaks of the completed runs of a level.
 
@@ -467,7 +471,7 @@ def _peaks(
     ----------
     level : SuiteLevel
         Level.
-    kept : mapping of Run to ndarray
+    values_of_run : mapping of Run to ndarray
         Rows of the stories of each run.
     stories : int
         Number of stories.
@@ -481,13 +485,14 @@ def _peaks(
     peaks, errors : dict of str to ndarray, shape (motions, n)
         Quantities by name, and their errors; empty if not estimated.
     """
-    if not level.stood:
+    if not level.completed:
         no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY}
         return np.full(stories, math.nan), no_values, no_values if checked else {}
     # Residual drifts are signed: use absolute values.
-    stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
+    # Each block has the axes component, story, and column (height, quantities, errors).
+    blocks = [np.abs([values_of_run[key] for key in keys]) for keys in level.completed]
     values, errors = (
-        [block[:, :, part] for block in stood]
+        [block[:, :, part] for block in blocks]
         for part in (slice(1, _FIRST_ERROR), slice(_FIRST_ERROR, None))
     )
     # Combine the components of pairs.
@@ -499,7 +504,7 @@ def _peaks(
         else []
     )
     return (
-        stood[0][0, :, 0],
+        blocks[0][0, :, 0],
         _by_name(peaks),
         _by_name(np.stack(peak_errors, axis=-1)) if peak_errors else {},
     )
@@ -673,9 +678,9 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
     for number, spectra in spectra_by_building.items():
         # Collapsed and failed runs have no response history and are excluded.
         for level in rules.levels_of(store, number):
-            if not level.stood:
+            if not level.completed:
                 continue
-            for i, shown in enumerate(spectra[level.stood[0][0]]):
+            for i, shown in enumerate(spectra[level.completed[0][0]]):
                 spectrum, name = shown.spectrum, names[number][0]
                 psa = np.array(
                     [
@@ -683,7 +688,7 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
                             np.array([spectra[run][i].spectrum.psa for run in runs]),
                             level.pair_demand,
                         )
-                        for runs in level.stood
+                        for runs in level.completed
                     ]
                 )
                 yield FloorSuite(

@@ -4,7 +4,6 @@ file is opened."""
 from __future__ import annotations
 
 import math
-import re
 from functools import partial
 from pathlib import Path
 
@@ -30,9 +29,8 @@ from tdint.campaign.intensity import (
     measure_at,
     without_levels,
 )
-from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
+from tdint.campaign.motions import COORDINATES, GridFile, MeasureLevels, Scales, read_max_distance
 from tdint.campaign.pairs import PAIR_DEMANDS
-from tdint.csv_table import number
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import USUAL, PairNames
@@ -120,7 +118,7 @@ _BY_DISTANCE = Choice(tuple(COORDINATES), "distance")
 _DISTANCE = Key(
     "distance", _BY_DISTANCE, "unit of distances to sites: km, or degrees as in SimCenter"
 )
-_LARGEST = Key(
+_MAX_DISTANCE = Key(
     "max_distance",
     Either((POSITIVE, Words())),
     "km; buildings at a larger distance from the nearest site are omitted; 15 by default",
@@ -154,7 +152,7 @@ _PAIR_DEMAND = Key(
     "demand of one motion, or separate for two motions",
 )
 MOTIONS = Keys(
-    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS, _PAIR_DEMAND),
+    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _MAX_DISTANCE, _SAMPLE_UNITS, _PAIR_DEMAND),
 )
 """Keys of `records`. One of files, sequences, fields and grid is required unless the intensity is a
 table of factors, which lists the records."""
@@ -175,7 +173,8 @@ def read_wanted_motions(
     section = value.section()
     if section is None:
         return None
-    section.read("pair_demand")  # its value is used in `read_campaign`; errors are found here
+    # The value is used by `_read_pair_demand`; this call records an error of an invalid value.
+    section.read("pair_demand")
     # Keys of other sources of motions would have no effect, and are refused.
     if section.has("grid"):
         others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
@@ -195,7 +194,7 @@ def read_wanted_motions(
         shocks, choice = section.file("sequences"), _choice(section)
         return SequenceFile(shocks, choice, section.read("rest")) if shocks else None
     section.refuse(("rest",), "can only be used with `sequences`")
-    # The usual key is `files`: it is named in the error if all four are missing.
+    # If all four sources of ground motions are missing, the error names the usual one, `files`.
     files = section.get("files")
     if not (files or are_listed):
         section.need("files", "give a list of files and directories, or a `grid` instead")
@@ -236,43 +235,30 @@ def _fields(section: Section) -> FieldFile | None:
         component.fault("cannot be used with `pairs`, which use both components; remove one key")
     # Distances require the locations of sites.
     if not sites:
-        section.refuse(("distance", "max_distance"), "has no effect without `sites`; add them")
+        section.refuse(
+            ("distance", "max_distance"),
+            "has no effect without `sites`; specify `sites` or remove it",
+        )
     choice, distance = _choice(section), section.read("distance", "km")
     return (
-        FieldFile(file, choice, both, sites, distance, _largest(section), section.file("rates"))
+        FieldFile(
+            file, choice, both, sites, distance, read_max_distance(section), section.file("rates")
+        )
         if file
         else None
     )
 
 
-def _largest(section: Section) -> float:
-    """Return the maximum distance of a building from its site, m."""
-    value = section.get("max_distance")
-    return (value.parsed(_meters) if value else None) or MAX_DISTANCE
-
-
-def _meters(text: str) -> float:
-    """Convert a distance, a number of km or with a unit, to m."""
-    match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
-    meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
-    if not meters > 0.0:
-        raise UsageError(
-            f"must be a positive distance in km or with a unit, such as 15 or 800 m, "
-            f"got {text!r:.40}"
-        )
-    return meters
-
-
 def _grid(section: Section, units: str | None) -> GridFile | None:
     """Read the keys of a grid; None after an error."""
     file, distance = section.file("grid"), section.read("distance", "km")
-    # All events are run: the number of samples and the seed would have no effect.
+    # With `events`, all events are run, so that keys of the sampling would have no effect.
     if section.read("events"):
         section.refuse(
             ("neighbors", "samples", "seed"),
             "cannot be used with `events`, which are not sampled; remove it",
         )
-        largest = _largest(section)
+        largest = read_max_distance(section)
         return GridFile(file, units, 1, 0, 0, distance, True, largest) if file and units else None
     neighbors = section.need("neighbors", "give the number of grid points to sample from")
     samples = section.need("samples", "give the number of samples for each building")
@@ -285,14 +271,14 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
         samples.read(),
         section.read("seed", 0),
         distance,
-        max_distance=_largest(section),
+        max_distance=read_max_distance(section),
     )
 
 
 # ---- Reader
 
 _TOLERANCE = Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
-_LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
+_MIN_LEVEL, _MAX_LEVEL = 1e-6, 1e6
 """Range of intensities of ground motions, m/s^2 or m/s."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
@@ -340,7 +326,7 @@ _BUILDINGS = Keys(
     one_of=(("models", "inventory"),),
 )
 
-_FIRST = "T1"
+_FIRST_PERIOD = "T1"
 
 
 _INTENSITY = Keys(
@@ -349,7 +335,7 @@ _INTENSITY = Keys(
         Key("measure", Choice(levelled(), "measure"), "intensity measure of the levels"),
         Key(
             "period",
-            Either((Choice((_FIRST,)), POSITIVE)),
+            Either((Choice((_FIRST_PERIOD,)), POSITIVE)),
             "period of sa and sa-avg, s; by default the first period of each building",
         ),
         Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
@@ -498,7 +484,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     )
     _check_together(section)
     analysis, stated = section.inner("analysis"), section.get("outputs")
-    # A list selects all tables to write; keys add tables to the default.
+    # A list names all tables to write. A mapping adds tables to the default tables.
     chosen = stated.read() if stated and stated.is_list else None
     outputs = stated.section(_OUTPUTS) if stated and not stated.is_list else None
     dt = analysis.get("dt")
@@ -553,11 +539,12 @@ def _check_together(section: Section) -> None:
         value = section.get(part)
         return value.peek(name) if value else None
 
-    # A grid has pairs without the key `pairs`: its files contain both components.
+    # The key `pair` of the intensity requires pairs of components. The files of a grid always
+    # contain both components, so that the key `pairs` is not needed.
     pair, pairs = value_of("intensity", "pair"), value_of("records", "pairs")
     if pair and records and not records.peek("grid") and (pairs is None or pairs.is_word("false")):
-        pair.fault("has no effect without `pairs: true` of the records; add this key")
-    # The end of a sequence is the end of its last event.
+        pair.fault("has no effect without `pairs: true` of the records; add it, or remove `pair`")
+    # A duration would end a sequence before its last event has ended.
     if (duration := value_of("analysis", "duration")) and value_of("records", "sequences"):
         duration.fault(
             "cannot be used with `sequences`, which use complete records; the time between them is "
@@ -568,7 +555,8 @@ def _check_together(section: Section) -> None:
             value_of("records", "fields") or value_of("records", "events")
         ):
             entry.fault(
-                "cannot be used with events, which have factors; multiply them by `scales` instead"
+                "cannot be used with events, which have scale factors; use `scales` to multiply "
+                "these factors"
             )
 
 
@@ -640,17 +628,17 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     if value is None or section is None:
         return None
     # Exactly one source of factors is allowed.
-    ways = [name for name in ("scales", "measure", "factors") if section.has(name)]
-    if len(ways) != 1:
+    sources = [name for name in ("scales", "measure", "factors") if section.has(name)]
+    if len(sources) != 1:
         value.fault(
-            "give one of scales, measure and factors"
-            + (f", not {' and '.join(ways)}" if ways else "")
+            "exactly one of scales, measure and factors is required"
+            + (f", got {' and '.join(sources)}" if sources else "")
         )
         return None
-    if ways == ["measure"]:
+    if sources == ["measure"]:
         return _levels(section)
     section.refuse(("period", "damping", "levels", "pair"), "can only be used with a `measure`")
-    if ways == ["factors"]:
+    if sources == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
     factors = section.get("scales")
@@ -664,7 +652,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     for item in items or ():
         factor = item.number(ANY)
         if factor == 0.0:
-            item.fault("must not be zero")
+            item.fault("a scale factor must not be zero")
         numbers[factor] = None
     return Scales(tuple(numbers))
 
@@ -695,9 +683,11 @@ def _levels(section: Section) -> MeasureLevels | None:
     if name not in SPECTRAL:
         period = 1.0
         if stated:
-            stated.fault(f"{name} has no period")
-    elif stated and not stated.is_word(_FIRST):
-        seconds = stated.number(POSITIVE, expected=f"{_FIRST} or a positive number of seconds")
+            stated.fault(f"cannot be used with the measure {name}, which has no period; remove it")
+    elif stated and not stated.is_word(_FIRST_PERIOD):
+        seconds = stated.number(
+            POSITIVE, expected=f"{_FIRST_PERIOD} or a positive number of seconds"
+        )
         period = None if math.isnan(seconds) else seconds
     return MeasureLevels(partial(measure_at, name, damping), period, values, pair)
 
@@ -719,9 +709,9 @@ def _level(value: Value, quantity: str) -> float:
             raise UsageError(
                 f"must be a number with a unit of {quantity}, such as {example}, got {text!r}"
             )
-        if not _LEAST_LEVEL <= units.scale <= _MOST_LEVEL:
+        if not _MIN_LEVEL <= units.scale <= _MAX_LEVEL:
             raise UsageError(
-                f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}"
+                f"must be from {_MIN_LEVEL:g} to {_MAX_LEVEL:g} in SI units, got {text!r}"
             )
         return units.scale
 

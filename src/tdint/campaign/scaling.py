@@ -33,14 +33,14 @@ from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 
-LEAST_PAIRS = 11
+MIN_PAIRS = 11
 """Minimum number of ground motions in ASCE 7-16 (16.2.2)."""
 
 _MIN_TOLERANCE, _MAX_PERIODS = 1e-6, 20_000
 """Relative tolerance of the minimum average, and maximum number of periods at which it is computed.
 If motions match their target closely, the average is low at many periods."""
 
-LEAST_PART = 0.9
+MIN_AVERAGE_RATIO = 0.9
 """Minimum of the average divided by the target (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
 3.2.3.1.2(4))."""
 
@@ -51,7 +51,7 @@ BOUNDS = (0.25, 4.0)
 """Range of factors in common practice, not from a code. Larger changes make a motion
 unrepresentative of its event."""
 
-_AT_LIMIT = 1e-6
+_LIMIT_TOLERANCE = 1e-6
 """Relative difference up to which a factor is at a limit; equal to the tolerance of the minimum
 average."""
 
@@ -147,7 +147,7 @@ class Scaling(Tabular):
         if self.limits is None:
             return []
         low, high = self.limits
-        return self.beyond(low * (1.0 + _AT_LIMIT), high * (1.0 - _AT_LIMIT))
+        return self.beyond(low * (1.0 + _LIMIT_TOLERANCE), high * (1.0 - _LIMIT_TOLERANCE))
 
     def spectra(self, periods: Array) -> Array:
         """Return the pseudo-accelerations of the scaled motions, m/s^2, shape (n, k).
@@ -331,14 +331,14 @@ def check_rule(
     by_rule(rule)
     if rule == "asce7":
         _check_pairs(motions, rule)
-        if count < LEAST_PAIRS:
+        if count < MIN_PAIRS:
             raise UsageError(
-                f"the rule asce7 requires at least {LEAST_PAIRS} pairs of components (16.2.2), got "
+                f"the rule asce7 requires at least {MIN_PAIRS} pairs of components (16.2.2), got "
                 f"{count}"
             )
     if rule == "ec8" and target.zero is None:
         raise UsageError(
-            f"{target.source}: the rule ec8 also compares at the period 0, which is not in the "
+            f"{target.source}: the rule ec8 requires the target at the period 0; add it to the "
             "table"
         )
 
@@ -355,16 +355,21 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
     """
     if rule == "mean":
         return fitted
-    at_least = 1.0
+    # The rule ec8 also compares the mean of the peak ground accelerations with the target at the
+    # period 0.
+    peak_factor = 1.0
     if rule == "ec8":
         assert fitted.target is not None
         assert fitted.target.zero is not None
         peaks = fitted.factors * suite_peaks(fitted.motions, fitted.pair)
-        at_least = fitted.target.zero / float(np.mean(peaks))
+        peak_factor = fitted.target.zero / float(np.mean(peaks))
     average, period = _minimum_average(fitted)
-    raised = max(1.0, at_least, LEAST_PART / average)
+    common_factor = max(1.0, peak_factor, MIN_AVERAGE_RATIO / average)
     return replace(
-        fitted, factors=raised * fitted.factors, rule=rule, least=(raised * average, period)
+        fitted,
+        factors=common_factor * fitted.factors,
+        rule=rule,
+        least=(common_factor * average, period),
     )
 
 
@@ -380,22 +385,26 @@ def _minimum_average(fitted: Scaling) -> tuple[float, float]:
     target, periods = fitted.target, fitted.periods
     assert target is not None
     assert periods is not None
-    slope = 0.5 / fitted.damping + 2.0
+    max_slope = 0.5 / fitted.damping + 2.0
     low, high = float(np.min(periods)), float(np.max(periods))
     # Start with the given periods and the periods of the target, which include its corners.
     inside = target.periods[(target.periods > low) & (target.periods < high)]
     # Halve intervals until no interval can contain a value below the current minimum.
-    x, y = np.empty(0), np.empty(0)
+    ln_period, ln_ratio = np.empty(0), np.empty(0)
     new = np.log(np.unique([*periods, *inside]))
-    while new.size and x.size < _MAX_PERIODS:
+    while new.size and ln_period.size < _MAX_PERIODS:
         candidates = np.exp(new).clip(low, high)
         average = np.log(np.mean(fitted.spectra(candidates), axis=0) / target.at(candidates))
-        order = np.argsort(np.concatenate([x, new]))
-        x, y = np.concatenate([x, new])[order], np.concatenate([y, average])[order]
-        bound = 0.5 * (y[1:] + y[:-1] - slope * np.diff(x))
-        new = 0.5 * (x[1:] + x[:-1])[bound < np.min(y) - _MIN_TOLERANCE]
-    index = int(np.argmin(y))
-    return float(np.exp(y[index])), float(np.exp(x[index]))
+        order = np.argsort(np.concatenate([ln_period, new]))
+        ln_period = np.concatenate([ln_period, new])[order]
+        ln_ratio = np.concatenate([ln_ratio, average])[order]
+        # Lower bound in each interval: the intersection of two lines with the maximum slope through
+        # its ends
+        bound = 0.5 * (ln_ratio[1:] + ln_ratio[:-1] - max_slope * np.diff(ln_period))
+        can_be_lower = bound < np.min(ln_ratio) - _MIN_TOLERANCE
+        new = 0.5 * (ln_period[1:] + ln_period[:-1])[can_be_lower]
+    index = int(np.argmin(ln_ratio))
+    return float(np.exp(ln_ratio[index])), float(np.exp(ln_period[index]))
 
 
 def scale_p695(
@@ -433,7 +442,9 @@ def scale_p695(
     _check_pairs(pairs, "p695")
     if (period is None) != (value is None):
         raise UsageError(
-            "the period and the pseudo-acceleration of a set must be given together, or neither"
+            "scaling of a set by the rule p695 requires both a period and a pseudo-acceleration, "
+            "or "
+            f"neither; got period {period} and value {value}"
         )
     # Normalize by the peak velocities first. This removes the variation due to magnitude and
     # distance.
@@ -519,12 +530,12 @@ def scale(
             suite, oscillator_periods[0] if oscillator_periods else None, value, damping=damping
         )
     if chosen is None or value is None:
-        raise UsageError("nothing to scale to: give a measure and its value, or a target")
+        raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
     return scale_to_value(suite, chosen, value, pair)
 
 
 _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade for typical targets
-_RULES: dict[str, Callable[..., Scaling]] = {
+_SCALING_RULES: dict[str, Callable[..., Scaling]] = {
     "mean": scale_to_target,
     "asce7": scale_asce7,
     "ec8": scale_ec8,
@@ -552,12 +563,17 @@ def by_rule(rule: str) -> Callable[..., Scaling]:
     UsageError
         The rule is unknown.
     """
-    if rule not in _RULES:
-        raise UsageError(f"unknown rule {rule!r:.60}; known for a target: {', '.join(_RULES)}")
-    return _RULES[rule]
+    if rule not in _SCALING_RULES:
+        raise UsageError(
+            f"unknown rule {rule!r:.60}; known for a target: {', '.join(_SCALING_RULES)}"
+        )
+    return _SCALING_RULES[rule]
 
 
 def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:
     """Raise UsageError if a motion is a single component."""
     if not all(isinstance(pair, Horizontals) for pair in pairs):
-        raise UsageError(f"the rule {rule} requires pairs of horizontal components")
+        raise UsageError(
+            f"the rule {rule} requires pairs of horizontal components, but a motion is a single "
+            "component"
+        )

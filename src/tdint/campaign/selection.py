@@ -127,7 +127,7 @@ def select(
         raise UsageError(
             f"events: must contain one event for each of {len(motions)} motions, got {len(events)}"
         )
-    aim, compared_periods = target_at(target, periods)
+    target_spectrum, compared_periods = target_at(target, periods)
     target_scatter = (
         None
         if scatter is None
@@ -137,13 +137,13 @@ def select(
         count < 3 or not np.all((target_scatter >= 0.0) & np.isfinite(target_scatter))
     ):
         raise UsageError(
-            "the target standard deviation must be zero or a positive number, and requires at "
-            "least three motions"
+            "a target standard deviation must be zero or a positive number, and requires a "
+            f"selection of at least three motions, got {scatter!r:.60} for {count} motions"
         )
     # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
     suite = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
-    check_rule(rule, suite, count, aim)
+    check_rule(rule, suite, count, target_spectrum)
     pool, spectra, left_out = _pool(suite, compared_periods, damping, spectrum_pair)
     numbers, labels = np.arange(len(suite)), list[str]()
     if per_event is not None:
@@ -153,38 +153,36 @@ def select(
     pool_events, max_per_event = numbers[pool], len(suite) if per_event is None else per_event
     possible = int(np.minimum(np.bincount(pool_events), max_per_event).sum()) if len(pool) else 0
     if possible < count:
-        why = [f"{number} {reason}" for reason, number in left_out.items() if number]
-        why += (
-            [f"at most {per_event} of an event, {pluralize(int(np.max(numbers)) + 1, 'event')}"]
-            if per_event is not None
-            else []
-        )
-        reasons = f" ({', '.join(why)})" if why else ""
+        reasons = [f"{number} {reason}" for reason, number in left_out.items() if number]
+        if per_event is not None:
+            event_count = pluralize(int(np.max(numbers)) + 1, "event")
+            reasons.append(f"at most {per_event} of an event, {event_count}")
+        explanation = f" ({', '.join(reasons)})" if reasons else ""
         raise UsageError(
             f"{count} motions are requested, but only {possible} of {len(suite)} can be selected"
-            f"{reasons}"
+            f"{explanation}"
         )
     # Compute the factors by least squares within the limits, then search the best selection.
-    ln_aim, ln_spectra = np.log(aim.at(compared_periods)), np.log(spectra)
-    ln_fitted = np.mean(ln_aim - ln_spectra, axis=1)
+    ln_target, ln_spectra = np.log(target_spectrum.at(compared_periods)), np.log(spectra)
+    ln_fitted = np.mean(ln_target - ln_spectra, axis=1)
     fitted = Scaling(
         tuple(suite[index] for index in pool),
         np.clip(np.exp(ln_fitted), low, high),
         "mean",
         spectrum_pair,
         damping,
-        target=aim,
+        target=target_spectrum,
         periods=compared_periods,
     )
 
     def choose(factors: Array) -> list[int]:
         """Return the indices of the selected motions for the factors of all motions."""
-        deviations = ln_spectra + np.log(factors)[:, None] - ln_aim
+        deviations = ln_spectra + np.log(factors)[:, None] - ln_target
         return _search(deviations, count, target_scatter, pool_events, max_per_event)
 
     if rule == "mean":
         chosen = choose(fitted.factors)
-        scaling, scaled = _part(fitted, chosen), fitted.factors
+        scaling, scaled = _subset(fitted, chosen), fitted.factors
     else:
         chosen, scaling, scaled = _within_limits(fitted, rule, (low, high), choose)
     others = np.setdiff1d(np.arange(len(pool)), chosen)
@@ -200,7 +198,7 @@ def select(
     )
 
 
-def _part(fitted: Scaling, indices: Sequence[int]) -> Scaling:
+def _subset(fitted: Scaling, indices: Sequence[int]) -> Scaling:
     """Return some motions of a suite with their factors."""
     motions = tuple(fitted.motions[index] for index in indices)
     return replace(fitted, motions=motions, factors=fitted.factors[list(indices)])
@@ -249,25 +247,27 @@ def _within_limits(
     for _trial in range(_MAX_TRIALS):
         factors = np.minimum(fitted.factors, upper)
         chosen = choose(factors)
-        scaling = raise_to_rule(_part(replace(fitted, factors=factors), chosen), rule)
+        scaling = raise_to_rule(_subset(replace(fitted, factors=factors), chosen), rule)
         largest = float(np.max(scaling.factors))
         if largest <= high * (1.0 + _ROUNDING):
             within = replace(scaling, factors=np.minimum(scaling.factors, high))
             return chosen, within, factors
         if nearest is None or largest < float(np.max(nearest.factors)):
             nearest = scaling
-        # The common factor of the next selection is at least about the current common factor. If
-        # every factor is limited, a lower limit has no effect.
+        # Reduce the upper limit by the present common factor, because the common factor of the next
+        # selection is similar or larger. If every factor is at the limit already, a lower limit
+        # would be compensated by a larger common factor.
         if upper <= float(np.min(fitted.factors)):
             break
         common = largest / float(np.max(factors[chosen]))
         upper = max(min(high / common, upper * _LIMIT_REDUCTION), float(np.min(fitted.factors)))
     assert nearest is not None
-    over = abbreviate([f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5)
+    outside = abbreviate([f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5)
     needed = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
     raise AnalysisError(
         f"no selection of {len(nearest.motions)} motions with factors from {low:g} to {high:g} "
-        f"meets the rule {rule}; the nearest selection needs factors up to {needed:g}: {over}; set "
+        f"meets the rule {rule}; the nearest selection needs factors up to {needed:g}: "
+        f"{outside}; set "
         f"the limits to {low:g}:{needed:g}, or add stronger motions. The nearest selection: "
         f"{', '.join(motion.source for motion in nearest.motions)}"
     )
@@ -284,7 +284,8 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     list of str
         Name and date of the event; empty if the event of a motion is unknown.
     """
-    # Motions of one event become one group: groups[i] is the group of motion i.
+    # Motions of one event become one group (disjoint-set forest): groups[i] is the parent of motion
+    # i, or i if the motion represents its group.
     known = [_event_of_motion(motion) for motion in motions]
     groups = list(range(len(known)))
 
@@ -300,8 +301,9 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
         first, second = sorted((root(index), root(other)))
         groups[second] = first
 
-    # Unite files with the same entry, then the two files of one recording: first files with a
-    # known event (one file may also contain several recordings), then the other files.
+    # Unite motions with the same event in their headers, then the files of one recording. Files
+    # with a known event are united first and only with the same event, because files of one name
+    # may contain several recordings. Files without an event follow (second pass).
     first_motions: dict[Earthquake, int] = {}
     for index, event in enumerate(known):
         if event.is_known:
@@ -313,8 +315,8 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
             if is_second or is_same_event(known[index], known[other]):
                 unite(index, other)
 
-    # Unite different entries of one event. Dated entries are compared in chronological order, up
-    # to the maximum difference in time.
+    # Headers may describe one event differently. Compare the distinct descriptions: descriptions
+    # with a time only with descriptions of about the same time, in chronological order.
     distinct = list(first_motions.values())
     dated = sorted(
         (index for index in distinct if known[index].time),
@@ -341,7 +343,7 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     return [labels.get(root(index), "") for index in range(len(known))]
 
 
-def named_events(motions: Sequence[GroundMotion], of_file: Mapping[str, str]) -> list[str]:
+def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, str]) -> list[str]:
     """Return the event of each motion by a table of files.
 
     A row of the table is sufficient for both components of a recording.
@@ -369,12 +371,12 @@ def named_events(motions: Sequence[GroundMotion], of_file: Mapping[str, str]) ->
         files = dict.fromkeys(record.source for record in components(motion))
         for file, name in zip(files, names, strict=True):
             keys = (file, Path(file).name, Path(file).stem)
-            event = next((of_file[key] for key in keys if of_file.get(key)), "")
-            other, before = by_recording.get(name, (file, event))
-            if event and event != before:
+            event = next((event_of_file[key] for key in keys if event_of_file.get(key)), "")
+            other, other_event = by_recording.get(name, (file, event))
+            if event and event != other_event:
                 raise UsageError(
                     f"{other} and {file} are components of one recording, but their events differ: "
-                    f"{before!r} and {event!r}"
+                    f"{other_event!r} and {event!r}"
                 )
             if event:
                 by_recording[name] = (file, event)
@@ -389,12 +391,12 @@ def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
     files = [
         list(dict.fromkeys(record.source for record in components(motion))) for motion in motions
     ]
-    every = list(dict.fromkeys(file for of_motion in files for file in of_motion if file))
-    name_of = dict(zip(every, motion_names(every), strict=True))
-    # Motions that were not read from files are all different recordings.
+    all_files = list(dict.fromkeys(file for motion_files in files for file in motion_files if file))
+    recording_of_file = dict(zip(all_files, motion_names(all_files), strict=True))
+    # Motions that were not read from files have no name; each is a different recording.
     return [
-        [name_of.get(file, f"motion {index}") for file in of_motion]
-        for index, of_motion in enumerate(files)
+        [recording_of_file.get(file, f"motion {index}") for file in motion_files]
+        for index, motion_files in enumerate(files)
     ]
 
 
@@ -490,14 +492,14 @@ def _search(
     max_per_event : int
         Maximum number of rows of one event.
     """
-    random, best, least = np.random.default_rng(0), list[int](), np.inf
+    random, best, best_score = np.random.default_rng(0), list[int](), np.inf
     squares = deviations * deviations
     row_sums, parts = squares.sum(axis=1), np.empty_like(deviations)
 
-    def scores(rest: list[int], size: int) -> Array:
-        """Return the scores of `rest` with each additional row; infinite if a row cannot be
-        added."""
-        total = deviations[rest].sum(axis=0)
+    def scores(selected: list[int], size: int) -> Array:
+        """Return the score of a selection of `size` rows, which consists of the selected rows and
+        one more row, for each additional row; infinite if a row cannot be added."""
+        total = deviations[selected].sum(axis=0)
         result = (total @ total + 2.0 * (deviations @ total) + row_sums) / (
             size**2 * deviations.shape[1]
         )
@@ -507,16 +509,15 @@ def _search(
             np.multiply(parts, parts, out=parts)
             np.multiply(parts, -1.0 / size, out=parts)
             np.add(parts, squares, out=parts)
-            np.add(parts, squares[rest].sum(axis=0), out=parts)
+            np.add(parts, squares[selected].sum(axis=0), out=parts)
             np.sqrt(np.maximum(parts, 0.0, out=parts), out=parts)
             np.subtract(parts, target_scatter * np.sqrt(size - 1.0), out=parts)
             result = result + _SCATTER_WEIGHT / ((size - 1) * deviations.shape[1]) * np.einsum(
                 "ij,ij->i", parts, parts
             )
-        result[rest] = np.inf
-        result[np.bincount(events[rest], minlength=events.max() + 1)[events] >= max_per_event] = (
-            np.inf
-        )
+        result[selected] = np.inf
+        count_of_event = np.bincount(events[selected], minlength=events.max() + 1)
+        result[count_of_event[events] >= max_per_event] = np.inf
         return np.asarray(result)
 
     for start in range(int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))):
@@ -534,12 +535,12 @@ def _search(
         while improved:
             improved = False
             for index in range(count):
-                rest = chosen[:index] + chosen[index + 1 :]
-                all_scores = scores(rest, count)
+                others = chosen[:index] + chosen[index + 1 :]
+                all_scores = scores(others, count)
                 better = int(np.argmin(all_scores))
                 if all_scores[better] < score * (1.0 - _MIN_GAIN):
                     improved |= better != chosen[index]
                     chosen[index], score = better, float(all_scores[better])
-        if score < least:
-            best, least = sorted(chosen), score
+        if score < best_score:
+            best, best_score = sorted(chosen), score
     return best

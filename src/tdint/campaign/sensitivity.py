@@ -67,6 +67,7 @@ class ParameterEffect:
     at_high: float
 
     def __reduce__(self) -> tuple[Any, ...]:
+        # The quantity contains functions, which cannot be pickled. Its name is pickled instead.
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return _parameter_effect, ({**values, "quantity": self.quantity.name},)
 
@@ -128,12 +129,12 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
     UsageError
         As for `Model.replace`.
     """
-    ends = [(name, value) for name, both in ranges.items() for value in both]
+    changes = [(name, value) for name, low_high in ranges.items() for value in low_high]
     return (
         model,
         *(
             replace(model.replace(**{name: value}), label=f"{name}={value:g}")
-            for name, value in ends
+            for name, value in changes
         ),
     )
 
@@ -248,7 +249,7 @@ def parameter_effects(
             )
         result += sorted(
             effects,
-            key=lambda effect: -effect.effect if effect.effect == effect.effect else math.inf,
+            key=lambda effect: math.inf if math.isnan(effect.effect) else -effect.effect,
         )
     return result
 
@@ -281,7 +282,7 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
                 # Exclude samples without a peak, or without this parameter.
                 is_valid = np.isfinite(x) & np.isfinite(y)
                 both = x[is_valid], y[is_valid]
-                # The correlation of a constant is not defined.
+                # The rank correlation with a constant is not defined.
                 is_varying = all(np.unique(ranks).size > 1 for ranks in both)
                 coefficient = float(spearmanr(*both)[0]) if is_varying else math.nan
                 correlations.append(

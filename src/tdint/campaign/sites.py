@@ -53,15 +53,17 @@ from tdint.units import STANDARD_GRAVITY, parse_units
 # motion: name, dT, data_x and, for a pair, data_y. Fields are a table of event, site, record and
 # factor, and a table of sites. OpenQuake's names of the columns are also supported.
 
-_EVENTS, _SITES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
-_LONGITUDES, _LATITUDES = ("longitude", "lon"), ("latitude", "lat")
+_EVENT_NAMES, _SITE_NAMES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
+_LONGITUDE_NAMES, _LATITUDE_NAMES = ("longitude", "lon"), ("latitude", "lat")
 _GMV = re.compile(r"gmv_(pga|pgv|sa\((?P<period>[0-9]*\.?[0-9]+)\))")
-_CENTIMETER = 0.01
-_SHOWN_FAULTS, _MOST_FAULTS = 10, 1000
+_CENTIMETER = 0.01  # m; OpenQuake writes peak ground velocities in cm/s
+_SHOWN_FAULTS, _MAX_FAULTS = 10, 1000
 """Number of errors of a table that are shown, and number of errors after which reading stops."""
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
-_OTHER = "record_2"  # column with the file of the second component, for files named differently
+_SECOND_FILE = (
+    "record_2"  # column with the file of the second component, for files named differently
+)
 
 Value = TypeVar("Value")
 
@@ -102,8 +104,9 @@ def read_grid(grid: GridFile) -> FoundMotions:
     failures: list[RecordError] = []
     point_motions = []
     for file, _ in points:
-        motions_here: list[PointMotion] = []
-        # A record that cannot be read is reported once and omitted from the samples.
+        motions_of_point: list[PointMotion] = []
+        # A record that cannot be read is reported once. It has no components, so that it is omitted
+        # from the samples.
         for name, factor in _motions_at(str(folder / file)):
             if name not in numbers:
                 first = len(motions)
@@ -112,8 +115,8 @@ def read_grid(grid: GridFile) -> FoundMotions:
                 except RecordError as error:
                     failures.append(error)
                 numbers[name] = tuple(range(first, len(motions)))
-            motions_here.append((numbers[name], factor))
-        point_motions.append(motions_here)
+            motions_of_point.append((numbers[name], factor))
+        point_motions.append(motions_of_point)
     if not motions:
         raise RecordError(
             "\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion"
@@ -126,11 +129,11 @@ def read_grid(grid: GridFile) -> FoundMotions:
         )
     # Points without readable motions are omitted: buildings near them use other points.
     usable = [
-        (place, kept)
-        for (_, place), motions_here in zip(points, point_motions, strict=True)
-        if (kept := tuple(motion for motion in motions_here if motion[0]))
+        (place, readable)
+        for (_, place), motions_of_point in zip(points, point_motions, strict=True)
+        if (readable := tuple(motion for motion in motions_of_point if motion[0]))
     ]
-    places = GridMotions([place for place, _ in usable], tuple(kept for _, kept in usable))
+    places = GridMotions([place for place, _ in usable], tuple(motions for _, motions in usable))
     return FoundMotions(tuple(motions), tuple(failures), places=places)
 
 
@@ -150,7 +153,7 @@ def _rows_as_events(
     point_motions : sequence of sequence
         Motions of each point.
     """
-    # An event is the same row in all files: a missing row would shift the following events.
+    # An event is identified by its row, so that all files must have the same number of rows.
     count = len(point_motions[0])
     for (file, _), motions in zip(points, point_motions, strict=True):
         if len(motions) != count:
@@ -159,22 +162,25 @@ def _rows_as_events(
                 f"{count}; with `events` each row of these files must be the same event at all "
                 "points"
             )
-    records = {
-        both: number
-        for number, both in enumerate(
-            dict.fromkeys(b for motions in point_motions for b, _ in motions)
-        )
-    }
-    rows = [(records[both], factor) for motions in point_motions for both, factor in motions]
-    record, value = (
-        np.array([row[0] for row in rows], np.int32),
-        np.array([row[1] for row in rows], float),
-    )
+    # A record is identified by the numbers of its components.
+    distinct = dict.fromkeys(numbers for motions in point_motions for numbers, _ in motions)
+    record_numbers = {components: number for number, components in enumerate(distinct)}
+    rows = [
+        (record_numbers[components], factor)
+        for motions in point_motions
+        for components, factor in motions
+    ]
+    record = np.array([number for number, _ in rows], np.int32)
+    value = np.array([factor for _, factor in rows], float)
     site, event = (numbers.ravel() for numbers in np.indices((len(points), count), np.int32))
     files, places = zip(*points, strict=True)
-    motions_of = [tuple((motion, 1.0) for motion in both) for both in records]
+    motions_of_record = [
+        tuple((motion, 1.0) for motion in components) for components in record_numbers
+    ]
     events = [str(number + 1) for number in range(count)]
-    return FieldMotions.of_rows(events, files, (site, event + 1, record, value), motions_of, places)
+    return FieldMotions.of_rows(
+        events, files, (site, event + 1, record, value), motions_of_record, places
+    )
 
 
 def read_field(field_file: FieldFile) -> FoundMotions:
@@ -211,7 +217,7 @@ def read_field(field_file: FieldFile) -> FoundMotions:
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     """Return the annual rate of each event of the fields. Events without a field are ignored."""
     table = read_table(file, "rates are a CSV file with the columns event and rate", comment="#")
-    event = _find_column(table, _EVENTS)
+    event = _find_column(table, _EVENT_NAMES)
     table.need(event, "rate")
     values = table.numbers("rate")
     table.check(
@@ -247,7 +253,7 @@ def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -
     for (line, name), value in zip(table.lines(column, empty=False), values, strict=True):
         if name in by_name:
             raise ModelError(
-                f"{table.source}:{line}: {what} {name!r} is a duplicate; use each name once"
+                f"{table.source}:{line}: {what} {name!r} is listed twice; use each name once"
             )
         by_name[name] = value
     return by_name
@@ -282,7 +288,7 @@ class _FieldRows:
         self,
         block: Sequence[tuple[int, list[str]]],
         width: int,
-        at: Sequence[int],
+        indices: Sequence[int],
         unit: float,
         *,
         are_sites_known: bool,
@@ -296,8 +302,8 @@ class _FieldRows:
             Line number and cells of each row.
         width : int
             Number of columns of the table.
-        at : sequence of int
-            Index of the columns of event, record, site, component, second component and value;
+        indices : sequence of int
+            Indices of the columns of event, record, site, component, second component and value;
             `width` for a column that does not exist.
         unit : float
             Unit of the values in SI.
@@ -310,8 +316,8 @@ class _FieldRows:
         if set(map(len, rows)) != {width}:
             return False
         columns = [*zip(*rows, strict=True), ("",) * len(rows)]
-        event, record, site, component, other, value = (columns[place] for place in at)
-        values = np.ones(len(rows)) if at[5] == width else numbers_in(value)
+        event, record, site, component, other, value = (columns[index] for index in indices)
+        values = np.ones(len(rows)) if indices[5] == width else numbers_in(value)
         if not (values > 0.0 if measure else np.abs(values) > 0.0).all():
             return False
         # Replace names by numbers in the order of their first use. Numbers that are given to the
@@ -323,7 +329,7 @@ class _FieldRows:
         is_unnamed = (
             "" in self.events
             or any(not name for name, *_ in self.records)
-            or ("" in self.sites and at[2] < width)
+            or ("" in self.sites and indices[2] < width)
         )
         if is_unnamed or -1 in sites:
             return False
@@ -345,26 +351,26 @@ class _FieldRows:
         """Return for each record the line of its first use, its name, its component and the file of
         its second component."""
         first = np.unique(np.frombuffer(self.record, np.int32), return_index=True)[1].tolist()
-        return [(self.line[place], *key) for place, key in zip(first, self.records, strict=True)]
+        return [(self.line[row], *key) for row, key in zip(first, self.records, strict=True)]
 
     def find_duplicates(self, file: str) -> list[str]:
         """Return the errors of rows with an event and a site that an earlier row contains."""
         site, event, *_ = self.arrays()
-        # Combine event and site to one number: duplicates are adjacent after sorting.
+        # Combine event and site into one number. After sorting, duplicates are adjacent.
         key = event.astype(np.int64) * len(self.sites) + site
         order = np.argsort(key, kind="stable")
-        again = np.flatnonzero(np.diff(key[order]) == 0)
+        repeated = np.flatnonzero(np.diff(key[order]) == 0)
         names, events = list(self.sites), list(self.events)
         faults = []
-        for before, place in sorted(
-            (int(order[row + 1]), int(order[row])) for row in again[:_MOST_FAULTS].tolist()
+        for duplicate, first in sorted(
+            (int(order[index + 1]), int(order[index])) for index in repeated[:_MAX_FAULTS].tolist()
         ):
-            name = names[self.site[before]]
-            where = f"site {name!r}" if name else "all buildings"
+            name = names[self.site[duplicate]]
+            location = f"site {name!r}" if name else "all buildings"
             faults.append(
-                f"{file}:{self.line[before]}: event {events[self.event[before] - 1]!r} at {where} "
-                f"is already on line {self.line[place]}; each event can have only one record at a "
-                "site"
+                f"{file}:{self.line[duplicate]}: event {events[self.event[duplicate] - 1]!r} at "
+                f"{location} is already on line {self.line[first]}; each event can have only one "
+                "record at a site"
             )
         return faults
 
@@ -437,49 +443,53 @@ def _field_rows(
         "fields are a CSV file with the columns event, site, record and, optionally, component and "
         "factor"
     )
-    columns = (*_EVENTS, *_SITES, "record", _OTHER, "component", "factor")
+    columns = (*_EVENT_NAMES, *_SITE_NAMES, "record", _SECOND_FILE, "component", "factor")
     # Read row by row: a table of many events at many sites does not fit into memory as text.
     table, lines = stream_table(file, needs, columns=columns, comment="#")
-    event, site = _find_column(table, _EVENTS), _find_column(table, _SITES)
+    event, site = _find_column(table, _EVENT_NAMES), _find_column(table, _SITE_NAMES)
     table.need(event, "record", *([site] if field.sites else ()))
-    if table.has(_OTHER) and not field.pairs:
+    if table.has(_SECOND_FILE) and not field.pairs:
         raise ModelError(
-            f"{file}:{table.header_line}: {_OTHER} can only be used with pairs; add pairs: true to "
+            f"{file}:{table.header_line}: {_SECOND_FILE} can only be used with pairs; add pairs: "
+            "true to "
             "the records"
         )
     value, unit, measure = _field_values(table)
-    names = (event, "record", site, "component", _OTHER, value)
+    names = (event, "record", site, "component", _SECOND_FILE, value)
     width = len(table.header)
-    at = [table.header.index(name) if name and table.has(name) else width for name in names]
+    # Index of each column. A missing column has the index `width`, at which an empty cell is added.
+    indices = [table.header.index(name) if name and table.has(name) else width for name in names]
     # Collect errors up to a maximum, so that users can correct all of them in one edit.
     rows, faults = _FieldRows(sites), list[str]()
-    while len(faults) < _MOST_FAULTS and (block := list(islice(lines, BLOCK))):
+    while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):
         # Almost all rows are valid. Only blocks with an error are read row by row.
         if rows.add_valid(
-            block, width, at, unit, are_sites_known=bool(field.sites), measure=measure
+            block, width, indices, unit, are_sites_known=bool(field.sites), measure=measure
         ):
             continue
         for line, cells in block:
-            if len(faults) >= _MOST_FAULTS:
+            if len(faults) >= _MAX_FAULTS:
                 break
             if table.overfull(cells):
                 faults.append(
-                    f"{file}:{line}: {pluralize(len(cells), 'cell')}, but "
-                    f"{pluralize(width, 'column')}"
+                    f"{file}:{line}: the row has {pluralize(len(cells), 'cell')}, but the header "
+                    f"has {pluralize(width, 'column')}"
                 )
                 continue
             # Missing cells at the end of a row are empty.
             cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
             event_name, record, place, component, other, text = (
-                cells[number].strip() for number in at
+                cells[index].strip() for index in indices
             )
             missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
-            missing += [site] * (at[2] < width and not place)
+            missing += [site] if indices[2] < width and not place else []
             factor = number(text) if text else 1.0
             if missing:
                 faults.append(f"{file}:{line}: {missing[0]} is missing")
             elif field.sites and place not in sites:
-                faults.append(f"{file}:{line}: site {place!r} is not in {field.sites}")
+                faults.append(
+                    f"{file}:{line}: site {place!r} not found in {field.sites}; add it there"
+                )
             elif measure and not text:
                 faults.append(f"{file}:{line}: {value} is missing")
             elif math.isnan(factor) or (measure and factor <= 0.0):
@@ -489,8 +499,8 @@ def _field_rows(
                 )
             elif factor == 0.0:
                 faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
-            # Replace names by numbers, which require 24 bytes per row.
             else:
+                # Store numbers instead of names, because a row of numbers requires only 24 bytes.
                 site_number = sites.setdefault(place, len(sites))
                 event_number = rows.events.setdefault(event_name, len(rows.events) + 1)
                 record_number = rows.records.setdefault(
@@ -501,7 +511,7 @@ def _field_rows(
     if faults:
         shown, more = faults[:_SHOWN_FAULTS], len(faults) - _SHOWN_FAULTS
         last = (
-            [f"and {'at least ' * (len(faults) >= _MOST_FAULTS)}{more} more errors"]
+            [f"and {'at least ' if len(faults) >= _MAX_FAULTS else ''}{more} more errors"]
             if more > 0
             else []
         )
@@ -525,9 +535,9 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
         Intensity measure of OpenQuake's intensities.
     """
     columns = [name for name in table.header if name.startswith("gmv_")]
-    # A column of factors has precedence. There may then be any number of OpenQuake's intensities.
+    # If the table has a column of factors, OpenQuake's columns of intensities are not used.
     if table.has("factor") or not columns:
-        return "factor" * table.has("factor"), 1.0, None
+        return "factor" if table.has("factor") else "", 1.0, None
     match = _GMV.fullmatch(columns[0])
     if len(columns) > 1 or match is None:
         raise ModelError(
@@ -543,9 +553,11 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
 def _site_places(file: str) -> dict[str, tuple[float, float]]:
     """Return longitude and latitude of each site, degrees."""
     needs = "sites are a CSV file with the columns site, longitude, latitude"
-    table = read_table(file, needs, columns=(*_SITES, *_LONGITUDES, *_LATITUDES), comment="#")
+    table = read_table(
+        file, needs, columns=(*_SITE_NAMES, *_LONGITUDE_NAMES, *_LATITUDE_NAMES), comment="#"
+    )
     site, longitude, latitude = (
-        _find_column(table, names) for names in (_SITES, _LONGITUDES, _LATITUDES)
+        _find_column(table, names) for names in (_SITE_NAMES, _LONGITUDE_NAMES, _LATITUDE_NAMES)
     )
     table.need(site, longitude, latitude)
     return _by_name(table, site, "site", _degrees(table, longitude, latitude))
@@ -561,7 +573,7 @@ class _FieldRecords:
     """Records of fields. Each record is read once."""
 
     def __init__(self, field: FieldFile) -> None:
-        self._wanted = field
+        self._field = field
         self.motions: list[SuiteMotion] = []
         self.failures: list[TdintError] = []
         self.notes: list[str] = []
@@ -596,10 +608,10 @@ class _FieldRecords:
                 for motion in motions
             ]
         except (AnalysisError, RecordError, UsageError) as error:
-            self.failures.append(RecordError(f"{self._wanted.file}:{line}: {error}"))
+            self.failures.append(RecordError(f"{self._field.file}:{line}: {error}"))
             return ()
         self.motions += motions
-        return tuple((first + place, value) for place, value in enumerate(measured))
+        return tuple((first + index, value) for index, value in enumerate(measured))
 
     def _read(self, record: str, component: str, other: str) -> tuple[SuiteMotion, ...]:
         """Read a record.
@@ -609,7 +621,7 @@ class _FieldRecords:
         record, component, other : str
             File, component, and file of the second component of a pair.
         """
-        field, folder = self._wanted, Path(self._wanted.file).parent
+        field, folder = self._field, Path(self._field.file).parent
         file = resolve(record, folder)
         # SimCenter's records are JSON files; all other files are read as usual records.
         if file.endswith(".json"):
@@ -628,7 +640,7 @@ class _FieldRecords:
             if isinstance(error, SingleHorizontal):
                 raise RecordError(
                     f"{error}: no second component found by file name; specify it in a column "
-                    f"{_OTHER}"
+                    f"{_SECOND_FILE}"
                 )
             raise error
         self.notes += suite.notes
@@ -647,7 +659,7 @@ class _FieldRecords:
         return self._files[folder].get(str(Path(file)), [file])
 
 
-def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
+def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
     """Read the components of a motion in SimCenter's format.
 
     Parameters
@@ -668,17 +680,17 @@ def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion,
             f"{file}: the samples are accelerations, but their units are specified as {unit.text}"
         )
     motions = _components_of(Path(), file, unit.scale)
-    component = named or field.choice.component
-    kept = [motion for motion in motions if component in (None, "", motion.component)]
-    if not kept:
+    component = component_name or field.choice.component
+    selected = [motion for motion in motions if component in (None, "", motion.component)]
+    if not selected:
         raise RecordError(
             f"{file}: component {component!r} not found; available components: "
             f"{', '.join(motion.component for motion in motions)}"
         )
     return tuple(
-        kept
+        selected
         if field.pairs
-        else (replace(motion, whole=motion.record, direction=1) for motion in kept)
+        else (replace(motion, whole=motion.record, direction=1) for motion in selected)
     )
 
 
@@ -733,7 +745,7 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
         raise RecordError(f"{file}: not JSON: {error}") from None
     if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
         raise RecordError(f"{file}: the keys dT and data_x are required")
-    # Python's JSON parser also accepts NaN and Infinity.
+    # Python's JSON parser also accepts NaN and Infinity, which this comparison refuses.
     dt = content["dT"]
     if not (isinstance(dt, float) and SHORTEST_STEP <= dt <= LONGEST_STEP):
         limits = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
@@ -752,7 +764,10 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
             check_possible(record.acceleration, f"{file}: {key}")
             records.append(record)
     if len(records) == 2 and records[0].acceleration.size != records[1].acceleration.size:
-        raise RecordError(f"{file}: data_x and data_y have different lengths")
+        raise RecordError(
+            f"{file}: data_x and data_y must have the same number of samples, got "
+            f"{records[0].acceleration.size} and {records[1].acceleration.size}"
+        )
     motion = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
     return [
         SuiteMotion(record, name, record.component, motion, direction)

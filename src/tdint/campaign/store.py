@@ -46,7 +46,7 @@ from tdint.units import SI, OutputUnits, parse_output_units
 
 # ---- Identity of a store: everything that its runs depend on, and the differences between two
 
-_MOST_DIFFERENCES = 8  # lines of a message; users do not read longer lists
+_MAX_LISTED_DIFFERENCES = 8  # lines of a message; users do not read longer lists
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class Identity:
         kept : sequence of int or None
             Numbers of the buildings in the store; None: all.
         """
-        same = (
+        copied = (
             "buildings",
             "motions",
             "chunks",
@@ -131,7 +131,7 @@ class Identity:
             "pair_demand",
         )
         return cls(
-            **{name: getattr(plan, name) for name in same},
+            **{name: getattr(plan, name) for name in copied},
             name=plan.name,
             kind="campaign",
             settings=as_json(
@@ -145,13 +145,13 @@ class Identity:
 
     @cached_property
     def code(self) -> dict[str, str]:
-        """Return the SHA-256 of the files of plug-ins that the runs depend on, by name."""
+        """SHA-256 of the files of plug-ins that the runs depend on, by name."""
         return plugin_files(self.buildings)
 
     @cached_property
     def fingerprint(self) -> str:
-        """Return the SHA-256 of the settings, of the files of plug-ins if there are any, and of the
-        digests of all buildings and records in order."""
+        """SHA-256 of the settings, the files of plug-ins if there are any, and the digests of all
+        buildings and records in order. Stores with the same fingerprint contain the same runs."""
         digest_of_all = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
         if self.code:
             digest_of_all.update(json.dumps(["plug-ins", self.code]).encode())
@@ -164,15 +164,15 @@ class Identity:
 
     @property
     def sides(self) -> Sides:
-        """Return the quantities that `all_differences` compares."""
-        named = {building.name: building.digest for building in self.buildings}
+        """Quantities that `all_differences` compares."""
+        buildings = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions with the same name and component, such as the samples of a grid, are
         # distinguished by their numbers.
         for number, motion in enumerate(self.motions, start=1):
             name = f"{motion.name} {motion.component}"
             records[name if name not in records else f"{name} ({number})"] = motion.record.digest
-        return self.settings, named, records, self.code
+        return self.settings, buildings, records, self.code
 
 
 def as_json(settings: dict[str, Any]) -> dict[str, str]:
@@ -208,8 +208,10 @@ def differences(
                 else f"{before[name]} in {store}, {now[name]} in {given}"
             )
             lines.append(f"{kind} {name}: {difference}")
-    if len(lines) > _MOST_DIFFERENCES:
-        lines[_MOST_DIFFERENCES:] = [f"and {len(lines) - _MOST_DIFFERENCES} more of kind {kind}"]
+    if len(lines) > _MAX_LISTED_DIFFERENCES:
+        lines[_MAX_LISTED_DIFFERENCES:] = [
+            f"and {len(lines) - _MAX_LISTED_DIFFERENCES} more differences of type {kind}"
+        ]
     return lines
 
 
@@ -256,8 +258,9 @@ def all_differences(
         )
         sides = ({name: side[name] for name in side if name in both} for side in (stored, other))
         lines += differences(*sides, kind=kind, store=store, given=given)
-    # The fingerprints differ, but no entry does: only these reasons remain.
-    other_reason = "the order of buildings or records: differs"
+    # If the fingerprints differ, but all listed quantities are equal, these are the remaining
+    # reasons.
+    other_reason = "the order of buildings or records differs"
     return "\n".join(lines or [INVENTORY_CHANGED if parts else other_reason])
 
 
@@ -265,7 +268,7 @@ def all_differences(
 
 FILE = "campaign.sqlite"
 
-_SETTING = "setting "
+_SETTING = "setting "  # prefix of the keys of settings in the table `meta`
 
 
 class Store:
@@ -302,7 +305,8 @@ class Store:
                 with sqlite_errors_reported(self.name):
                     raise raised
             if error is None:
-                # The log stays if another program reads the file at this time.
+                # While another program reads the file, the log cannot be moved into it. The log
+                # file is then kept next to the store.
                 with sqlite_errors_reported(self.name), suppress(sqlite3.OperationalError):
                     self.connection.executescript(
                         f"PRAGMA busy_timeout={CLOSE_WAIT}; PRAGMA wal_checkpoint(TRUNCATE)"
@@ -334,7 +338,7 @@ class Store:
 
     @property
     def checked(self) -> bool:
-        """Return True if the errors of the demands are estimated."""
+        """True if the errors of the demands are estimated."""
         return self.settings().get("check") == "true"
 
     def digests(self, table: str) -> dict[str, str]:
@@ -383,11 +387,11 @@ class Store:
             The disk is full, the file is corrupt, or another process is writing.
         """
         by_table = zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
-        rows = [table.plain(of_table) for table, of_table in by_table]
+        rows = [table.plain(table_rows) for table, table_rows in by_table]
         number, seconds = done.number, float(done.seconds)
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-            for table, of_table in zip(schema.ROW_TABLES, rows, strict=True):
-                table.insert(self.connection, of_table, number)
+            for table, table_rows in zip(schema.ROW_TABLES, rows, strict=True):
+                table.insert(self.connection, table_rows, number)
             values = (
                 number,
                 len(rows[0]),
@@ -417,9 +421,10 @@ class Store:
             The chunks cannot be removed.
         """
         with sqlite_errors_reported(self.name):
-            # Checksums are computed from the rows, so edited counts do not hide a change.
+            # Compare the checksums of the stored rows, because rows may have been edited.
             bad = schema.damaged_chunks(self.connection)
-            # If the campaign is divided differently, an intact chunk contains other runs.
+            # A version of tdint that divides campaigns differently has stored chunks with other
+            # runs.
             if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
                 bad |= {
@@ -485,10 +490,10 @@ class Store:
         units = self._meta_or_none("output_units")
         return parse_output_units(units) if units is not None else SI
 
-    def tell(self, identity: Identity) -> None:
+    def update_metadata(self, identity: Identity) -> None:
         """Store metadata that the results of runs do not depend on: unused inputs, output units,
         damage states, limits, style of figures, files of models, and columns of an inventory."""
-        buildings, every = identity.buildings, len(identity.buildings)
+        buildings = identity.buildings
         rows = buildings.rows if isinstance(buildings, RowBuildings) else None
         columns, carried = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
         values = {
@@ -505,14 +510,19 @@ class Store:
                 [] if carried else [building.subject().period for building in buildings]
             ),
         }
-        # Most calls change nothing. Skip the transaction so that other processes can read.
-        before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
+        # Usually the metadata are unchanged. Skip the transaction in this case, because it would
+        # block other processes that read the store.
+        stored_unused = [
+            (kind, reason) for kind, reasons in self.unused().items() for reason in reasons
+        ]
         is_same = all(self._meta_or_none(key) == value for key, value in values.items())
         stored_numbers = {
             number for (number,) in self.connection.execute("SELECT id FROM buildings")
         }
-        new = sorted(set(range(every) if identity.kept is None else identity.kept) - stored_numbers)
-        if is_same and not new and sorted(before) == sorted(dict.fromkeys(identity.unused)):
+        new = sorted(
+            set(range(len(buildings)) if identity.kept is None else identity.kept) - stored_numbers
+        )
+        if is_same and not new and sorted(stored_unused) == sorted(dict.fromkeys(identity.unused)):
             return
         types = identity.damage.buildings if identity.damage else ()
         # The checksum is updated in the same transaction, so that readers see a consistent state.
@@ -552,9 +562,9 @@ class Store:
 
     def add_shard(self, text: str) -> None:
         """Record that a shard was requested, so that `merge` can report missing shards."""
-        if text not in (before := self.shards()):
+        if text not in (shards := self.shards()):
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-                values = ("shards", json.dumps([*before, text]))
+                values = ("shards", json.dumps([*shards, text]))
                 self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
                 self.seal()
 
@@ -629,10 +639,11 @@ class Store:
     @property
     def has_limits(self) -> bool:
         """True if the model of a building has limits."""
-        return any(of_building.limits for of_building in self._limits)
+        return any(building.limits for building in self._limits)
 
     @cached_property
     def _limits(self) -> list[BuildingLimits]:
+        """Limits and isolators of each building by its number."""
         return limits_of_text(self._meta_or_none("limits") or "")
 
     def damage(self) -> str:
@@ -647,8 +658,8 @@ class Store:
             "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t "
             "ON t.building = b.id WHERE b.id = ?"
         )
-        name, of_type, divisor, period = self.connection.execute(query, (building,)).fetchone()
-        return name, of_type, divisor, period
+        name, type_name, divisor, period = self.connection.execute(query, (building,)).fetchone()
+        return name, type_name, divisor, period
 
     def add_unused(self, reasons: Iterable[tuple[str, str]]) -> None:
         """Add inputs that could not be used. The caller must call `seal` afterwards."""
@@ -749,7 +760,7 @@ def open_or_begin(
             remarks.append(
                 f"{name}: {healed} chunks of runs are corrupt or incomplete; they are run again"
             )
-        store.tell(identity)
+        store.update_metadata(identity)
     return store, remarks or []
 
 
@@ -772,8 +783,9 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     """
     if not is_there(folder / FILE):
         raise UsageError(
-            f"{folder}: no campaign in this directory ({FILE} not found); give the directory of -o "
-            "of `tdint campaign`"
+            f"{folder}: no campaign in this directory ({FILE} not found); specify the directory "
+            "that "
+            "was the option -o of `tdint campaign`"
         )
     protect_input(folder / FILE)
     name = str(folder / FILE)
@@ -800,10 +812,10 @@ def _has_contents(store: Store) -> bool:
     """Return True if a store has contents, which are then verified; close the store if they are
     invalid."""
     with schema.closed_on_failure(store.connection), sqlite_errors_reported(store.name):
-        begun = not is_empty(store)
-        if begun:
+        has_contents = not is_empty(store)
+        if has_contents:
             schema.check_store(store.connection, store.name)
-    return begun
+    return has_contents
 
 
 def check_chunks(store: Store) -> None:
@@ -876,8 +888,9 @@ def forget(file: Path) -> None:
         The store cannot be removed, or is an input of this command.
     """
     refuse_protected([file])
-    for end in ("", "-wal", "-shm", "-journal"):
-        remove(file.with_name(file.name + end))
+    # SQLite creates files with these suffixes next to a database.
+    for suffix in ("", "-wal", "-shm", "-journal"):
+        remove(file.with_name(file.name + suffix))
 
 
 def remove(file: Path) -> None:
@@ -911,7 +924,8 @@ def _create(store: Store, identity: Identity) -> None:
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}
     if identity.code:
         about["code"] = json.dumps(identity.code)
-    # Buildings of an inventory without a sweep have no varied parameters; do not search millions.
+    # Buildings of an inventory without a sweep have no varied parameters. There may be millions of
+    # these buildings, so do not query each of them.
     buildings = identity.buildings
     is_varied = not isinstance(buildings, RowBuildings) or buildings.rows.is_varied
     if any(varied := [dict(building.varied) for building in buildings] if is_varied else []):

@@ -32,7 +32,7 @@ SHORT_WAIT, _LONG_WAIT = 1000, 9000
 
 CLOSE_WAIT = 50
 """Milliseconds to wait for a reader when a store is closed: several times the duration of a short
-query. While a program reads for longer, the log stays next to the file, which loses nothing."""
+query. While a program reads for longer, the log is kept next to the file, without loss of data."""
 
 _log = logging.getLogger(__name__)
 
@@ -40,10 +40,11 @@ _log = logging.getLogger(__name__)
 class UntrustedStoreError(OutputError):
     """The file is not a store, or was changed since it was written."""
 
-    def __init__(self, name: str, why: str) -> None:
+    def __init__(self, name: str, reason: str) -> None:
         super().__init__(
-            f"{name}: the file is not a valid campaign store: {why}; use another directory with "
-            "-o, or --overwrite to replace it"
+            f"{name}: cannot be trusted: {reason}; is it a store of tdint? Specify another "
+            "directory "
+            "with -o, or --overwrite to start again"
         )
 
 
@@ -107,7 +108,7 @@ def _refuse_special_files(name: str) -> None:
     block."""
     if name != ":memory:" and is_there(name) and not is_file(name):
         raise OutputError(
-            f"{name}: must be a regular file; remove it, or use another directory with -o"
+            f"{name}: is not a regular file; remove it, or specify another directory with -o"
         )
 
 
@@ -131,8 +132,8 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
     """
     try:
         # Wait for a short time without a message, then for longer with a message.
-        for patience in (SHORT_WAIT, _LONG_WAIT):
-            connection.execute(f"PRAGMA busy_timeout={patience}")
+        for timeout in (SHORT_WAIT, _LONG_WAIT):
+            connection.execute(f"PRAGMA busy_timeout={timeout}")
             try:
                 connection.execute(statement)
             except sqlite3.OperationalError as error:
@@ -140,14 +141,14 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
                     raise
             else:
                 return
-            if patience == SHORT_WAIT:
+            if timeout == SHORT_WAIT:
                 _log.info("%s: locked by another program; waiting for at most ten seconds", name)
     finally:
         # Readers also lock a store for a moment, for example when they open the log. Later
         # statements wait without a message.
         connection.execute(f"PRAGMA busy_timeout={_LONG_WAIT}")
     raise OutputError(
-        f"{name}: the file is locked by another program; end that program and repeat the command"
+        f"{name}: the file is locked by another program; end that program and try again"
     )
 
 
@@ -173,7 +174,7 @@ def sqlite_errors_reported(name: str) -> Iterator[None]:
         if "decode" in str(error):
             raise UntrustedStoreError(name, "it contains text that is not UTF-8") from error
         raise OutputError(f"{name}: cannot use the file: {error}") from error
-    # Messages of SQLite that quote corrupt text raise UnicodeDecodeError.
+    # If a message of SQLite quotes corrupt text, Python raises UnicodeDecodeError instead.
     except (sqlite3.Error, UnicodeDecodeError) as error:
         raise UntrustedStoreError(name, str(error)) from error
 
@@ -182,7 +183,7 @@ LOCK = ".campaign.lock"
 """Lock file of the process that writes: an empty SQLite file, because its locks end with the
 process on all systems."""
 
-_NETWORK = {
+_NETWORK_FILE_SYSTEMS = {
     *(
         "nfs",
         "nfs4",
@@ -225,7 +226,7 @@ def refuse_network(folder: Path) -> None:
     if "\0" in str(folder):
         raise OutputError(f"{folder!s:.40}: a file name must not contain a null character")
     kind = file_system(folder)
-    if kind in _NETWORK:
+    if kind in _NETWORK_FILE_SYSTEMS:
         raise OutputError(
             f"{folder}: is on a network file system ({kind}), on which the store is not safe; "
             "write to a local disk (such as /tmp), each shard to a separate directory, and combine "
@@ -271,12 +272,14 @@ def locked(folder: Path) -> Iterator[None]:
                 f"{folder / LOCK}: not a lock file of tdint ({error}); remove it, or write to "
                 "another directory"
             ) from None
-        # The process that has the lock can remove unfinished files: no other process writes them.
+        # No other process can write to the locked directory. Unfinished files in it are therefore
+        # from processes that were killed, and can be removed.
         remove_abandoned(folder)
         try:
             yield
         finally:
-            # Remove the files while the directory is locked, so that no other lock is removed.
+            # Remove the directory again if no file was written. This is done before the lock is
+            # released, because the lock file could belong to another process afterwards.
             with suppress(OSError):
                 if is_new and [file.name for file in folder.iterdir()] == [LOCK]:
                     (folder / LOCK).unlink()
@@ -288,9 +291,10 @@ def locked(folder: Path) -> Iterator[None]:
 VERSION = "9"
 """Version of the layout; stores with another version are refused."""
 
+# Columns that identify a run, with the type of their values.
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
-_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
+_SQL_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
 
 @dataclass(frozen=True)
@@ -325,7 +329,8 @@ class RowTable:
     def create(self) -> str:
         """SQL statement that creates the table."""
         columns = ", ".join(
-            f"{name} {_TYPES.get(kind, 'REAL')}" for name, kind in (self.key | self.others).items()
+            f"{name} {_SQL_TYPES.get(kind, 'REAL')}"
+            for name, kind in (self.key | self.others).items()
         )
         key = ", ".join(self.key)
         return (
@@ -338,11 +343,13 @@ class RowTable:
         """SQL statement that creates the view."""
         # The view is for users of SQLite. It shows names instead of numbers: first the building,
         # the record and the method, then the results.
-        shown = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
+        visible = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
-        named = ["b.name AS building", "m.name AS record", "m.component AS component"]
-        scale, sample, *others = (f"{self.name}.{column}" for column in ("scale", "sample", *shown))
-        columns = ", ".join([*named, scale, sample, *method, *others])
+        names = ["b.name AS building", "m.name AS record", "m.component AS component"]
+        scale, sample, *others = (
+            f"{self.name}.{column}" for column in ("scale", "sample", *visible)
+        )
+        columns = ", ".join([*names, scale, sample, *method, *others])
         return (
             f"CREATE VIEW {self.view} AS SELECT {columns} FROM {self.name} JOIN buildings b ON "
             f"b.id = {self.name}.building JOIN records m ON m.id = {self.name}.record ORDER BY "
@@ -368,9 +375,9 @@ class RowTable:
         self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int
     ) -> None:
         """Insert rows of a chunk that `plain` returned."""
-        marks = ", ".join("?" * (len(self.columns) + 1))
+        placeholders = ", ".join("?" * (len(self.columns) + 1))
         connection.executemany(
-            f"INSERT INTO {self.name} VALUES({marks})", ((*row, chunk) for row in rows)
+            f"INSERT INTO {self.name} VALUES({placeholders})", ((*row, chunk) for row in rows)
         )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
@@ -383,9 +390,12 @@ class RowTable:
                 cell for value in row for cell in (value if isinstance(value, tuple) else (value,))
             ]
             cells += [None] * (len(types) - len(cells))
-            typed = zip(types, cells, strict=True)
+            # `cell != cell` is true for NaN only.
             result.append(
-                tuple(None if cell is None or cell != cell else kind(cell) for kind, cell in typed)
+                tuple(
+                    None if cell is None or cell != cell else cell_type(cell)
+                    for cell_type, cell in zip(types, cells, strict=True)
+                )
             )
         return sorted(result, key=lambda row: row[: len(self.key)])
 
@@ -407,10 +417,10 @@ _HIDDEN = tuple(item.column for item in RUN if item.shown == HIDDEN)
 RUNS = RowTable(
     "run_rows", _KEY, _column_types(RUN) | _column_types(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN
 )
-_OF_STORY = {"height_m": float} | _column_types(STORY) | _column_types(STORY, "_error")
-STORIES = RowTable("story_rows", _KEY | {"story": int}, _OF_STORY, "stories")
-_OF_SHOCK = {"start_s": float, "pga_m_s2": float} | _column_types(DEMANDED)
-SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _OF_SHOCK, "shocks")
+_STORY_COLUMN_TYPES = {"height_m": float} | _column_types(STORY) | _column_types(STORY, "_error")
+STORIES = RowTable("story_rows", _KEY | {"story": int}, _STORY_COLUMN_TYPES, "stories")
+_SHOCK_COLUMN_TYPES = {"start_s": float, "pga_m_s2": float} | _column_types(DEMANDED)
+SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _SHOCK_COLUMN_TYPES, "shocks")
 ROW_TABLES = (RUNS, STORIES, SHOCKS)
 """Tables in the order of the fields of `tdint.campaign.batch.Rows`."""
 
@@ -445,7 +455,7 @@ def run_of(row: Sequence[Any]) -> RunRow:
 SEAL = "seal"
 """Key of the checksum of the campaign definition in the table `meta`."""
 
-_SEALED = (
+_SEALED_QUERIES = (
     "SELECT key, value FROM meta WHERE key <> 'seal' ORDER BY key",
     "SELECT * FROM buildings ORDER BY id",
     "SELECT * FROM records ORDER BY id",
@@ -476,7 +486,7 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
 def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
     """Return the numbers of the chunks with corrupt rows or wrong counts, and of chunks that have
     rows but no entry."""
-    stated = {
+    entries = {
         number: values
         for number, *values in connection.execute(
             "SELECT id, runs, stories, seconds, sha256 FROM chunks"
@@ -485,20 +495,20 @@ def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
     # Read all tables once; each row updates the digest of its chunk.
     digests = {
         number: hashlib.sha256(repr((number, values[2])).encode())
-        for number, values in stated.items()
+        for number, values in entries.items()
     }
-    counts = {number: [0, 0, 0] for number in stated}
-    lost: set[int] = set()
+    counts = {number: [0, 0, 0] for number in entries}
+    without_entry: set[int] = set()
     for index, table in enumerate(ROW_TABLES):
         for *row, number in connection.execute(table.select(", chunk")):
             if number in digests:
                 digests[number].update(repr(tuple(row)).encode())
                 counts[number][index] += 1
             else:
-                lost.add(number)
-    return lost | {
+                without_entry.add(number)
+    return without_entry | {
         number
-        for number, (runs, stories, _, sha256) in stated.items()
+        for number, (runs, stories, _, sha256) in entries.items()
         if counts[number][:2] != [runs, stories] or digests[number].hexdigest() != sha256
     }
 
@@ -506,7 +516,7 @@ def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
 def seal_of(connection: sqlite3.Connection) -> str:
     """Return the SHA-256 of the campaign definition and of the unused inputs."""
     digest = hashlib.sha256()
-    for statement in _SEALED:
+    for statement in _SEALED_QUERIES:
         digest.update(statement.encode())
         for row in connection.execute(statement):
             digest.update(repr(row).encode())
@@ -529,26 +539,29 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
     UntrustedStoreError
         The file is corrupt, has another layout, or was edited.
     """
-    # Check the file, then its layout, then the campaign definition: each check requires the
-    # preceding check.
+    # Check the file, then its layout, then the campaign definition. Each check is possible only if
+    # the preceding check succeeded.
     (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
     if verdict != "ok":
         raise UntrustedStoreError(name, f"SQLite reports: {' '.join(verdict.split())}")
-    stated = {
+    statements = {
         sql
         for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE type <> 'trigger'")
     }
-    if TABLES[0] in stated:
+    if TABLES[0] in statements:
         version = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         if version is not None and version[0] != VERSION:
             raise UntrustedStoreError(
-                name, f"its layout is {version[0]!r:.20}, this tdint uses layout {VERSION!r}"
+                name,
+                f"its layout has the version {version[0]!r:.20}, but this tdint requires "
+                f"{VERSION!r}",
             )
-    # A trigger would be executed when tables are written; tdint does not create triggers.
+    # tdint does not create triggers. A trigger in a malicious file would be executed when tables
+    # are written.
     triggers = connection.execute(
         "SELECT count(*) FROM sqlite_master WHERE type = 'trigger'"
     ).fetchone()[0]
-    if triggers or not stated.issuperset(TABLES):
+    if triggers or not statements.issuperset(TABLES):
         raise UntrustedStoreError(name, "its tables differ from the tables of a campaign")
     seal = connection.execute("SELECT value FROM meta WHERE key = ?", (SEAL,)).fetchone()
     if seal is None or seal[0] != seal_of(connection):

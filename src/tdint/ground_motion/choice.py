@@ -19,11 +19,11 @@ from tdint.errors import RecordError, UsageError
 SAME_STEP = 1e-3
 """Relative difference up to which two statements of the sampling interval agree."""
 
-MOST_LINES = 1_000_000  # lines; maximum to skip, a larger number is an input error
+MAX_SKIPPED_LINES = 1_000_000  # lines; maximum to skip, a larger number is an input error
 
 BASELINES = ("constant", "linear", "quadratic")
-CORNERS = 4  # default order of the filters: 24 dB per octave
-MOST_CORNERS = 10  # maximum order of the filters; steeper than required in practice
+DEFAULT_FILTER_ORDER = 4  # default order of the filters: 24 dB per octave
+MAX_FILTER_ORDER = 10  # maximum order of the filters; steeper than required in practice
 
 
 class _OptionalFields:
@@ -90,10 +90,11 @@ class TextLayout(_OptionalFields):
         if skipped is not None and not (
             isinstance(skipped, Integral)
             and not isinstance(skipped, bool)
-            and 0 <= int(skipped) <= MOST_LINES
+            and 0 <= int(skipped) <= MAX_SKIPPED_LINES
         ):
             raise UsageError(
-                f"`skip_lines`: must be a whole number from 0 to {MOST_LINES}, got {skipped!r}"
+                f"`skip_lines`: must be a whole number from 0 to {MAX_SKIPPED_LINES}, got "
+                f"{skipped!r}"
             )
 
     def check_format(self, name: str) -> None:
@@ -247,9 +248,9 @@ def _problems(steps: Processing) -> Iterator[str]:
             yield "trim must be START:END in seconds from the first sample with START below END"
     if steps.pad is not None and not (min(steps.pad) >= 0.0 < sum(steps.pad) < math.inf):
         yield f"pad must be a positive number of seconds, got {steps.pad[0]:g}:{steps.pad[1]:g}"
-    if steps.filter_order is not None and steps.filter_order not in range(1, MOST_CORNERS + 1):
+    if steps.filter_order is not None and steps.filter_order not in range(1, MAX_FILTER_ORDER + 1):
         yield (
-            f"filter_order must be a whole number from 1 to {MOST_CORNERS}, got "
+            f"filter_order must be a whole number from 1 to {MAX_FILTER_ORDER}, got "
             f"{steps.filter_order}"
         )
     if steps.filter_order is not None and steps.highpass is None and steps.lowpass is None:

@@ -29,7 +29,7 @@ SAME_DATE = timedelta(days=1)
 
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ZONES = {"PST": -8.0, "PDT": -7.0}  # hours; all other zones that are recognized are UTC
-_CENTURY = 50  # years of two digits from here on are in the last century
+_CENTURY = 50  # a year of two digits is 19yy from this value on, otherwise 20yy
 
 _CLOCK = (
     r"(?:[T\s,;-]+(?:(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:\.\d*)?)?"
@@ -46,7 +46,7 @@ _DATES = tuple(
         rf"(?P<year>\d{{4}})\s+{_NAME_OF_MONTH}\s+(?P<day>\d{{1,2}})",
     )
 )
-_WITHOUT_MEANING = re.compile(r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|fri|sat|sun)\b")
+_IGNORED_WORDS = re.compile(r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|fri|sat|sun)\b")
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ def parse_event(text: str) -> Earthquake:
         time = _time_of(match) if match else None
         if match and time:
             has_clock = bool(match["hour"] or match["digits"])
-            return Earthquake(_plain(text[: match.start()]), time, has_clock)
-    return Earthquake(_plain(text))
+            return Earthquake(_clean_name(text[: match.start()]), time, has_clock)
+    return Earthquake(_clean_name(text))
 
 
 def event_of(record: Record) -> Earthquake:
@@ -150,7 +150,7 @@ def _time_of(match: re.Match[str]) -> datetime | None:
     return time - timedelta(hours=zone)
 
 
-def _plain(name: str) -> str:
+def _clean_name(name: str) -> str:
     """Return the name of an event on one line, without the signs at its ends."""
     return " ".join(name.split()).strip(" ,;:-(")
 
@@ -162,11 +162,11 @@ def _names_agree(name: str, other: str) -> bool:
     additional words at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).
     """
     words = [
-        re.findall(r"[^\W\d_]+|\d+", _WITHOUT_MEANING.sub(" ", text.lower()))
+        re.findall(r"[^\W\d_]+|\d+", _IGNORED_WORDS.sub(" ", text.lower()))
         for text in (name, other)
     ]
-    numbers = [[int(word) for word in of_name if word.isdecimal()] for of_name in words]
-    letters = [[word for word in of_name if not word.isdecimal()] for of_name in words]
+    numbers = [[int(word) for word in name_words if word.isdecimal()] for name_words in words]
+    letters = [[word for word in name_words if not word.isdecimal()] for name_words in words]
     size = min(map(len, letters))
     is_empty = not size and not numbers[0]
     return numbers[0] == numbers[1] and not is_empty and letters[0][:size] == letters[1][:size]

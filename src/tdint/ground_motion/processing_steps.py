@@ -14,7 +14,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import RecordError, UsageError
-from tdint.ground_motion.choice import CORNERS, Processing
+from tdint.ground_motion.choice import DEFAULT_FILTER_ORDER, Processing
 from tdint.ground_motion.record import Record
 
 # ---- Interpolation of a ground motion between its samples: linear or band-limited
@@ -244,7 +244,7 @@ def processed(record: Record, steps: Processing) -> Record:
         record = pad(record, *steps.pad)
     for kind, corner in (("highpass", steps.highpass), ("lowpass", steps.lowpass)):
         if corner is not None:
-            record = butterworth(record, kind, corner, steps.filter_order or CORNERS)
+            record = butterworth(record, kind, corner, steps.filter_order or DEFAULT_FILTER_ORDER)
     if steps.resample is not None:
         record = resample(record, steps.resample)
     return record

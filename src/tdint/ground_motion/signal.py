@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.ground_motion.choice import CORNERS
+from tdint.ground_motion.choice import DEFAULT_FILTER_ORDER
 from tdint.ground_motion.record import Input
 
 _QUIET = 1e-6
@@ -137,8 +137,8 @@ def in_band(
     held = quantity == "displacement"
     from tdint.ground_motion.processing_steps import zero_phase
 
-    lower = zero_phase(samples, dt, "highpass", band[0], CORNERS, label, held=held)
-    return zero_phase(lower, dt, "lowpass", band[1], CORNERS, label)
+    lower = zero_phase(samples, dt, "highpass", band[0], DEFAULT_FILTER_ORDER, label, held=held)
+    return zero_phase(lower, dt, "lowpass", band[1], DEFAULT_FILTER_ORDER, label)
 
 
 def at_times(samples: Array, dt: float, first: float, interval: float, count: int) -> Array:

@@ -103,20 +103,20 @@ class DamageStates:
                 f"{len(self.states)} damage states require the same number of thresholds, got "
                 f"{len(self.medians)}"
             )
-        for state, median, last in zip(
+        for state, median, previous in zip(
             self.states, self.medians, (0.0, *self.medians), strict=False
         ):
-            if not median > last:
+            if not median > previous:
                 raise UsageError(
-                    "the thresholds of damage states must increase from state to state, but "
-                    f"{state} has {median:g}"
+                    "the thresholds of damage states must be positive and increase from state to "
+                    f"state, got {median:g} for {state} after {previous:g}"
                 )
 
     @classmethod
-    def of_json(cls, said: Mapping[str, Any]) -> Self:
-        """Create the states from attributes that were stored as JSON."""
-        lists = {name: tuple(said[name]) for name in ("states", "medians", "losses")}
-        return cls(demand=said["demand"], dispersion=said["dispersion"], **lists)
+    def of_json(cls, stored: Mapping[str, Any]) -> Self:
+        """Create the states from their attributes, which were read from JSON."""
+        lists = {name: tuple(stored[name]) for name in ("states", "medians", "losses")}
+        return cls(demand=stored["demand"], dispersion=stored["dispersion"], **lists)
 
     @property
     def outcomes(self) -> tuple[str, ...]:

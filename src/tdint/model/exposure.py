@@ -1,9 +1,9 @@
 """Read an exposure model of OpenQuake as an inventory of buildings.
 
-An exposure model (NRML 0.4 or 0.5) lists assets: groups of buildings with a place, a taxonomy, a
+An exposure model (NRML 0.4 or 0.5) lists assets: groups of buildings with a location, a taxonomy, a
 number of buildings and a structural cost. The assets are in the XML file itself, or in CSV files
-that it names. The taxonomy describes a building in words; a mapping table contains the columns of
-an inventory for each taxonomy.
+that it names. The taxonomy is a text that describes a building type; a mapping table contains the
+columns of an inventory for each taxonomy.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ _NEEDS = (
     "an exposure model of OpenQuake is an XML file (NRML), or a CSV file with the columns "
     f"{', '.join(_FIELDS[:5])}"
 )
-_SHOWN = 10
-"""Number of faults that a message lists."""
+_MAX_LISTED = 10
+"""Maximum number of errors or taxonomies that a message lists."""
 
 
 @dataclass
@@ -55,7 +55,8 @@ class _Model:
     Attributes
     ----------
     cost_type, area_type : str
-        How structural costs and areas are given; empty if the file does not state it.
+        Types of the structural costs (`_COST_TYPES`) and areas (`_AREA_TYPES`); empty if the file
+        does not state them.
     fields : dict
         Column of a CSV file for each field of OpenQuake.
     tags : list of str
@@ -87,8 +88,8 @@ def read_mapping(source: str) -> CsvTable:
     for line, text in table.lines(TAXONOMY, empty=False):
         if text in lines:
             raise ModelError(
-                f"{source}:{line}: taxonomy {text[:60]!r} is already on line {lines[text]}; give "
-                "each taxonomy one row"
+                f"{source}:{line}: taxonomy {text[:60]!r} is already on line {lines[text]}; "
+                "keep only one of these rows"
             )
         lines[text] = line
     return table
@@ -156,27 +157,35 @@ class _Assets:
         self, source: str, model: _Model, mapping: CsvTable, reserved: Collection[str]
     ) -> None:
         self._source, self._model, self._mapping = source, model, mapping
-        place = mapping.header.index(TAXONOMY)
-        columns = [at for at in range(len(mapping.titles)) if at != place and mapping.titles[at]]
-        named = [mapping.titles[at] for at in columns]
+        # Cells of the mapping table for each taxonomy: the columns that have a title.
+        taxonomy_column = mapping.header.index(TAXONOMY)
+        columns = [
+            index
+            for index, title in enumerate(mapping.titles)
+            if title and index != taxonomy_column
+        ]
+        mapped_titles = [mapping.titles[index] for index in columns]
         self._classes = {
-            text: [cells[at].strip() if at < len(cells) else "" for at in columns]
+            text: [cells[index].strip() if index < len(cells) else "" for index in columns]
             for text, (_, cells) in zip(mapping.texts(TAXONOMY), mapping.rows, strict=True)
         }
         self.has_cost = bool(model.cost_type)
-        own = ["id", TAXONOMY, *named, NUMBER, *([COST] * self.has_cost), "Longitude", "Latitude"]
-        taken = {name.lower() for name in own}
-        if len(taken) < len(own):
-            twice = next(name for name, of in Counter(map(str.lower, own)).items() if of > 1)
+        cost_titles = [COST] if self.has_cost else []
+        own_titles = ["id", TAXONOMY, *mapped_titles, NUMBER, *cost_titles]
+        own_titles += ["Longitude", "Latitude"]
+        counts = Counter(map(str.lower, own_titles))
+        if len(counts) < len(own_titles):
+            duplicate = next(name for name, count in counts.items() if count > 1)
             raise ModelError(
-                f"{mapping.source}:{mapping.header_line}: column {twice} comes from the exposure "
-                "model; remove it from the mapping table"
+                f"{mapping.source}:{mapping.header_line}: column {duplicate} comes from the "
+                "exposure model; remove it from the mapping table"
             )
         self._tags = [tag for tag in dict.fromkeys(model.tags) if tag.lower() != TAXONOMY]
-        # A tag must not be taken for a column from which the rules derive a building.
-        known = {*taken, *map(str.lower, reserved)}
-        tags = [f"tag_{tag}" if tag.lower() in known else tag for tag in self._tags]
-        self.titles = (*own, *tags)
+        # If a tag has the name of a column from which the rules derive a building, the prefix
+        # `tag_` prevents that its text is used for that column.
+        reserved_names = {*counts, *map(str.lower, reserved)}
+        tags = [f"tag_{tag}" if tag.lower() in reserved_names else tag for tag in self._tags]
+        self.titles = (*own_titles, *tags)
         self.rows: list[tuple[int, list[str]]] = []
         self._faults: list[ModelFault] = []
         self._count = 0
@@ -185,22 +194,22 @@ class _Assets:
     def read_csv(self, name: str) -> None:
         """Read the assets of a CSV file."""
         table, rows = stream_table(name, _NEEDS, columns=(), read_first=True)
-        fields = {of: self._column(table, of) for of in _FIELDS}
-        missing = [of for of in _FIELDS[:5] if fields[of] is None]
+        fields = {name: self._column(table, name) for name in _FIELDS}
+        missing = [name for name in _FIELDS[:5] if fields[name] is None]
         if self._model.cost_type:
             missing += [_STRUCTURAL] * (fields[_STRUCTURAL] is None)
             missing += ["area"] * (self._model.cost_type == _PER_AREA and fields["area"] is None)
         elif fields[_STRUCTURAL] is not None and name == self._source:
             raise ModelError(
                 f"{name}:{table.header_line}: column {table.titles[fields[_STRUCTURAL] or 0]} can "
-                "be the cost of one building or of all; the XML file of the exposure model states "
-                f"which (costType type={_AGGREGATED!r} or {_PER_ASSET!r}): give that file, which "
-                "names this one"
+                "be the cost of one building or of all buildings of an asset; specify the XML file "
+                "of the exposure model instead of this CSV file, because its element costType "
+                f"states the meaning (type={_AGGREGATED!r} or {_PER_ASSET!r})"
             )
         if missing:
             table.need(*missing)
         tags = {tag: table.header.index(tag.lower()) for tag in self._tags if table.has(tag)}
-        places = {of: place for of, place in {**tags, **fields}.items() if place is not None}
+        columns = {name: index for name, index in {**tags, **fields}.items() if index is not None}
         for line, cells in rows:
             if len(cells) > len(table.header) and table.overfull(cells):
                 raise ModelError(
@@ -210,15 +219,21 @@ class _Assets:
             self._add(
                 name,
                 line,
-                {of: cells[at].strip() for of, at in places.items() if at < len(cells)},
+                {
+                    name: cells[index].strip()
+                    for name, index in columns.items()
+                    if index < len(cells)
+                },
             )
 
-    def _column(self, table: CsvTable, of: str) -> int | None:
+    def _column(self, table: CsvTable, field_name: str) -> int | None:
         """Return the index of the column of a field, or None if the file does not contain it."""
-        named = self._model.fields.get(of)
-        if named is not None:
-            table.need(named)
-        for name in [named] if named else [of, *_OTHER_NAMES.get(of, ())]:
+        # The XML file may assign a column to the field.
+        assigned = self._model.fields.get(field_name)
+        if assigned is not None:
+            table.need(assigned)
+        names = [assigned] if assigned else [field_name, *_OTHER_NAMES.get(field_name, ())]
+        for name in names:
             if table.has(name):
                 return table.header.index(name.lower())
         return None
@@ -241,14 +256,16 @@ class _Assets:
         values : mapping of str to str
             Text of each field of the asset.
         """
-        before = self._count
+        earlier_errors = self._count
 
         def fault(name: str, message: str) -> None:
+            """Count an error of a field; keep the message of the first errors only."""
             self._count += 1
-            if len(self._faults) < _SHOWN:
+            if len(self._faults) < _MAX_LISTED:
                 self._faults.append(ModelFault(source, line, 1, name, message))
 
-        def positive(name: str) -> float:
+        def nonnegative(name: str) -> float:
+            """Return the number in a field; report an error if it is negative or no number."""
             text = values.get(name, "")
             value = number(text)
             if not value >= 0.0:
@@ -264,45 +281,43 @@ class _Assets:
         for degrees in ("lon", "lat"):
             if not values.get(degrees):
                 fault(degrees, "is missing; give degrees")
-        count = positive(NUMBER)
-        cost = [repr(self._cost(count, positive, fault))] if self.has_cost else []
+        count = nonnegative(NUMBER)
+        cost = [repr(self._cost(count, nonnegative, fault))] if self.has_cost else []
         classes = self._classes.get(taxonomy)
         if classes is None:
             self._unmapped[taxonomy] += 1
             return
-        if self._count == before:
-            place = [values["lon"], values["lat"]]
+        if self._count == earlier_errors:
+            location = [values["lon"], values["lat"]]
             tags = [values.get(tag, "") for tag in self._tags]
-            cells = [name, taxonomy, *classes, values[NUMBER], *cost, *place, *tags]
+            cells = [name, taxonomy, *classes, values[NUMBER], *cost, *location, *tags]
             self.rows.append((line, cells))
 
     def _cost(
         self,
         count: float,
-        positive: Callable[[str], float],
+        nonnegative: Callable[[str], float],
         fault: Callable[[str, str], None],
     ) -> float:
         """Return the structural cost of one building of an asset.
-
-        `positive` returns the number in a field, and `fault` reports an error of a field.
 
         Parameters
         ----------
         count : float
             Number of buildings of the asset.
-        positive : callable
-            Function that returns the number in a field.
+        nonnegative : callable
+            Function that returns the number in a field and reports an error if it is negative.
         fault : callable
             Function that reports an error of a field; its parameters are the field and the message.
         """
-        value, kind = positive(_STRUCTURAL), self._model.cost_type
-        if kind == _PER_AREA:
-            value *= positive("area")
-            kind = self._model.area_type
-        # The cost of all buildings of an asset is shared equally by them.
-        if kind == _AGGREGATED and value > 0.0:
+        value, cost_type = nonnegative(_STRUCTURAL), self._model.cost_type
+        if cost_type == _PER_AREA:
+            value *= nonnegative("area")
+            cost_type = self._model.area_type
+        # An aggregated cost is the total of all buildings of the asset; each has an equal share.
+        if cost_type == _AGGREGATED and value > 0.0:
             if count == 0.0:
-                fault(NUMBER, "must be positive where the structural cost is, got 0")
+                fault(NUMBER, "must be positive because the structural cost is positive, got 0")
                 return 0.0
             return value / count
         return value
@@ -315,12 +330,12 @@ class _Assets:
             raise ModelError("\n".join(lines))
         if self._unmapped:
             listed = ", ".join(
-                f"{name[:60]!r} ({pluralize(of, 'asset')})"
-                for name, of in self._unmapped.most_common(_SHOWN)
+                f"{name[:60]!r} ({pluralize(count, 'asset')})"
+                for name, count in self._unmapped.most_common(_MAX_LISTED)
             )
             raise ModelError(
-                f"{self._mapping.source}: no row for {len(self._unmapped)} of the taxonomies of "
-                f"{self._source}: {listed}{', ...' * (len(self._unmapped) > _SHOWN)}; add them"
+                f"{self._mapping.source}: add rows for {len(self._unmapped)} of the taxonomies of "
+                f"{self._source}: {listed}{', ...' * (len(self._unmapped) > _MAX_LISTED)}"
             )
 
 
@@ -340,20 +355,21 @@ def _parse(source: str, data: bytes) -> _Model:
     Raises
     ------
     ModelError
-        The file is no well-formed XML, contains a document type definition (which could reference
-        other files), or is no exposure model.
+        The file is not valid XML, contains a document type definition (which could reference
+        other files), or is not an exposure model.
     """
     parser, model = expat.ParserCreate(namespace_separator=" "), _Model()
-    path: list[str] = []
-    texts: list[str] = []
+    path: list[str] = []  # names of the open elements, from the outermost
+    texts: list[str] = []  # parts of the text after the last tag
 
     def refuse(*_: object) -> None:
+        """Refuse a document type definition, which could reference other files."""
         raise ModelError(
-            f"{source}: XML files with a document type definition are not accepted; remove the "
-            "definition"
+            f"{source}: a document type definition is not allowed; remove the line <!DOCTYPE ...>"
         )
 
     def start(name: str, attributes: dict[str, str]) -> None:
+        """Store the attributes of an element when its start tag is read."""
         local = name.rpartition(" ")[2]
         path.append(local)
         texts.clear()
@@ -364,6 +380,7 @@ def _parse(source: str, data: bytes) -> _Model:
         _element(source, parser.CurrentLineNumber, path, attributes, model)
 
     def end(_: str) -> None:
+        """Store the text of an element when its end tag is read."""
         text, local = "".join(texts), path.pop()
         texts.clear()
         if local == "assets" and not model.assets:
@@ -383,8 +400,8 @@ def _parse(source: str, data: bytes) -> _Model:
         raise ModelError(f"{source}:{error.lineno}: invalid XML: {reason}") from None
     if model.cost_type == _PER_AREA and not model.area_type:
         raise ModelError(
-            f"{source}: structural costs are given per area, but the file does not state whether "
-            f"areas are {' or '.join(_AREA_TYPES)}; add an element area with its type"
+            f"{source}: structural costs are per area, but the file does not state the type of the "
+            f"areas; add <area type=...> with {' or '.join(_AREA_TYPES)} to <conversions>"
         )
     return model
 
@@ -414,13 +431,15 @@ def _element(
     elif name == "area" and parent == "conversions":
         model.area_type = _choice(source, line, attributes.get("type", ""), _AREA_TYPES)
     elif name == "field":
-        of = attributes.get("oq", "")
-        of = attributes.get("type", "") if of == "value" else of
-        model.fields[of] = attributes.get("input", "")
+        # The cost types of OpenQuake share the field `value`; the type of the cost tells them
+        # apart.
+        field_name = attributes.get("oq", "")
+        field_name = attributes.get("type", "") if field_name == "value" else field_name
+        model.fields[field_name] = attributes.get("input", "")
     elif name == "asset":
         model.assets.append((line, dict(attributes)))
     elif name == "location" and parent == "asset":
-        asset |= {of: attributes.get(of, "") for of in ("lon", "lat")}
+        asset |= {name: attributes.get(name, "") for name in ("lon", "lat")}
     elif name == "cost" and attributes.get("type") == _STRUCTURAL:
         asset[_STRUCTURAL] = attributes.get("value", "")
     elif name == "tags":

@@ -58,7 +58,7 @@ NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
 _COLUMNS = (*NEEDED, *OPTIONAL)
 OF_CLASSES = ("id", "class", "NumberOfStories")
-_OF_CLASSES = (*OF_CLASSES, "height", "mass_kg", "DampingRatio", "Latitude", "Longitude")
+_CLASS_COLUMNS = (*OF_CLASSES, "height", "mass_kg", "DampingRatio", "Latitude", "Longitude")
 _NUMBERS = {
     "PlanArea": POSITIVE,
     "height": POSITIVE,
@@ -150,58 +150,62 @@ def read_inventory(
     ModelError
         The file cannot be read, or a required column is missing.
     """
-    columns, needed = (_COLUMNS, NEEDED) if classes is None else (_OF_CLASSES, OF_CLASSES)
+    columns, needed = (_COLUMNS, NEEDED) if classes is None else (_CLASS_COLUMNS, OF_CLASSES)
     arguments = (length, mass_only, classes, as_published)
     if mapping is None:
         needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
         table, rows = stream_table(source, needs, columns=columns, read_first=True)
     else:
-        of_types = read_mapping(mapping)
-        of_types.need(*needed[1:])
-        _check_mapping(_Table(of_types, *arguments))
-        table, rows = stream_exposure(source, of_types, columns)
-    of = _Table(table, *arguments)
-    of.read(rows)
+        taxonomies = read_mapping(mapping)
+        taxonomies.need(*needed[1:])
+        _check_mapping(_Table(taxonomies, *arguments))
+        table, rows = stream_exposure(source, taxonomies, columns)
+    inventory_table = _Table(table, *arguments)
+    inventory_table.read(rows)
     table.need(*needed)
-    return _checked(of)
+    return _checked(inventory_table)
 
 
-def _check_mapping(of: _Table) -> None:
+def _check_mapping(mapping: _Table) -> None:
     """Raise ModelError if a row of a mapping table does not define a building."""
-    header = tuple("id" if name == TAXONOMY else name for name in of.table.header)
-    of = replace(of, table=replace(of.table, header=header, titles=header))
-    of.read(iter(of.table.rows))
-    if faults := _checked(of)[1]:
+    # Read the mapping table as an inventory in which the taxonomies are the ids.
+    header = tuple("id" if name == TAXONOMY else name for name in mapping.table.header)
+    mapping = replace(mapping, table=replace(mapping.table, header=header, titles=header))
+    mapping.read(iter(mapping.table.rows))
+    if faults := _checked(mapping)[1]:
         raise ModelError(faults)
 
 
-def _checked(of: _Table) -> tuple[InventoryRows, list[ModelFault]]:
+def _checked(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:
     """Return the valid rows of a table, and the errors of the other rows."""
-    table = of.table
     faults: list[ModelFault] = []
-    # Almost all of a million rows are valid. Only the others are read cell by cell to list their
-    # errors.
-    sound, seen = of.sound(), dict[str, int]()
-    for at in np.flatnonzero(~sound).tolist():
-        row, width = _Row(of, at, faults), len(table.header)
+    # In a table of a million rows almost all rows are valid. Only the other rows are read cell by
+    # cell, which takes much longer, to list their errors.
+    valid, first_lines = table.valid_rows(), dict[str, int]()
+    for index in np.flatnonzero(~valid).tolist():
+        row, width = _Row(table, index, faults), len(table.table.header)
         # A surplus cell shifts the cells after it, so no cell of the row can be trusted.
-        if at in of.overfull:
+        if index in table.overfull:
             row.fault(
                 width,
                 "",
-                f"the row has {pluralize(of.overfull[at], 'cell')}, but the header has "
+                f"the row has {pluralize(table.overfull[index], 'cell')}, but the header has "
                 f"{pluralize(width, 'column')}",
             )
             continue
         building = row.building()
         # Tables refer to a building by its id, and the id determines its random samples.
-        if building and building.id in seen:
-            above = f"{building.id!r} is already on line {seen[building.id]}"
-            row.fault(of.places["id"], "id", f"{above}; each building requires a different id")
+        if building and building.id in first_lines:
+            row.fault(
+                table.column_indices["id"],
+                "id",
+                f"{building.id!r} is already on line {first_lines[building.id]}; use a different "
+                "id for each building",
+            )
         elif building:
-            seen[building.id] = of.lines[at]
-            sound[at] = True
-    return InventoryRows(of, np.flatnonzero(sound)), sorted(
+            first_lines[building.id] = table.lines[index]
+            valid[index] = True
+    return InventoryRows(table, np.flatnonzero(valid)), sorted(
         faults, key=lambda fault: (fault.line, fault.column)
     )
 
@@ -217,11 +221,11 @@ class LazySequence(Sequence[Item]):
         """Create the item with index `number`."""
 
     @overload
-    def __getitem__(self, at: int) -> Item: ...
+    def __getitem__(self, index: int) -> Item: ...
     @overload
-    def __getitem__(self, at: slice) -> list[Item]: ...
-    def __getitem__(self, at: int | slice) -> Item | list[Item]:
-        numbers = range(len(self))[at]
+    def __getitem__(self, index: slice) -> list[Item]: ...
+    def __getitem__(self, index: int | slice) -> Item | list[Item]:
+        numbers = range(len(self))[index]
         return (
             self.make(numbers)
             if isinstance(numbers, int)
@@ -257,23 +261,23 @@ class _Table:
         width = len(self.table.header)
         self.columns.extend(TextColumn() for _ in range(width))
         while block := list(islice(rows, BLOCK)):
-            for at, (line, cells) in enumerate(block, start=len(self.lines)):
+            for index, (line, cells) in enumerate(block, start=len(self.lines)):
                 self.lines.append(line)
                 if len(cells) > width and self.table.overfull(cells):
-                    self.overfull[at] = len(cells)
+                    self.overfull[index] = len(cells)
             texts = [
-                tuple(map(str.strip, of))
-                for of in zip_longest(*(cells for _, cells in block), fillvalue="")
+                tuple(map(str.strip, column_cells))
+                for column_cells in zip_longest(*(cells for _, cells in block), fillvalue="")
             ]
             # Missing cells at the end of rows are empty.
             texts = texts[:width] + [("",) * len(block)] * (width - len(texts))
-            for column, of in zip(self.columns, texts, strict=True):
-                column.add(of)
+            for column, column_texts in zip(self.columns, texts, strict=True):
+                column.add(column_texts)
 
     @cached_property
-    def places(self) -> dict[str, int]:
+    def column_indices(self) -> dict[str, int]:
         """Indices of the columns that tdint uses, by name."""
-        names = _COLUMNS if self.classes is None else _OF_CLASSES
+        names = _COLUMNS if self.classes is None else _CLASS_COLUMNS
         return {
             name: self.table.header.index(name.lower()) for name in names if self.table.has(name)
         }
@@ -282,48 +286,53 @@ class _Table:
     def carried(self) -> dict[int, str]:
         """Indices and names of the columns that are copied to results: all except the id."""
         named = enumerate(zip(self.table.titles, self.table.header, strict=True))
-        return {place: title for place, (title, name) in named if title and name != "id"}
+        return {index: title for index, (title, name) in named if title and name != "id"}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
         """Numeric columns by name; nan for cells without a number."""
-        named = (name for name in ("NumberOfStories", *_NUMBERS) if name in self.places)
-        return {name: self.columns[self.places[name]].numbers() for name in named}
+        named = (name for name in ("NumberOfStories", *_NUMBERS) if name in self.column_indices)
+        return {name: self.columns[self.column_indices[name]].numbers() for name in named}
 
-    def sound(self) -> NDArray[np.bool_]:
+    def valid_rows(self) -> NDArray[np.bool_]:
         """Return a mask of the rows that contain no error."""
-        ids = self.columns[self.places["id"]]
-        sound = np.ones(len(ids), dtype=bool)
-        # Different hashes prove that the ids differ, in an eighth of the memory of a set of them.
+        ids = self.columns[self.column_indices["id"]]
+        valid = np.ones(len(ids), dtype=bool)
+        # Ids with different hashes are different. An array of hashes requires an eighth of the
+        # memory of a set of ids; therefore ids are counted only if two hashes are equal.
         hashes = np.sort(np.fromiter(map(hash, ids), np.int64, len(ids)))
         if (np.diff(hashes) == 0).any() or "" in ids:
             count = Counter(ids)
-            sound = np.array([bool(name) and count[name] == 1 for name in ids])
-        sound[list(self.overfull)] = False
+            valid = np.array([bool(name) and count[name] == 1 for name in ids])
+        valid[list(self.overfull)] = False
         for name in self.numbers.keys() & _NUMBERS.keys():
-            right = _NUMBERS[name].allow(self.numbers[name])
+            is_allowed = _NUMBERS[name].allow(self.numbers[name])
             # Cells of optional columns may be empty.
-            if name not in NEEDED and not right.all():
-                right |= np.array([not text for text in self.columns[self.places[name]]])
-            sound &= right
+            if name not in NEEDED and not is_allowed.all():
+                is_allowed |= np.array(
+                    [not text for text in self.columns[self.column_indices[name]]]
+                )
+            valid &= is_allowed
         # A text is valid if a row that contains it is read without an error. Each distinct text is
         # checked once, with the first row that contains it.
-        tried: dict[int, bool] = {}
+        is_row_valid: dict[int, bool] = {}
         for column in (
-            self.columns[place]
-            for name, place in self.places.items()
+            self.columns[column_index]
+            for name, column_index in self.column_indices.items()
             if name not in ("id", *_NUMBERS)
         ):
-            firsts: dict[str, int] = {}
-            for at, word in enumerate(column):
-                firsts.setdefault(word, at)
-            for at in firsts.values():
-                if at not in tried:
-                    tried[at] = bool(sound[at]) and _Row(self, at, []).building() is not None
-            right_words = {word for word, at in firsts.items() if tried[at]}
-            if len(right_words) < len(firsts):
-                sound &= np.array([word in right_words for word in column], dtype=bool)
-        return sound
+            first_rows: dict[str, int] = {}
+            for row, text in enumerate(column):
+                first_rows.setdefault(text, row)
+            for row in first_rows.values():
+                if row not in is_row_valid:
+                    is_row_valid[row] = (
+                        bool(valid[row]) and _Row(self, row, []).building() is not None
+                    )
+            valid_texts = {text for text, row in first_rows.items() if is_row_valid[row]}
+            if len(valid_texts) < len(first_rows):
+                valid &= np.array([text in valid_texts for text in column], dtype=bool)
+        return valid
 
 
 Changes = tuple[tuple[tuple[str, float], ...], str]
@@ -336,9 +345,9 @@ class InventoryRows(LazySequence[InventoryRow]):
 
     Attributes
     ----------
-    of : _Table
+    table : _Table
         Table that contains the rows.
-    at : ndarray of int
+    indices : ndarray of int
         Indices of the rows in the table.
     near : tuple of (sequence of str, ndarray of int, ndarray), or None
         Names of all sites, index of the nearest site for each row, and its distance, m. Results
@@ -347,23 +356,25 @@ class InventoryRows(LazySequence[InventoryRow]):
         Variations of each building in a sweep. Default: the unchanged building.
     """
 
-    of: _Table
-    at: NDArray[np.int64]
+    table: _Table
+    indices: NDArray[np.int64]
     near: tuple[Sequence[str], NDArray[np.int64], Array] | None = None
     changes: Sequence[Changes] = (((), ""),)
 
     def __len__(self) -> int:
-        return len(self.at) * len(self.changes)
+        return len(self.indices) * len(self.changes)
 
     def make(self, number: int) -> InventoryRow:
-        place, change = divmod(number, len(self.changes))
-        row = _Row(self.of, int(self.at[place]), []).building()
+        """Create the building with index `number`; the variations of a row follow each other."""
+        position, change = divmod(number, len(self.changes))
+        row_index = int(self.indices[position])
+        row = _Row(self.table, row_index, []).building()
         assert row is not None
         changes, label = self.changes[change]
-        cells = [self.of.columns[column][self.at[place]] for column in self.of.carried]
+        cells = [self.table.columns[column][row_index] for column in self.table.carried]
         if self.near is not None:
-            names, sites, away = self.near
-            cells = [names[sites[place]], f"{1e-3 * away[place]:.6g}", *cells]
+            names, sites, distances = self.near
+            cells = [names[sites[position]], f"{1e-3 * distances[position]:.6g}", *cells]
         return replace(
             row, columns=self.titles, cells=json.dumps(cells), changes=changes, label=label
         )
@@ -371,25 +382,24 @@ class InventoryRows(LazySequence[InventoryRow]):
     @cached_property
     def titles(self) -> tuple[str, ...]:
         """Names of the columns that are copied to results."""
-        return (*(("site", "distance_km") if self.near else ()), *self.of.carried.values())
+        return (*(("site", "distance_km") if self.near else ()), *self.table.carried.values())
 
     def only(self, kept: NDArray[np.bool_]) -> InventoryRows:
         """Return the selected rows. Sites and variations must not have been assigned yet."""
-        return InventoryRows(self.of, self.at[kept])
+        return InventoryRows(self.table, self.indices[kept])
 
-    def texts(self, place: int | str) -> TextColumn:
+    def texts(self, name: int | str) -> TextColumn:
         """Return the texts of a column, by its index or by its name (case is ignored).
 
         Each row is contained once, regardless of the number of variations.
         """
-        column = self.of.columns[
-            self.of.table.header.index(place.lower()) if isinstance(place, str) else place
-        ]
-        if len(self.at) == len(column):
+        index = self.table.table.header.index(name.lower()) if isinstance(name, str) else name
+        column = self.table.columns[index]
+        if len(self.indices) == len(column):
             return column
-        chosen = np.zeros(len(column), dtype=bool)
-        chosen[self.at] = True
-        return TextColumn(compress(column, chosen.tolist()))
+        is_selected = np.zeros(len(column), dtype=bool)
+        is_selected[self.indices] = True
+        return TextColumn(compress(column, is_selected.tolist()))
 
     def faults(self, name: str, message: Callable[[int, str], str]) -> list[ModelFault]:
         """Return the errors of a column.
@@ -397,11 +407,11 @@ class InventoryRows(LazySequence[InventoryRow]):
         `message` receives the index of a row and the text of its cell. It returns an error message,
         or an empty string if the cell is valid.
         """
-        table, lines = self.of.table, self.of.lines
+        table, lines = self.table.table, self.table.lines
         table.need(name)
-        cells = enumerate(zip(self.at.tolist(), self.texts(name), strict=True))
+        cells = enumerate(zip(self.indices.tolist(), self.texts(name), strict=True))
         column = table.header.index(name.lower()) + 1
-        checked = ((lines[at], message(number, text)) for number, (at, text) in cells)
+        checked = ((lines[index], message(number, text)) for number, (index, text) in cells)
         return [
             ModelFault(table.source, line, column, name, error) for line, error in checked if error
         ]
@@ -415,27 +425,32 @@ class InventoryRows(LazySequence[InventoryRow]):
     def stories(self) -> NDArray[np.int64]:
         """Number of stories of each building."""
         return np.repeat(
-            self.of.numbers["NumberOfStories"][self.at].astype(np.int64), len(self.changes)
+            self.table.numbers["NumberOfStories"][self.indices].astype(np.int64), len(self.changes)
         )
 
     @cached_property
     def places(self) -> Array:
         """Longitude and latitude of each building, degrees, shape (rows, 2); nan if unknown."""
-        nowhere = np.full(len(self.of.lines), math.nan)
-        degrees = [self.of.numbers.get(name, nowhere)[self.at] for name in reversed(_PLACES)]
+        unknown = np.full(len(self.table.lines), math.nan)
+        degrees = [
+            self.table.numbers.get(name, unknown)[self.indices] for name in reversed(_COORDINATES)
+        ]
         return np.repeat(np.column_stack(degrees), len(self.changes), axis=0)
 
     @cached_property
     def alike(self) -> Sequence[int]:
-        """Index of the first building that differs in id, location and size only, one per building.
+        """Index of an equivalent building for each building: the first one that differs only in id,
+        location, floor area and mass.
 
-        In a sweep each building is listed with its own index.
+        In a sweep each building has its own index.
         """
         if self.is_varied:
             return range(len(self))
         first: dict[tuple[str, ...], int] = {}
         columns = (
-            self.texts(place) for name, place in self.of.places.items() if name not in _OF_ONE
+            self.texts(index)
+            for name, index in self.table.column_indices.items()
+            if name not in _INDIVIDUAL_COLUMNS
         )
         return [
             first.setdefault(cells, number)
@@ -447,142 +462,183 @@ class InventoryRows(LazySequence[InventoryRow]):
 
         With `carried`, return the SHA-256 of the columns that are copied to results instead.
         """
-        of = self.of
-        about = (
+        table = self.table
+        arguments = (
             (self.titles,)
             if carried
-            else (of.length, of.mass_only, of.as_published, of.classes, self.changes)
+            else (table.length, table.mass_only, table.as_published, table.classes, self.changes)
         )
-        whole = hashlib.sha256(repr(about).encode())
-        for place in (
-            of.carried
+        digest = hashlib.sha256(repr(arguments).encode())
+        columns = (
+            table.carried
             if carried
-            else [of.places[name] for name in of.places if name not in _PLACES]
-        ):
-            for index, part in enumerate(self.texts(place).parts()):
-                whole.update(("\n" * (index > 0) + "\n".join(part)).encode())
+            else [index for name, index in table.column_indices.items() if name not in _COORDINATES]
+        )
+        # A column is added in parts, so that its text is never in memory as a whole.
+        for column in columns:
+            for i, part in enumerate(self.texts(column).parts()):
+                digest.update(("\n" * (i > 0) + "\n".join(part)).encode())
         if carried and self.near is not None:
-            whole.update(
-                repr(self.near[0]).encode() + self.near[1].tobytes() + self.near[2].tobytes()
-            )
-        return whole.hexdigest()
+            names, sites, distances = self.near
+            digest.update(repr(names).encode() + sites.tobytes() + distances.tobytes())
+        return digest.hexdigest()
 
 
-_PLACES = ("Latitude", "Longitude")
-_OF_ONE = ("id", "PlanArea", "mass_kg", *_PLACES)
+_COORDINATES = ("Latitude", "Longitude")
+_INDIVIDUAL_COLUMNS = ("id", "PlanArea", "mass_kg", *_COORDINATES)
+"""Columns that differ between buildings with the same response per unit mass."""
 
 
 class _Row:
     """Row of an inventory. Its methods convert cells and collect errors."""
 
-    def __init__(self, of: _Table, at: int, faults: list[ModelFault]) -> None:
-        self._of, self._places, self._faults, self._before = of, of.places, faults, len(faults)
-        self._line, self._cells = of.lines[at], [column[at] for column in of.columns]
+    def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:
+        self._table, self._column_indices = table, table.column_indices
+        self._faults, self._earlier_faults = faults, len(faults)
+        self._line, self._cells = table.lines[index], [column[index] for column in table.columns]
 
-    def fault(self, place: int, name: str, message: str) -> None:
+    def fault(self, index: int, name: str, message: str) -> None:
         """Report an error of a cell.
 
         Parameters
         ----------
-        place : int
+        index : int
             Index of the column, from 0.
         name : str
             Name of the column.
         message : str
             Description of the error.
         """
-        self._faults.append(ModelFault(self._of.table.source, self._line, place + 1, name, message))
+        source = self._table.table.source
+        self._faults.append(ModelFault(source, self._line, index + 1, name, message))
 
     def building(self) -> InventoryRow | None:
         """Return the building, or None after reporting an error."""
-        classes, given = self._of.classes, self._cell
+        classes, cell = self._table.classes, self._cell
         facts = self._facts() if classes is None else self._facts_of_class(classes)
         name = self._cell("id")
         if not name:
-            self.fault(self._places["id"], "id", "is missing")
-        latitude, longitude = (self._number(name) if given(name) else None for name in _PLACES)
-        if facts is None or len(self._faults) > self._before:
+            self.fault(self._column_indices["id"], "id", "is missing")
+        latitude, longitude = (self._number(name) if cell(name) else None for name in _COORDINATES)
+        if facts is None or len(self._faults) > self._earlier_faults:
             return None
         return InventoryRow(name, facts, latitude, longitude)
 
     def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
         """Return the properties of a building of a class, or None after reporting an error."""
-        name, given, length, published = (
-            self._cell("class"),
-            self._cell,
-            self._of.length,
-            self._of.as_published,
-        )
+        cell, name = self._cell, self._cell("class")
         if name not in classes:
             names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
             self.fault(
-                self._places["class"],
+                self._column_indices["class"],
                 "class",
                 f"unknown {name!r}; known: {names}" if name else "is missing",
             )
         # All cells are converted before the function returns, so that all errors are reported.
-        stories = self._whole("NumberOfStories", 1, MOST_STORIES)
-        height = self._number("height") * length if given("height") else None
-        mass = self._number("mass_kg") if given("mass_kg") else UNIT_MASS
-        ratio = self._number("DampingRatio") if given("DampingRatio") else DAMPING_RATIO
-        if len(self._faults) > self._before:
+        stories = self._integer("NumberOfStories", 1, MOST_STORIES)
+        height = self._number("height") * self._table.length if cell("height") else None
+        mass = self._number("mass_kg") if cell("mass_kg") else UNIT_MASS
+        ratio = self._number("DampingRatio") if cell("DampingRatio") else DAMPING_RATIO
+        if len(self._faults) > self._earlier_faults:
             return None
-        of = classes[name]
+        building_class = classes[name]
         return CapacityFacts(
-            of.curve, stories, height, mass, of.soft_story, of.degradation, ratio, published, name
+            building_class.curve,
+            stories,
+            height,
+            mass,
+            building_class.soft_story,
+            building_class.degradation,
+            ratio,
+            self._table.as_published,
+            name,
         )
 
     def _facts(self) -> BuildingFacts:
         """Return the properties of a building by its structural type."""
-        given, length = self._cell, self._of.length
+        cell, length = self._cell, self._table.length
         zones = {zone.lower(): zone for zone in ZONES}
         return BuildingFacts(
-            structure=self._word(
+            structure=self._choice(
                 "StructureType", {structure.lower(): structure for structure in STRUCTURES}
             ),
-            stories=self._whole("NumberOfStories", 1, MOST_STORIES),
-            year=self._whole("YearBuilt", *YEARS),
+            stories=self._integer("NumberOfStories", 1, MOST_STORIES),
+            year=self._integer("YearBuilt", *YEARS),
             area=self._number("PlanArea") * length**2,
-            height=self._number("height") * length if given("height") else None,
-            zone=self._word("seismicZone", zones) if given("seismicZone") else "Z4",
-            design_level=self._word("DesignLevel", _DESIGN_LEVELS)
-            if given("DesignLevel")
+            height=self._number("height") * length if cell("height") else None,
+            zone=self._choice("seismicZone", zones) if cell("seismicZone") else "Z4",
+            design_level=self._choice("DesignLevel", _DESIGN_LEVELS)
+            if cell("DesignLevel")
             else None,
-            damping_ratio=self._number("DampingRatio") if given("DampingRatio") else None,
-            mass_only=self._of.mass_only,
+            damping_ratio=self._number("DampingRatio") if cell("DampingRatio") else None,
+            mass_only=self._table.mass_only,
         )
 
     def _cell(self, name: str) -> str:
-        return self._cells[self._places[name]] if name in self._places else ""
+        """Return the text of a column; empty if the table does not contain the column."""
+        indices = self._column_indices
+        return self._cells[indices[name]] if name in indices else ""
 
     def _number(self, name: str, bounds: Bounds | None = None, expected: str = "") -> float:
+        """Return the number in a column, or nan after reporting an error.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        bounds : Bounds, optional
+            Allowed range. Default: the range in `_NUMBERS`.
+        expected : str
+            Description of the allowed values for the message. Default: that of `bounds`.
+        """
         text, bounds = self._cell(name), bounds or _NUMBERS[name]
         value = number(text)
         if not math.isnan(value) and bounds.allow(value):
             return value
         expected = expected or str(bounds)
         message = number_error(text, expected) if text else f"is missing; give {expected}"
-        self.fault(self._places[name], name, message)
+        self.fault(self._column_indices[name], name, message)
         return math.nan
 
-    def _whole(self, name: str, low: int, high: int) -> int:
+    def _integer(self, name: str, low: int, high: int) -> int:
+        """Return the integer in a column, or 0 after reporting an error.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        low, high : int
+            Allowed range, inclusive.
+        """
         expected = f"a whole number from {low} to {high}"
         value = self._number(name, Bounds(low, high), expected)
         if math.isnan(value):
             return 0
         if value != int(value):
-            self.fault(self._places[name], name, f"must be {expected}, got {self._cell(name)!r}")
+            self.fault(
+                self._column_indices[name], name, f"must be {expected}, got {self._cell(name)!r}"
+            )
         return int(value)
 
-    def _word(self, name: str, spellings: Mapping[str, str]) -> str:
+    def _choice(self, name: str, spellings: Mapping[str, str]) -> str:
+        """Return the value in a column with few allowed values, or an empty text after reporting an
+        error.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        spellings : mapping of str to str
+            Allowed value by each of its spellings in lower case.
+        """
         text = self._cell(name)
         if text.lower() in spellings:
             return spellings[text.lower()]
-        words = ", ".join(dict.fromkeys(spellings.values()))
+        allowed = ", ".join(dict.fromkeys(spellings.values()))
         message = (
-            f"unknown {text!r}; known: {words}" if text else f"is missing; give one of {words}"
+            f"unknown {text!r}; known: {allowed}" if text else f"is missing; give one of {allowed}"
         )
-        self.fault(self._places[name], name, message)
+        self.fault(self._column_indices[name], name, message)
         return ""
 
 
@@ -598,7 +654,7 @@ RULES: Mapping[str, Callable[[Any, Scatter | None], DerivedBuilding | CapacityBu
 
 
 # Dimensionless. Maximum standard deviation of the factors; the mean of the factors is 1.
-_MOST_SCATTER = 0.5
+_MAX_SCATTER = 0.5
 
 
 @dataclass(frozen=True)
@@ -651,14 +707,15 @@ def derive_all(
     for name, deviation in (("stiffness", stiffness), ("damping", damping)):
         if deviation and rules == CAPACITY:
             raise UsageError(
-                f"the rules {CAPACITY} do not support a scatter of the {name}; remove it"
+                f"the rules {CAPACITY} do not use the scatter of the {name}, got {deviation:g}; "
+                "set it to 0"
             )
-        if not 0.0 <= deviation <= _MOST_SCATTER:
+        if not 0.0 <= deviation <= _MAX_SCATTER:
             raise UsageError(
-                f"the scatter of the {name} must be from 0 to {_MOST_SCATTER:g}, got {deviation:g}"
+                f"the scatter of the {name} must be from 0 to {_MAX_SCATTER:g}, got {deviation:g}"
             )
-    derived = partial(derive_row, rules=rules, stiffness=stiffness, damping=damping, seed=seed)
-    return [InventoryBuilding(row, derived(row)) for row in rows]
+    derive = partial(derive_row, rules=rules, stiffness=stiffness, damping=damping, seed=seed)
+    return [InventoryBuilding(row, derive(row)) for row in rows]
 
 
 def derive_row(

@@ -31,7 +31,7 @@ def whole_and_pieces(
 ) -> tuple[Response, Any]:
     """A run with its history, and what makes it again in pieces of so many rows."""
     response = run(model(THREE), MOTION, history=True, **wanted)
-    monkeypatch.setattr("tdint.analysis.run.prepared._PIECE_BYTES", 8 * 26 * rows)
+    monkeypatch.setattr("tdint.analysis.run.prepared._CHUNK_BYTES", 8 * 26 * rows)
     assert response.history_chunks is not None
     return response, response.history_chunks
 

@@ -174,8 +174,8 @@ def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
         Steps(0.01, 200),
     )
     whole = case.integrate(steps, history=True)
-    monkeypatch.setattr(prepared, "_FIRST_PIECE", 1)
-    monkeypatch.setattr(prepared, "_PIECE", 0.0)
+    monkeypatch.setattr(prepared, "_FIRST_CALL_SIZE", 1)
+    monkeypatch.setattr(prepared, "_CALL_SECONDS", 0.0)
     pieces = case.integrate(steps, history=True)
     np.testing.assert_array_equal(pieces.history.displacement, whole.history.displacement)
     np.testing.assert_array_equal(pieces.history.energy.error, whole.history.energy.error)

@@ -69,6 +69,8 @@ def test_modes_outside_the_target(tmp_path):
     )
     assert (rigid.rigid, rigid.left_out, rigid.spectral_acceleration[1]) == (1, 0, 0.4)
     with pytest.raises(
-        UsageError, match=r"ends at 0.2 s, below the period of the first mode, 0.44"
+        UsageError,
+        match=r"maximum period of the spectrum is 0.2 s, but the first period of the building is "
+        r"0.44",
     ):
         tdint.response_spectrum_analysis(frame, table(tmp_path, [0.1, 0.2], [1.0, 1.0]))

@@ -214,7 +214,7 @@ def test_drifts_that_are_none(text, message):
 
 def test_stories_are_counted_from_1():
     with pytest.raises(
-        UsageError, match="story 0: the model has 1 story, numbered from 1 at the bottom"
+        UsageError, match="story 0 not found: the model has 1 story, numbered from 1 at the bottom"
     ):
         cyclic_test(one_story(Law("linear", ())), 0, [parse_drift("1%")])
 
@@ -245,7 +245,7 @@ def test_as_many_points_as_are_allowed(monkeypatch):
     """Three sizes of two cycles of four quarters of five points: 120."""
     building = model([story(1.0, 2.0)])
     sizes = [parse_drift(size) for size in ("1mm", "2mm", "3mm")]
-    monkeypatch.setattr(cyclic, "MOST_OF_CYCLES", 120)
+    monkeypatch.setattr(cyclic, "MAX_CYCLE_POINTS", 120)
     path = cyclic_test(building, 1, sizes, cycles=2, points=5).path
     assert len(path.drift) == 121
     for more in ({"cycles": 3, "points": 4}, {"cycles": 2, "points": 6}):

@@ -96,10 +96,10 @@ class HardProblem:
     by_energy: bool = False
 
 
-def _keeps(part: float) -> tuple[Fault, Fault]:
-    """Return the faults of a motion that conserves its energy within the relative tolerance
-    `part`."""
-    return Fault("gains energy", high=1.0 + part), Fault("loses energy", low=1.0 - part)
+def _energy_bounds(tolerance: float) -> tuple[Fault, Fault]:
+    """Return the failure criteria of an energy that must be constant within a relative
+    tolerance."""
+    return Fault("gains energy", high=1.0 + tolerance), Fault("loses energy", low=1.0 - tolerance)
 
 
 def _second_half(history: History, values: Array) -> float:
@@ -108,12 +108,14 @@ def _second_half(history: History, values: Array) -> float:
 
 
 def _kinetic(history: History, masses: tuple[float, ...]) -> Array:
+    """Return the kinetic energy of the floors at each time step, J."""
     return np.asarray(0.5 * history.velocity**2 @ np.array(masses))
 
 
 # ---- Hardening oscillator: u'' + 100 u (1 + 10 u^2) = 0 from u = 1.5
 
-_SPRING, _CUBIC, _STRETCH = 100.0, 1000.0, 1.5
+_SPRING, _CUBIC = 100.0, 1000.0  # N/m and N/m^3; coefficients of the force 100 u + 1000 u^3
+_HARDENING_AMPLITUDE = 1.5  # m; initial displacement
 
 
 def hardening_motion(time: Array) -> Array:
@@ -121,13 +123,16 @@ def hardening_motion(time: Array) -> Array:
     w^2 = a + b U^2 and m = b U^2 / (2 w^2)."""
     from scipy.special import ellipj
 
-    square = _SPRING + _CUBIC * _STRETCH**2
+    square = _SPRING + _CUBIC * _HARDENING_AMPLITUDE**2
     return np.asarray(
-        _STRETCH * ellipj(math.sqrt(square) * time, _CUBIC * _STRETCH**2 / (2.0 * square))[1]
+        _HARDENING_AMPLITUDE
+        * ellipj(math.sqrt(square) * time, _CUBIC * _HARDENING_AMPLITUDE**2 / (2.0 * square))[1]
     )
 
 
 def _hardening() -> HardProblem:
+    """Define the problem of the hardening oscillator, for which the exact motion is known."""
+
     def energy(history: History) -> Array:
         u = history.displacement[:, 0]
         return _kinetic(history, (1.0,)) + 0.5 * _SPRING * u**2 + 0.25 * _CUBIC * u**4
@@ -135,7 +140,7 @@ def _hardening() -> HardProblem:
     def error(history: History) -> float:
         return (
             float(np.max(np.abs(history.displacement[:, 0] - hardening_motion(history.time))))
-            / _STRETCH
+            / _HARDENING_AMPLITUDE
         )
 
     return HardProblem(
@@ -147,30 +152,33 @@ def _hardening() -> HardProblem:
         model=simple_model(
             "hardening oscillator",
             [simple_story(1.0, Law("polynomial", (_SPRING, 0.0, _CUBIC)))],
-            displacement=(_STRETCH,),
+            displacement=(_HARDENING_AMPLITUDE,),
         ),
         steps=((0.005, 2000), (0.02, 500), (0.05, 200)),
         energy=energy,
-        energy_scale=0.5 * _SPRING * _STRETCH**2 + 0.25 * _CUBIC * _STRETCH**4,
-        error_of="maximum displacement error divided by the amplitude",
+        energy_scale=0.5 * _SPRING * _HARDENING_AMPLITUDE**2
+        + 0.25 * _CUBIC * _HARDENING_AMPLITUDE**4,
+        error_of="largest displacement error over the amplitude",
         error=error,
-        faults=_keeps(0.02),
+        faults=_energy_bounds(0.02),
         by_energy=True,
     )
 
 
 # ---- Softening oscillator: u'' + 100 tanh u = 0 from u = 4
 
-_PULL, _STRENGTH = 4.0, 100.0
+_SOFTENING_AMPLITUDE, _STRENGTH = 4.0, 100.0  # m, initial displacement; N, limit of the force
 
 
 def _log_cosh(u: Array) -> Array:
+    """Return ln cosh u, the integral of tanh u, without overflow of cosh for large u."""
     return np.asarray(np.abs(u) + np.log1p(np.exp(-2.0 * np.abs(u))) - math.log(2.0))
 
 
 def _softening_model() -> Model:
+    """Return the softening oscillator of mass 1 kg, released at its initial displacement."""
     story = simple_story(1.0, Law("tanh", (_STRENGTH,)), stiffness=_STRENGTH)
-    return simple_model("softening oscillator", [story], displacement=(_PULL,))
+    return simple_model("softening oscillator", [story], displacement=(_SOFTENING_AMPLITUDE,))
 
 
 @cache
@@ -190,12 +198,14 @@ def softening_motion(dt: float, steps: int) -> Array:
 
 
 def _softening() -> HardProblem:
+    """Define the problem of the softening oscillator, for which the exact energy is known."""
+
     def energy(history: History) -> Array:
         return _kinetic(history, (1.0,)) + _STRENGTH * _log_cosh(history.displacement[:, 0])
 
     def error(history: History) -> float:
         exact = softening_motion(float(history.time[1]), len(history.time) - 1)
-        return float(np.max(np.abs(history.displacement[:, 0] - exact))) / _PULL
+        return float(np.max(np.abs(history.displacement[:, 0] - exact))) / _SOFTENING_AMPLITUDE
 
     return HardProblem(
         name="softening",
@@ -206,10 +216,10 @@ def _softening() -> HardProblem:
         model=_softening_model(),
         steps=((0.05, 1200), (0.1, 600)),
         energy=energy,
-        energy_scale=float(_STRENGTH * _log_cosh(np.array(_PULL))),
-        error_of="maximum displacement error divided by the amplitude",
+        energy_scale=float(_STRENGTH * _log_cosh(np.array(_SOFTENING_AMPLITUDE))),
+        error_of="largest displacement error over the amplitude",
         error=error,
-        faults=_keeps(0.01),
+        faults=_energy_bounds(0.01),
         by_energy=True,
     )
 
@@ -217,14 +227,16 @@ def _softening() -> HardProblem:
 # ---- Stiff and soft node of Bathe and Noh: a spring of 1e7 N/m transmits the motion sin 1.2 t of
 # the base node
 
-_STIFF, _DRIVE = 1e7, 1.2
-_OWN, _DRIVEN = 1.0 / (1.0 - _DRIVE**2) * -_DRIVE, 1.0 / (1.0 - _DRIVE**2)
+_STIFF, _DRIVE = 1e7, 1.2  # N/m, stiff spring; rad/s, circular frequency of the base
+# Amplitudes (m) of the exact motion of the soft node: free vibration at 1 rad/s, and forced
+# vibration at the frequency of the base.
+_NATURAL_AMPLITUDE, _DRIVEN_AMPLITUDE = 1.0 / (1.0 - _DRIVE**2) * -_DRIVE, 1.0 / (1.0 - _DRIVE**2)
 
 
 def soft_node_motion(time: Array) -> Array:
     """Return the displacement of the soft node for infinite stiffness of the stiff spring:
     u'' + u = sin 1.2 t from rest."""
-    return np.asarray(_OWN * np.sin(time) + _DRIVEN * np.sin(_DRIVE * time))
+    return np.asarray(_NATURAL_AMPLITUDE * np.sin(time) + _DRIVEN_AMPLITUDE * np.sin(_DRIVE * time))
 
 
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
@@ -249,8 +261,9 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     # The exact energy is the energy for infinite stiffness. Its maximum is computed from a dense
     # sample of times.
     time = np.linspace(0.0, 10.0, 10001)
-    driven, drift = _DRIVE * np.cos(_DRIVE * time), soft_node_motion(time) - np.sin(_DRIVE * time)
-    natural = _OWN * np.cos(time) + _DRIVEN * driven
+    base_velocity = _DRIVE * np.cos(_DRIVE * time)
+    soft_node_velocity = _NATURAL_AMPLITUDE * np.cos(time) + _DRIVEN_AMPLITUDE * base_velocity
+    drift = soft_node_motion(time) - np.sin(_DRIVE * time)
     about = (
         "masses 1 and 1, springs 1e7 and 1, from rest, the base moves by sin 1.2 t, 10 s: the {} "
         "node"
@@ -267,8 +280,8 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
         ),
         steps=((0.2618, 38),),
         energy=energy,
-        energy_scale=float(np.max(0.5 * (driven**2 + natural**2 + drift**2))),
-        error_of="maximum acceleration error of floor 1 in the second half, m/s^2",
+        energy_scale=float(np.max(0.5 * (base_velocity**2 + soft_node_velocity**2 + drift**2))),
+        error_of="largest acceleration error of floor 1 in the second half, m/s^2",
         error=acceleration_error,
         faults=(Fault("rings", high=1.0),),
     )
@@ -286,15 +299,19 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
 # ---- Stiff pair: two halves of a mass with the frequency of a pendulum, sqrt(9.81) rad/s,
 # connected by a spring with the frequency 1e4 rad/s
 
-_SWING, _HALF, _JOINT = 9.81, 0.5, 2.5e7
+_PENDULUM_STIFFNESS, _HALF_MASS, _JOINT_STIFFNESS = 9.81, 0.5, 2.5e7  # N/m, kg, N/m
 
 
 def _stiff_pair() -> HardProblem:
-    release = _HALF * _SWING  # N; force in the joint at u = 1 if both masses move together
+    """Define the problem of two masses connected by a stiff spring, in which methods without
+    numerical damping may oscillate at the frequency of the spring."""
+    release = (
+        _HALF_MASS * _PENDULUM_STIFFNESS
+    )  # N; force in the joint at u = 1 if both masses move together
 
     def energy(history: History) -> Array:
-        springs = history.drift**2 @ np.array([_SWING, _JOINT])
-        return np.asarray(_kinetic(history, (_HALF, _HALF)) + 0.5 * springs)
+        springs = history.drift**2 @ np.array([_PENDULUM_STIFFNESS, _JOINT_STIFFNESS])
+        return np.asarray(_kinetic(history, (_HALF_MASS, _HALF_MASS)) + 0.5 * springs)
 
     def error(history: History) -> float:
         return _second_half(history, history.shear[:, 1] / release - history.displacement[:, 0])
@@ -308,14 +325,17 @@ def _stiff_pair() -> HardProblem:
         "exact motion for a rigid joint",
         model=simple_model(
             "stiff pair",
-            [simple_story(_HALF, stiffness=_SWING), simple_story(_HALF, stiffness=_JOINT)],
-            displacement=(1.0, 1.0 + _SWING / _JOINT),
+            [
+                simple_story(_HALF_MASS, stiffness=_PENDULUM_STIFFNESS),
+                simple_story(_HALF_MASS, stiffness=_JOINT_STIFFNESS),
+            ],
+            displacement=(1.0, 1.0 + _PENDULUM_STIFFNESS / _JOINT_STIFFNESS),
         ),
         steps=((0.05, 200),),
         energy=energy,
-        energy_scale=0.5 * _SWING + 0.5 * _SWING**2 / _JOINT,
-        error_of="maximum error of the displacement or of the force in the upper story in the "
-        "second half, divided by its amplitude",
+        energy_scale=0.5 * _PENDULUM_STIFFNESS + 0.5 * _PENDULUM_STIFFNESS**2 / _JOINT_STIFFNESS,
+        error_of="largest error in the second half of the upper story's force for the "
+        "displacement, over its amplitude",
         error=error,
         faults=(Fault("rings", high=0.1),),
     )
@@ -324,7 +344,7 @@ def _stiff_pair() -> HardProblem:
 # ---- Linear oscillators of omega = 1 rad/s, for which dt equals omega dt
 
 
-def _sizes(history: History) -> Array:
+def _relative_amplitudes(history: History) -> Array:
     """Return the larger of displacement and velocity / omega, divided by the exact amplitude, at
     each time step."""
     sizes = np.maximum(np.abs(history.displacement[:, 0]), np.abs(history.velocity[:, 0]))
@@ -332,17 +352,29 @@ def _sizes(history: History) -> Array:
 
 
 def _oscillator_energy(history: History) -> Array:
+    """Return the energy at each time step of an oscillator of unit mass and stiffness, J."""
     return np.asarray(0.5 * (history.displacement[:, 0] ** 2 + history.velocity[:, 0] ** 2))
 
 
 def _oscillator(start: tuple[float, float]) -> Model:
+    """Return an oscillator of unit mass and stiffness with an initial displacement and velocity."""
     story = simple_story(1.0, stiffness=1.0)
     return simple_model("oscillator", [story], displacement=start[:1], velocity=start[1:])
 
 
 def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem:
+    """Define a problem in which a method fails if its amplitude grows during 200 time steps.
+
+    Parameters
+    ----------
+    name, description, source : str
+        Name, description of the time steps, and publication.
+    *dts : float
+        Time steps, s, usually on both sides of a stability limit.
+    """
+
     def growth(history: History) -> float:
-        sizes = _sizes(history)
+        sizes = _relative_amplitudes(history)
         half = sizes.size // 2
         return max(0.0, float(np.max(sizes[half + 1 :]) / np.max(sizes[: half + 1])) - 1.0)
 
@@ -362,6 +394,8 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
 
 
 def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
+    """Define a problem in which a method fails if its first ten large time steps exceed the exact
+    amplitude. `start` is the initial displacement and velocity."""
     return HardProblem(
         name=f"overshoot-{name}",
         about="oscillator of 1 rad/s, the first ten steps with dt/T = 10, from an initial "
@@ -371,8 +405,8 @@ def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
         steps=((20.0 * math.pi, 10),),
         energy=_oscillator_energy,
         energy_scale=0.5,
-        error_of="excess of the amplitude over the exact amplitude, divided by the exact amplitude",
-        error=lambda history: max(0.0, float(np.max(_sizes(history))) - 1.0),
+        error_of="amplitude beyond the exact one, over the exact one",
+        error=lambda history: max(0.0, float(np.max(_relative_amplitudes(history))) - 1.0),
         faults=(Fault("overshoots", high=0.01),),
     )
 
@@ -433,11 +467,15 @@ NO_CONVERGENCE = "does not converge"
 REFUSED = "refused"
 
 _DISSIPATIVE = ("rho_inf=0.5", "rho_inf=0")
-_MORE = {"impulse4": _DISSIPATIVE, "moment4": _DISSIPATIVE, "wilson": ("theta=1.3",)}
+_ADDITIONAL_PARAMETERS = {
+    "impulse4": _DISSIPATIVE,
+    "moment4": _DISSIPATIVE,
+    "wilson": ("theta=1.3",),
+}
 """Additional parameter values that show behavior which the defaults of a method do not show:
 dissipation, and theta below its stability limit."""
 
-_ENDS = {DIVERGED: BLOWS_UP, NOT_CONVERGED: NO_CONVERGENCE}
+_VERDICT_OF_STATUS = {DIVERGED: BLOWS_UP, NOT_CONVERGED: NO_CONVERGENCE}
 
 
 @dataclass(frozen=True)
@@ -485,12 +523,12 @@ class Trial:
 
 def usual_methods() -> list[Integrator]:
     """Return all methods with their default parameters, and the additional parameter values of
-    `_MORE`. `newmark` is omitted because it equals `newmark-average`."""
+    `_ADDITIONAL_PARAMETERS`. `newmark` is omitted because it equals `newmark-average`."""
     result: list[Integrator] = []
     for name in catalogue():
         if name != "newmark":
             result.append(parse(name))
-        result += [parse(f"{name}:{values}") for values in _MORE.get(name, ())]
+        result += [parse(f"{name}:{values}") for values in _ADDITIONAL_PARAMETERS.get(name, ())]
     return result
 
 
@@ -546,10 +584,10 @@ def failures(
     pairs = [(problem, method) for problem in hard for method in integrators]
     compile_for(integrators, hard)
     trials: list[Trial] = []
-    with progress_reporter(progress, len(pairs), "trial") as told:
+    with progress_reporter(progress, len(pairs), "trial") as report_progress:
         for done, (problem, method) in enumerate(pairs, start=1):
             trials += attempt(method, problem)
-            told(done, len(pairs))
+            report_progress(done, len(pairs))
     return ResultList(trials)
 
 
@@ -562,9 +600,8 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
         for integrator in [*integrators, *reference]:
             if not integrator.family.linear_only or prepared.building.linear:
                 needed += kernels(integrator, prepared.variant)
-                if (
-                    integrator.stability_limit < math.inf
-                ):  # Oscillators show whether a time step is too long.
+                # The stability of a time step is checked with linear oscillators.
+                if integrator.stability_limit < math.inf:
                     needed.append((integrator.family.step, LINEAR_OSCILLATORS))
     load_or_compile(list(dict.fromkeys(needed)))
 
@@ -575,31 +612,34 @@ def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
 
 
 def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int) -> Trial:
+    """Integrate a problem over `count` time steps of dt (s), and judge the result."""
     trial = Trial(problem.name, integrator.label, dt, REFUSED, REFUSED, problem.error_of)
     case = Case(problem.model, PreparedBuilding.of(problem.model), None, integrator)
     if integrator.family.linear_only and not case.building.linear:
         return trial
     steps = case.steps(dt, dt * count)
-    # An unstable run reports the largest stable time step, whose computation takes longer than most
-    # runs. Stability is therefore checked beforehand.
+    # A run with an unstable time step ends with an error that states the largest stable time step.
+    # Computing this step takes longer than most runs, so that unstable steps are detected here.
     outcome = UNSTABLE
     if case.prepared.instability(integrator, dt) is None:
         ended = error_estimate.attempt(case, steps, history=True)
         outcome = ended.status if isinstance(ended, FailedRun) else DONE
+    # A method that is unstable or fails is run again without the stability check, to show how it
+    # fails.
     if outcome != DONE:
         ended = error_estimate.attempt(replace(case, allow_unstable=True), steps, history=True)
     if isinstance(ended, FailedRun):
-        done = round(ended.time / dt)
-        return replace(
-            trial, outcome=outcome, verdict=_ENDS[ended.status], time=ended.time, steps=done
-        )
+        completed = round(ended.time / dt)
+        verdict = _VERDICT_OF_STATUS[ended.status]
+        return replace(trial, outcome=outcome, verdict=verdict, time=ended.time, steps=completed)
     history = ended.history
     assert history is not None
     ratio = problem.energy(history) / problem.energy_scale
     least, largest = float(np.min(ratio)), float(np.max(ratio))
     error = problem.error(history)
-    farthest = least if least * largest < 1.0 else largest
-    measure = farthest if problem.by_energy else error
+    # The worse of the two energy ratios is farther from 1 on a logarithmic scale.
+    worst_ratio = least if least * largest < 1.0 else largest
+    measure = worst_ratio if problem.by_energy else error
     return replace(
         trial,
         outcome=outcome,

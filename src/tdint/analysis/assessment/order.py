@@ -50,14 +50,14 @@ OBSERVED_HALVINGS = 4
 """Default number of halvings of the time step."""
 
 _OMEGA = 2.0 * math.pi
-_XI = 0.02  # damping ratio: light, so that orders are seen and not damped away
+_XI = 0.02  # damping ratio; strong damping would reduce the errors that show the order
 _START = (0.7, 2.0)  # u (m) and v (m/s)
-_AMPLITUDE = 20.0  # of the harmonic force, N
-_SAMPLES = 200  # coarsest steps
-_HIGHEST = 10.0  # Hz; maximum frequency in a record with several samples per time step
-_ROUNDING = 3e-12  # errors below this, over the largest value, are rounding
-# Coarse steps at the ends of which the acceleration of the method is compared.
-_ENDS = (40, 90, 130, 170, 200)
+_AMPLITUDE = 20.0  # N; amplitude of the harmonic force
+_COARSE_STEPS = 200  # number of the largest time steps in the motion of 4 s
+_MAX_FREQUENCY = 10.0  # Hz; maximum frequency in a record with several samples per time step
+_ROUNDING = 3e-12  # errors relative to the largest value; smaller errors are rounding errors
+# Numbers of largest time steps after which the acceleration stored by the method is compared.
+_COMPARED_STEPS = (40, 90, 130, 170, 200)
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,10 +113,10 @@ class ObservedOrder(Tabular):
             `displacement`, `velocity`, `acceleration` or `algorithmic_acceleration`.
         """
         errors = getattr(self, quantity)
-        clear = np.flatnonzero(errors > _ROUNDING)[-3:]
-        if clear.size < 2:
+        used = np.flatnonzero(errors > _ROUNDING)[-3:]
+        if used.size < 2:
             return math.nan
-        return float(np.polyfit(np.log(self.steps[clear]), np.log(errors[clear]), 1)[0])
+        return float(np.polyfit(np.log(self.steps[used]), np.log(errors[used]), 1)[0])
 
 
 @dataclass(frozen=True)
@@ -238,17 +238,20 @@ def order_problem(
     """
     if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
         raise UsageError(
-            "the stride must be a power of 2, so that halved time steps contain whole samples, "
+            "stride must be a power of 2, so that a halved time step is a whole number of "
+            "samples, "
             f"got {stride}"
         )
     if stride > 1 and load != "record":
         raise UsageError(
-            f"a stride requires a load with samples (record), and the load {load!r} has none; "
-            "omit the stride"
+            f"stride can only be used with the load 'record', because the load {load!r} has no "
+            "samples"
         )
     if load not in LOADS or law not in STORY_LAWS:
-        names = f"available loads: {', '.join(LOADS)}; available laws: {', '.join(STORY_LAWS)}"
-        raise UsageError(f"unknown problem of load {load!r} and law {law!r}: {names}")
+        raise UsageError(
+            f"load must be one of {', '.join(LOADS)} and law one of {', '.join(STORY_LAWS)}, got "
+            f"{load!r} and {law!r}"
+        )
     # At the maximum ratio of 10, a period of the load contains five of the coarsest steps.
     ratio = (
         between(frequency_ratio, "frequency_ratio", 0.01, 10.0) if load == "harmonic" else math.nan
@@ -294,21 +297,22 @@ def observed_order(
     largest = np.max(np.abs(exact), axis=1)
     # The acceleration stored by the method is compared if the method stores an acceleration. With
     # a stride above 1 it belongs to a different motion and is not compared.
-    carries = rows.ACCELERATION in integrator.family.memory and problem.stride == 1
+    stores_acceleration = rows.ACCELERATION in integrator.family.memory and problem.stride == 1
     all_parts = 2 ** np.arange(halvings + 1)
     errors = []
     for parts in map(int, all_parts):
         # The exact motion is relative to the ground, at the ends of the coarsest steps.
-        history = _march(integrator, problem, parts, _SAMPLES)[1][::parts]
+        history = _integrate(integrator, problem, parts, _COARSE_STEPS)[1][::parts]
         motion = history[:, 1:4].T
         motion[2] -= history[:, 0]
-        carried_error = math.nan
-        if carries:
-            carried_error = max(
-                abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS
+        stored_error = math.nan
+        if stores_acceleration:
+            stored_error = max(
+                abs(_integrate(integrator, problem, parts, end)[0] - exact[2, end])
+                for end in _COMPARED_STEPS
             )
         errors.append(
-            [*np.max(np.abs(motion - exact), axis=1) / largest, carried_error / largest[2]]
+            [*np.max(np.abs(motion - exact), axis=1) / largest, stored_error / largest[2]]
         )
     return ObservedOrder(
         label,
@@ -320,34 +324,35 @@ def observed_order(
     )
 
 
-def _march(
+def _integrate(
     integrator: Integrator, problem: OrderProblem, parts: int, count: int
 ) -> tuple[float, Array]:
     """Integrate the problem and return the acceleration stored by the method at the end, and the
     history."""
-    within = math.gcd(parts, problem.stride)
-    steps = Steps(COARSEST / parts, parts * count, parts // within, problem.stride // within)
-    marched = problem.prepared.integrate(
+    # A time step is `stride / parts` sampling intervals; the fraction is passed in lowest terms.
+    divisor = math.gcd(parts, problem.stride)
+    steps = Steps(COARSEST / parts, parts * count, parts // divisor, problem.stride // divisor)
+    result = problem.prepared.integrate(
         integrator, steps, problem.ground, history_rows=parts * count
     )
-    if marched.code < 0:
+    if result.code < 0:
         raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
-    return float(marched.space.state[rows.ACCELERATION, 0]), marched.space.history
+    return float(result.space.state[rows.ACCELERATION, 0]), result.space.history
 
 
 def _sampled_motion(stride: int) -> Array:
     """Return the ground acceleration at sampling intervals of 0.02 s / stride, m/s^2.
 
     For stride 1 this is seeded white noise. If a time step contains several samples, the noise is
-    limited to frequencies up to `_HIGHEST`, as in ground motions. With white noise, each step would
-    neglect a second moment as large as the two moments that it uses, and the observed order would
-    be at most 2.6.
+    limited to frequencies up to `_MAX_FREQUENCY`, as in ground motions. With white noise, each step
+    would neglect a second moment as large as the two moments that it uses, and the observed order
+    would be at most 2.6.
     """
     generator = np.random.default_rng(20221120)
     if stride == 1:
-        return 5.0 * generator.standard_normal(_SAMPLES + 1)
-    times = COARSEST / stride * np.arange(_SAMPLES * stride + 1)
-    frequencies = np.linspace(0.5, _HIGHEST, 40)
+        return 5.0 * generator.standard_normal(_COARSE_STEPS + 1)
+    times = COARSEST / stride * np.arange(_COARSE_STEPS * stride + 1)
+    frequencies = np.linspace(0.5, _MAX_FREQUENCY, 40)
     phases = 2.0 * math.pi * (np.outer(times, frequencies) + generator.uniform(size=40))
     return np.asarray(np.sin(phases) @ generator.standard_normal(40))
 
@@ -358,7 +363,7 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
     from scipy.integrate import solve_ivp
 
     coefficients = STORY_LAWS[law].parameters or (_OMEGA**2,)
-    times = COARSEST / stride * np.arange(_SAMPLES * stride + 1)
+    times = COARSEST / stride * np.arange(_COARSE_STEPS * stride + 1)
 
     def acceleration(t: float, u: float, v: float) -> float:
         resistance = u * sum(c * u**j for j, c in enumerate(coefficients))
@@ -388,11 +393,11 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
 # ---- Comparison of the declared and measured properties of methods and hysteresis models, for
 # authors of plug-ins
 
-_ORDER = 0.1
-_RADIUS = 1e-3
+_ORDER = 0.1  # maximum difference between the declared and the observed order
+_RADIUS = 1e-3  # maximum difference between the declared and the measured spectral radius
 _FAST = 1e6
 """Value of omega dt that represents infinity; larger values increase the rounding error."""
-_ENERGY = 1e-3
+_ENERGY = 1e-3  # maximum error of the energy balance, relative to the maximum work done
 
 
 @dataclass(frozen=True)
@@ -439,16 +444,13 @@ def check_method(integrator: Integrator) -> MethodCheck:
             observed_order(integrator, order_problem(load)) for load in ("free", "harmonic")
         ]
     except AnalysisError as error:
-        told = tuple(yielding.values()) or (str(error),)
-        return MethodCheck(integrator, math.nan, math.nan, math.nan, told)
+        faults_found = tuple(yielding.values()) or (str(error),)
+        return MethodCheck(integrator, math.nan, math.nan, math.nan, faults_found)
+    # The order of the method is the lowest order of all quantities and loads.
     orders = [
-        order_seen.order(quantity)
-        for order_seen in observed
-        for quantity in ("displacement", "velocity")
+        result.order(quantity) for result in observed for quantity in ("displacement", "velocity")
     ]
-    order = min(
-        (order_seen for order_seen in orders if not math.isnan(order_seen)), default=math.nan
-    )
+    order = min((value for value in orders if not math.isnan(value)), default=math.nan)
     limit = critical_step(integrator)
     with np.errstate(all="ignore"):
         fast = stability(integrator, np.array([_FAST / (2.0 * math.pi)])).spectral_radius
@@ -456,19 +458,21 @@ def check_method(integrator: Integrator) -> MethodCheck:
     label, faults = integrator.label, []
     if abs(order - integrator.order) > _ORDER:
         faults.append(
-            f"{label}: the declared order is {integrator.order}, the observed order is {order:.2f}"
+            f"{label}: declares order {integrator.order}, but the observed order is {order:.2f}"
         )
         yielding.pop("order", None)  # Avoid reporting the same fault twice.
-    if told_limit := false_limit(integrator, limit):
-        faults.append(told_limit)
+    if limit_fault := false_limit(integrator, limit):
+        faults.append(limit_fault)
     declared = integrator.rho_inf
     if not (math.isnan(declared) and math.isnan(radius)) and not abs(declared - radius) <= _RADIUS:
-        measured_words = (
-            "none, because the time step is limited" if math.isnan(radius) else f"{radius:.4g}"
+        measured = (
+            "the method has a stability limit, so that no spectral radius can be measured"
+            if math.isnan(radius)
+            else f"the measured spectral radius is {radius:.4g}"
         )
         faults.append(
-            f"{label}: the declared spectral radius at infinity is {declared:.4g}, the measured "
-            f"value is {measured_words}"
+            f"{label}: declares the spectral radius {declared:.4g} for infinite time steps, but "
+            f"{measured}"
         )
     faults += yielding.values()
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
@@ -491,23 +495,24 @@ def check_law(model: Model, story: int) -> list[str]:
     name = model.stories[story - 1].law.name
     try:
         faults = _branch_faults(model, story)
-    except AnalysisError as error:  # Compiled code would fail without a message.
+    except AnalysisError as error:  # the cyclic test below would fail without a clear message
         return [str(error)]
-    high = model.stories[story - 1].height is not None
+    has_height = model.stories[story - 1].height is not None
     path = cyclic_test(
-        model, story, ["0.5%", "1%", "2%"] if high else ["5mm", "10mm", "20mm"], points=2000
+        model, story, ["0.5%", "1%", "2%"] if has_height else ["5mm", "10mm", "20mm"], points=2000
     ).path
     # The work done must equal the sum of the stored and the dissipated energy.
     step, mean = np.diff(path.drift), 0.5 * (path.shear[1:] + path.shear[:-1])
-    done = np.append(0.0, np.cumsum(mean * step))
-    kept = path.strain_energy + path.hysteretic_energy
-    off = np.max(np.abs(done - (kept - kept[0]))) / np.max(np.abs(done))
-    if not off <= _ENERGY:
+    work = np.append(0.0, np.cumsum(mean * step))
+    energy = path.strain_energy + path.hysteretic_energy
+    imbalance = np.max(np.abs(work - (energy - energy[0]))) / np.max(np.abs(work))
+    if not imbalance <= _ENERGY:
         faults.append(
-            f"law {name}: stored plus dissipated energy differs from the work of the force by "
-            f"{off:.2g} of its maximum"
+            f"law {name}: stored and dissipated energy differ from the work done by "
+            f"{imbalance:.2g} "
+            "of the maximum work"
         )
-    if np.any(np.diff(path.hysteretic_energy) < -_ENERGY * np.max(np.abs(done))):
+    if np.any(np.diff(path.hysteretic_energy) < -_ENERGY * np.max(np.abs(work))):
         faults.append(f"law {name}: the dissipated energy decreases")
     return faults
 

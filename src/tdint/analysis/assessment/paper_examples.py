@@ -52,7 +52,7 @@ FINER = 8
 
 QUANTITIES = ("displacement", "velocity", "acceleration")
 
-_SLOW = 1e-6  # rad per time step; such a slow sine is linear within 1e-13
+_SLOW = 1e-6  # rad per time step; over such a small angle a sine is linear within 1e-13
 
 
 @dataclass(frozen=True)
@@ -308,9 +308,8 @@ def run_example(
     unknown = np.full_like(finer.displacement, math.nan)
     for integrator in integrators:
         for variant, solve in {"": _as_run, **VARIANTS.get(integrator.method.name, {})}.items():
-            motion = ExampleMotion(
-                finer.time, unknown, unknown, unknown
-            )  # result of an incomplete run
+            # An incomplete run has no motion to compare, so its values are nan.
+            motion = ExampleMotion(finer.time, unknown, unknown, unknown)
             try:
                 outcome, motion = "done", solve(example, dt, integrator)
             except FailedRun as failure:
@@ -323,10 +322,12 @@ def run_example(
 
 
 def _steps(example: Example, dt: float) -> int:
+    """Return the number of complete time steps dt (s) in the duration of an example."""
     return max(1, math.floor(example.duration / dt + 1e-9))
 
 
 def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
+    """Run a method without a variant."""
     return reference(example, dt, integrator.label, 1)
 
 
@@ -336,8 +337,10 @@ def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> Ex
     This is equivalent to the initial velocity v0 = dt a0 / 2.
     """
     building = assemble(example.model)
-    damped = np.diag(building.mass) + 0.5 * dt * building.damping_matrix()
-    velocity = np.linalg.solve(damped, 0.5 * dt * _load(example.model, np.zeros(1))[0])
+    # v0 = dt a0 / 2 with the initial acceleration M a0 = p(0) - C v0 for zero displacements: solve
+    # (M + dt C / 2) v0 = dt p(0) / 2.
+    effective_mass = np.diag(building.mass) + 0.5 * dt * building.damping_matrix()
+    velocity = np.linalg.solve(effective_mass, 0.5 * dt * _load(example.model, np.zeros(1))[0])
     start = replace(example.model.initial, velocity=tuple(velocity.tolist()))
     return _as_run(replace(example, model=replace(example.model, initial=start)), dt, integrator)
 
@@ -369,7 +372,9 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
         motion = np.zeros((3, count + 1, n))
         state = np.array([example.model.initial.displacement, example.model.initial.velocity])
         for j in range(count + 1):
-            # Define forces that change from `begin` to `end` (N, shape (n,)) within a time step.
+            # The forces (N, shape (n,)) change from `begin` to `end` within this time step. They
+            # are the sum of constant forces and the start of slow sines, which are practically
+            # linear.
             begin = loads[j]
             end = loads[j] if hold else loads[j + 1]
             slope = (end - begin) / math.sin(_SLOW)
@@ -384,13 +389,13 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
                 if value
             ]
             forces = force_table(constant + ramp)
-            marched = PreparedBuilding(building, forces, *state).integrate(
+            result = PreparedBuilding(building, forces, *state).integrate(
                 integrator, Steps(dt, 1), history_rows=1
             )
-            if marched.code < 0:
+            if result.code < 0:
                 raise AnalysisError(f"{integrator.label} diverged with dt {dt:.6g} s")
-            motion[:, j] = marched.space.history[0, 1 : 1 + 3 * n].reshape(3, n)
-            state = marched.space.history[1, 1 : 1 + 2 * n].reshape(2, n)
+            motion[:, j] = result.space.history[0, 1 : 1 + 3 * n].reshape(3, n)
+            state = result.space.history[1, 1 : 1 + 2 * n].reshape(2, n)
         return ExampleMotion(times[:-1], *motion)
 
     return solve
@@ -441,16 +446,15 @@ def paper_examples(
     by_number = examples()
     if unknown := [number for number in numbers if number not in by_number]:
         raise UsageError(
-            f"unknown example {unknown[0]}; the paper has the examples "
-            f"{', '.join(map(str, by_number))}"
+            f"example {unknown[0]} not found; the examples are {', '.join(map(str, by_number))}"
         )
     integrators = default_integrators() if method is None else chosen(method)
     steps = numbers_of(dt, "dt").tolist()
     return ResultList(
         [
             run
-            for one in numbers
+            for number in numbers
             for h in steps
-            for run in run_example(by_number[one], h, integrators)
+            for run in run_example(by_number[number], h, integrators)
         ]
     )

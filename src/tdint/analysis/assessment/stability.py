@@ -27,9 +27,11 @@ from tdint.number_parsing import pluralize
 from tdint.tabular import ResultList, Tabular, map_over_first
 
 _MOST_STEPS = 1e6  # maximum number of steps of an overshoot, which occurs in the first ten
-_SMALLEST = 1e-3  # dt/T at which the principal root is identified with certainty
+_FIRST_STEP = 1e-3  # dt/T at which the principal root is identified with certainty
 _REAL = 1e-9  # maximum imaginary part of a root that is real except for rounding
-_APART = 1.08  # ratio of neighboring time steps for which roots are tracked without confusion
+_MAX_STEP_RATIO = (
+    1.08  # ratio of neighboring time steps for which roots are tracked without confusion
+)
 LARGEST = 1e4
 """Dimensionless. Maximum omega dt of the search for a critical time step."""
 
@@ -129,30 +131,34 @@ def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
     dt_over_t = numbers_of(dt_over_t, "dt_over_t")
     rises = dt_over_t.size and dt_over_t[0] > 0.0 and np.all(np.diff(dt_over_t) >= 0.0)
     if not (rises and np.isfinite(dt_over_t).all()):
-        raise UsageError("dt_over_t must be positive and increasing")
+        raise UsageError(
+            f"dt_over_t must be positive and increasing, got {' '.join(str(dt_over_t).split()):.60}"
+        )
     # Roots are tracked from a small time step. Intermediate steps are added if the requested steps
     # are far from each other.
-    ends = [min(_SMALLEST, dt_over_t[0]), *dt_over_t]
-    counts = [2 + int(math.log(high / low) / math.log(_APART)) for low, high in pairwise(ends)]
-    ways = [
+    ends = [min(_FIRST_STEP, dt_over_t[0]), *dt_over_t]
+    counts = [
+        2 + int(math.log(high / low) / math.log(_MAX_STEP_RATIO)) for low, high in pairwise(ends)
+    ]
+    grids = [
         np.geomspace(low, high, count)[:-1]
         for (low, high), count in zip(pairwise(ends), counts, strict=True)
     ]
-    places = np.cumsum([way.size for way in ways])
-    ratios = np.concatenate([*ways, dt_over_t[-1:]])
-    ratios[places] = dt_over_t
+    requested = np.cumsum([grid.size for grid in grids])  # indices of the requested steps
+    ratios = np.concatenate([*grids, dt_over_t[-1:]])
+    ratios[requested] = dt_over_t  # the requested values without the rounding errors of geomspace
     roots = _roots(method, 2.0 * math.pi * ratios, damping)
-    principal, spurious = _followed(roots, 2.0 * math.pi * ratios[0], damping)
-    roots, principal, spurious = roots[places], principal[places], spurious[places]
+    principal, spurious = _tracked(roots, 2.0 * math.pi * ratios[0], damping)
+    roots, principal, spurious = roots[requested], principal[requested], spurious[requested]
     # Above critical damping there is no period, and the results are nan.
-    damped = math.sqrt(max(1.0 - damping**2, 0.0))  # circular frequency over the undamped one
+    damped = math.sqrt(max(1.0 - damping**2, 0.0))  # damped divided by undamped frequency
     exact_phase = 2.0 * math.pi * dt_over_t * damped
-    tells = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi) & (damped > 0.0)
+    has_period = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi) & (damped > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         decay, phase = -np.log(np.abs(principal)), np.angle(principal)
-        period_error = np.where(tells, exact_phase / phase - 1.0, math.nan)
-        numerical = np.where(tells, decay / np.hypot(decay, phase) - damping, math.nan)
-        lost = np.where(tells, decay / phase - np.divide(damping, damped), math.nan)
+        period_error = np.where(has_period, exact_phase / phase - 1.0, math.nan)
+        numerical = np.where(has_period, decay / np.hypot(decay, phase) - damping, math.nan)
+        excess_decay = np.where(has_period, decay / phase - np.divide(damping, damped), math.nan)
     return StabilityCurve(
         method=method.label,
         damping=damping,
@@ -160,7 +166,7 @@ def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
         spectral_radius=np.max(np.abs(roots), axis=1),
         period_error=period_error,
         numerical_damping=numerical,
-        amplitude_decay=1.0 - np.exp(-2.0 * math.pi * lost),
+        amplitude_decay=1.0 - np.exp(-2.0 * math.pi * excess_decay),
         spurious_radius=spurious,
     )
 
@@ -171,7 +177,7 @@ def _checked(method: Integrator | str, damping: float) -> Integrator:
     return method if isinstance(method, Integrator) else parse(method)
 
 
-def _followed(
+def _tracked(
     roots: NDArray[np.complex128], first: float, damping: float
 ) -> tuple[NDArray[np.complex128], Array]:
     """Track the principal root from the first time step, and return it with the spurious radius.
@@ -198,7 +204,8 @@ def _followed(
         upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
         nearest = np.argsort(np.abs(upper - guess))
         principal[index] = guess = upper[nearest[0]]
-        # Real roots are not a conjugate pair, so the partner of the principal root is not known.
+        # The two principal roots are a conjugate pair, and all other roots are spurious. If the
+        # principal root is real, its partner cannot be identified, and the result is nan.
         if candidates.size > 2:
             spurious[index] = (
                 math.nan if guess.imag <= _REAL else np.max(np.abs(upper[nearest[2:]]))
@@ -218,9 +225,9 @@ def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.com
 def critical_step(method: Integrator, damping: float = 0.0) -> float:
     """Return the minimum omega dt above which the spectral radius exceeds 1, bisected to rounding.
 
-    The result is inf if there is none. The search uses 4000 points up to `LARGEST` and points just
-    above the declared limit of the method. An unstable interval elsewhere that is narrower than 0.5
-    % of omega dt can be missed.
+    The result is inf if the method is stable for all steps. The search uses 4000 points up to
+    `LARGEST` and points just above the declared limit of the method. An unstable interval elsewhere
+    that is narrower than 0.5 % of omega dt can be missed.
     """
     grid = np.geomspace(1e-3, LARGEST, 4000)
     declared = method.stability_limit
@@ -250,9 +257,9 @@ def false_limit(method: Integrator, measured: float) -> str:
         return ""
     limit = f"{measured:.6g}" if math.isfinite(measured) else f"no limit up to {LARGEST:g}"
     return (
-        f"{method.label}: the declared stability limit is omega dt = {declared:.6g}, the "
-        f"measured limit is {limit}; `tdint run` refuses time steps by the measured limit for "
-        "the modes of the building"
+        f"{method.label}: declares the stability limit omega dt = {declared:.6g}, but the "
+        "measured limit "
+        f"is {limit}; `tdint run` uses limits that it measures at the modes of the building"
     )
 
 
@@ -440,10 +447,10 @@ def overshoot(
     )
     powers = []
     for values in largest.T:
-        clear = np.flatnonzero(values > _NOISE[start])
+        above_noise = np.flatnonzero(values > _NOISE[start])
         power = -math.inf
-        if clear.size >= 2:
-            low, high = clear[-2:]
+        if above_noise.size >= 2:
+            low, high = above_noise[-2:]
             power = math.log(values[high] / values[low]) / math.log(_LEVELS[high] / _LEVELS[low])
         powers.append(power)
     motion = u / amplitude, hv / (omega_h * amplitude)
@@ -475,7 +482,7 @@ def _first_steps(
     displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
     prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)
-    return _marched(prepared, method, Steps(1.0, steps)) / _TINY
+    return _integrate(prepared, method, Steps(1.0, steps)) / _TINY
 
 
 def _nonlinear_overshoot(
@@ -495,26 +502,27 @@ def _nonlinear_overshoot(
     problem = problems()[law]
     (story,), (displacement,) = problem.model.stories, problem.model.initial.displacement
     velocity = math.sqrt(2.0 * problem.energy_scale / story.mass)
-    omega = math.sqrt(story.stiffness / story.mass)  # of small vibrations
+    omega = math.sqrt(story.stiffness / story.mass)  # rad/s, for vibrations of small amplitude
     damped = replace(story, dashpot=2.0 * damping * omega * story.mass)
     u_start, v_start = np.multiply(STARTS[start], (displacement, velocity))
     building = assemble(replace(problem.model, stories=(damped,)))
     prepared = PreparedBuilding(building, displacement=u_start, velocity=v_start)
-    u, v = _marched(prepared, method, Steps(2.0 * math.pi * dt_over_t / omega, steps))[:, :, 0]
+    u, v = _integrate(prepared, method, Steps(2.0 * math.pi * dt_over_t / omega, steps))[:, :, 0]
     powers = (math.nan, math.nan)
     return Overshoot(
         method.label, dt_over_t, damping, start, u / displacement, v / velocity, *powers, law
     )
 
 
-def _marched(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
+def _integrate(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
     """Return displacements and velocities of the floors, shape (2, steps + 1, n).
 
     Values are nan after a response that grew without bound.
     """
-    marched = prepared.integrate(method, steps, history_rows=steps.count)
+    result = prepared.integrate(method, steps, history_rows=steps.count)
     n = prepared.building.stories
-    history = marched.space.history
-    if marched.code < 0:
-        history[1:][~history[1:].any(axis=1)] = math.nan  # never written
+    history = result.space.history
+    if result.code < 0:
+        # The rows after the failure were not written; they still contain zeros.
+        history[1:][~history[1:].any(axis=1)] = math.nan
     return np.array([history[:, 1 : 1 + n], history[:, 1 + n : 1 + 2 * n]])

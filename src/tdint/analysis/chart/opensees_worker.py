@@ -30,11 +30,12 @@ can be limited to a fraction of it. The limit applies separately to each integra
 NOT_RUN = "not-run"
 """Outcome of a run that was not started, because runs with larger steps used `SECONDS`."""
 
+# Libraries in the package openseespylinux that OpenSees needs.
 _BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
-TOLERANCE = 1e-9  # residual over the maximum inertia force of the reference
+TOLERANCE = 1e-9  # residual divided by the maximum inertia force of the reference solution
 ITERATIONS = 50  # maximum Newton iterations per step; converging steps need fewer iterations
-_GROUND, _PATTERN = 0, 1
-_KINDS = ("disp", "vel", "accel")
+_GROUND, _PATTERN = 0, 1  # node of the ground, and tag of the load pattern of the ground motion
+_RECORDED = ("disp", "vel", "accel")
 _TAG_OFFSET = 100_000  # offset of the tags of parallel elements; maximum number of stories
 _FOREVER = 1e9  # s; later than the end of any run
 
@@ -152,7 +153,7 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.numberer("Plain")
     ops.system("BandSPD")
     ops.test("NormUnbalance", TOLERANCE * float(problem["largest"]), ITERATIONS)
-    # A building with a constant matrix is factorized one time.
+    # A linear building has a constant matrix, which needs to be factorized only one time.
     ops.algorithm(*("Linear", "-factorOnce") if problem["one_solve"] else ("Newton",))
     ops.integrator(*run["integrator"])
     ops.analysis("Transient")
@@ -190,7 +191,7 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     with TemporaryDirectory() as directory:
         # OpenSees writes the motion of the nodes to files, because queries from Python take more
         # time than the steps.
-        for name in _KINDS:
+        for name in _RECORDED:
             ops.recorder(
                 "Node", "-binary", f"{directory}/{name}", "-node", *range(1, n + 1), "-dof", 1, name
             )
@@ -205,9 +206,9 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
         ops.wipe()  # closes the files
         if code != 0:
             return {"outcome": np.array("not-converged")}
-        # OpenSees writes the end of a line in binary files also.
+        # OpenSees writes one byte after each row, also in binary files.
         row = np.dtype([("nodes", float, (n,)), ("end", "V1")])
-        rows = {name: np.fromfile(f"{directory}/{name}", row)["nodes"] for name in _KINDS}
+        rows = {name: np.fromfile(f"{directory}/{name}", row)["nodes"] for name in _RECORDED}
         story_force = np.fromfile(f"{directory}/force", row)["nodes"]
     starts = (problem["u_start"], problem["v_start"], problem["a_start"])
     u, v, a = (
@@ -220,6 +221,7 @@ def _integrate(ops: Any, problem: Content, run: Content) -> Content:
     a[1:] = _equilibrium(problem, times[1:], u[1:], v[1:], story_force) - ground[1:, None]
     absolute = a + ground[:, None]
     shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
+    # With forces on floors, the shears do not equal the inertia forces, and are not reported.
     shear *= math.nan if problem["forces"].size else 1.0
     peaks = (
         np.max(np.abs(values), axis=0)

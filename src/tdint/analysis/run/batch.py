@@ -34,8 +34,8 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building, DrawnBuildings
 from tdint.model.definition import Model
 
-_parsed = lru_cache(maxsize=64)(parse)
-"""Method of a specification, parsed one time for all buildings that use it."""
+_parse_cached = lru_cache(maxsize=64)(parse)
+"""`parse` with a cache, because thousands of buildings may have the same method."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Subject:
     @cached_property
     def integrator(self) -> Integrator:
         """Method."""
-        return _parsed(self.method)
+        return _parse_cached(self.method)
 
     def case(self, record: Record | None, scale: float = 1.0) -> Case:
         """Return the case of the building under a ground motion times a factor, or with the ground
@@ -76,7 +76,8 @@ class Subject:
         return self.prepared.period
 
     def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
-        return Subject, (self.model, self.method)  # the receiving process computes the rest again
+        # Only the definition is pickled. The receiving process computes the arrays again.
+        return Subject, (self.model, self.method)
 
 
 RunOfMotion = tuple[int, float, Steps]
@@ -117,24 +118,25 @@ class Outcomes:
     failures: dict[int, FailedRun] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, building: Building, marched: BatchResult, to_rest: bool) -> Outcomes:
-        """Return the results of a compiled call.
+    def of(cls, building: Building, batch: BatchResult, to_rest: bool) -> Outcomes:
+        """Return the results of a compiled call; `to_rest` if the runs continue until rest.
 
         If each run has its own building, the first axis of the arrays of `building` is the run.
         """
         at_rest = (
-            marched.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(marched.ends)
+            batch.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(batch.ends)
         )
         return cls(
-            peaks_of(building, marched.peaks, marched.drifts),
-            energy_errors(marched.totals),
-            marched.ends[:, STEPS_COMPLETED].astype(int),
+            peaks_of(building, batch.peaks, batch.drifts),
+            energy_errors(batch.totals),
+            batch.ends[:, STEPS_COMPLETED].astype(int),
             at_rest,
         )
 
     @property
     def status(self) -> dict[int, str]:
-        """Status of the runs that are not simply done, by their index."""
+        """Status of the runs that were evaluated individually, by their index. All other runs are
+        done."""
         return {
             i: ended.status
             for i, ended in (self.collapses | self.responses | self.failures).items()
@@ -153,18 +155,19 @@ class Outcomes:
     def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
         """Replace the results of run `i` by those of an individual run."""
         try:
-            settled, at_rest = attempt()
+            result, at_rest = attempt()
         except FailedRun as failure:
             self.fail(i, failure)
             return
-        collapse = settled if isinstance(settled, Collapse) else settled.collapse
+        collapse = result if isinstance(result, Collapse) else result.collapse
         self.at_rest[i] = None if collapse else at_rest
         if collapse:
             self.collapses[i] = collapse
-        if isinstance(settled, Collapse):
+        # A collapse that was evaluated from the batch does not change the values of the batch.
+        if isinstance(result, Collapse):
             return
-        self.responses[i] = settled
-        self._put(i, settled.stories, settled.energy.error, settled.steps)
+        self.responses[i] = result
+        self._put(i, result.stories, result.energy.error, result.steps)
 
     def _put(self, i: int, stories: StoryPeaks | None, energy_error: float, steps: int) -> None:
         """Write the results of run `i`; nan if `stories` is None."""
@@ -183,7 +186,7 @@ def run_batch(
     check: bool = False,
     to_rest: bool = False,
     history: bool = False,
-    march: Callable[[], BatchResult] | None = None,
+    integrate: Callable[[], BatchResult] | None = None,
     to_repeat: Container[int] | None = None,
 ) -> Outcomes:
     """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
@@ -203,7 +206,7 @@ def run_batch(
         Continue with the ground at rest until free vibration has decayed.
     history : bool, default False
         Keep the histories of runs that are integrated individually.
-    march : callable, optional
+    integrate : callable, optional
         Function that integrates the runs and returns a `BatchResult`; by default one compiled call
         without histories.
     to_repeat : container of int, optional
@@ -218,38 +221,49 @@ def run_batch(
     prepared, h = subject.prepared, runs[0][2].h
 
     def case(i: int) -> Case:
+        """Return the case of run `i`."""
         return subject.case(motions.records[runs[i][0]], runs[i][1])
 
+    # Error estimates require a second run of each run, and an unstable time step an error message
+    # of each run. Integrate the runs individually in both cases.
     if check or prepared.instability(subject.integrator, h):
         outcomes = Outcomes.of(
             prepared.building, BatchResult.empty(len(runs), prepared.building.stories), to_rest
         )
         for i, (_, _, steps) in enumerate(runs):
             outcomes.replace(
-                i, partial(_alone, case(i), steps, check=check, to_rest=to_rest, history=history)
+                i,
+                partial(
+                    _integrate_individually,
+                    case(i),
+                    steps,
+                    check=check,
+                    to_rest=to_rest,
+                    history=history,
+                ),
             )
         return outcomes
-    if march:
-        marched = march()
+    if integrate:
+        batch = integrate()
     else:
-        lanes, rest = (
-            [motions.lane(*run) for run in runs],
-            windows(prepared, h) if to_rest else NO_FREE_VIBRATION,
-        )
-        marched = prepared.integrate_batch(subject.integrator, h, motions.samples, lanes, rest)
-    outcomes = Outcomes.of(prepared.building, marched, to_rest)
-    for i in np.flatnonzero(needs_review(marched)).tolist():
-        of_run, steps = case(i), runs[i][2]
+        specs = [motions.run_spec(*run) for run in runs]
+        criterion = windows(prepared, h) if to_rest else NO_FREE_VIBRATION
+        batch = prepared.integrate_batch(subject.integrator, h, motions.samples, specs, criterion)
+    outcomes = Outcomes.of(prepared.building, batch, to_rest)
+    # Evaluate the runs that collapsed or failed individually. If failed runs are repeated with a
+    # smaller time step anyway, the status of the failure is sufficient.
+    for i in np.flatnonzero(needs_review(batch)).tolist():
+        run_case, steps = case(i), runs[i][2]
         failure = (
             None
             if to_repeat is None
-            else of_run.failure_in_batch(steps, marched, i, i in to_repeat)
+            else run_case.failure_in_batch(steps, batch, i, i in to_repeat)
         )
         if failure:
             outcomes.fail(i, failure)
         else:
             outcomes.replace(
-                i, partial(_judged, of_run, steps, marched, i, to_rest=to_rest, history=history)
+                i, partial(_evaluate, run_case, steps, batch, i, to_rest=to_rest, history=history)
             )
     return outcomes
 
@@ -282,50 +296,56 @@ def run_sampled(
     AnalysisError
         The method does not support these buildings.
     """
-    h, places = runs[0][1][2].h, [d for d, _ in runs]
-    lanes = [(d, motions.lane(*run)) for d, run in runs]
-    marched = subject.prepared.integrate_sampled(
-        subject.integrator, h, motions.samples, lanes, drawn
-    )
-    outcomes = Outcomes.of(drawn.of_runs(places), marched, False)
-    for i in np.flatnonzero(needs_review(marched)).tolist():
-        d, (number, scale, steps) = runs[i]
-        case = subjects[d]().case(motions.records[number], scale)
-        outcomes.replace(i, partial(_judged, case, steps, marched, i, to_rest=False, history=False))
+    h, samples = runs[0][1][2].h, [sample for sample, _ in runs]
+    specs = [(sample, motions.run_spec(*run)) for sample, run in runs]
+    batch = subject.prepared.integrate_sampled(subject.integrator, h, motions.samples, specs, drawn)
+    outcomes = Outcomes.of(drawn.of_runs(samples), batch, False)
+    for i in np.flatnonzero(needs_review(batch)).tolist():
+        sample, (number, scale, steps) = runs[i]
+        case = subjects[sample]().case(motions.records[number], scale)
+        outcomes.replace(i, partial(_evaluate, case, steps, batch, i, to_rest=False, history=False))
     return outcomes
 
 
-def _judged(
-    case: Case, steps: Steps, marched: BatchResult, i: int, *, to_rest: bool, history: bool
+def _evaluate(
+    case: Case, steps: Steps, batch: BatchResult, i: int, *, to_rest: bool, history: bool
 ) -> RunResult:
     """Return the result of run `i` of a batch as evaluated by its own case."""
-    return case.settle(steps, marched, i, history), int(
-        marched.ends[i, AT_REST]
-    ) if to_rest else None
+    at_rest = int(batch.ends[i, AT_REST]) if to_rest else None
+    return case.settle(steps, batch, i, history), at_rest
 
 
-def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool) -> RunResult:
+def _integrate_individually(
+    case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool
+) -> RunResult:
     """Integrate a run individually."""
     at_rest = None
     if to_rest:
         steps, reached_rest = until_rest(case, steps)
         at_rest = int(reached_rest)
-        steps = case.steps(steps.h, steps.count * steps.h)  # the end is now the requested time
+        # The run ends at the requested time, so that no drift change after this time is estimated.
+        steps = case.steps(steps.h, steps.count * steps.h)
     response = (run_with_error_estimate if check else Case.integrate)(case, steps, history)
     return (ended_at_rest(response) if to_rest else response), at_rest
 
 
 def samples_of(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
-    """Return the values of each sample by name; for `product` all combinations, the last name
-    fastest.
+    """Return the values of each sample by name.
+
+    Parameters
+    ----------
+    vary : mapping of str to array
+        Values by name: one value, or one value per sample.
+    product : bool
+        True for all combinations of the values, in which the last name varies fastest.
     """
-    given = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
+    arrays = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
     if product:
-        grids = np.meshgrid(*given.values(), indexing="ij")
-        given = {name: grid.ravel() for name, grid in zip(given, grids, strict=True)}
-    sizes = {len(values) for values in given.values()}
+        grids = np.meshgrid(*arrays.values(), indexing="ij")
+        arrays = {name: grid.ravel() for name, grid in zip(arrays, grids, strict=True)}
+    sizes = {len(values) for values in arrays.values()}
     count = max(sizes, default=1)
     if not count or sizes - {1, count}:
-        counts = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
+        counts = ", ".join(f"{len(values)} of {name}" for name, values in arrays.items())
         raise UsageError(f"vary: each name needs one value, or one value per sample; got {counts}")
-    return {name: np.broadcast_to(values, count).copy() for name, values in given.items()}
+    return {name: np.broadcast_to(values, count).copy() for name, values in arrays.items()}

@@ -57,9 +57,9 @@ from tdint.model.plausibility import (
 )
 from tdint.number_parsing import pluralize
 
-# ---- What a march left in its arrays, as results
+# ---- Results of a time integration, computed from its arrays
 
-Telling = Callable[[Building, Array, Array, Array], Array]
+FieldFunction = Callable[[Building, Array, Array, Array], Array]
 """Function that computes a field of the history from the building, the forces on its floors
 (`force_table`), the times of the rows, and the rows of the history table.
 """
@@ -95,14 +95,16 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
         space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
     )
     stiffness = building.initial_stiffness
-    softer = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
-    away = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / softer
+    # A stiffness that is not positive, or exceeds the initial stiffness, is replaced by the initial
+    # stiffness.
+    present = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
+    distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present
     rate = _drift_rates(building, space.state[rows.VELOCITY])
     displacement, velocity = (
         np.max(space.peaks[row]) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
     )
-    swing = displacement / velocity if velocity > 0.0 else 0.0
-    return np.asarray(np.hypot(away, rate * swing * np.sqrt(stiffness / softer)))
+    seconds = displacement / velocity if velocity > 0.0 else 0.0
+    return np.asarray(np.hypot(distance, rate * seconds * np.sqrt(stiffness / present)))
 
 
 def _drift_rates(building: Building, floors: Array) -> Array:
@@ -126,15 +128,15 @@ def interstep_peak_errors(building: Building, space: Workspace, late: float) -> 
     late : float
         Time from the requested end to the end of the last step, s.
     """
-    peaks, rest = space.peaks[: rows.PEAK_ROWS], np.zeros(building.stories)
+    peaks, no_drift = space.peaks[: rows.PEAK_ROWS], np.zeros(building.stories)
     rate, acceleration = (
         _drift_rates(building, row)
         for row in (space.state[rows.VELOCITY], space.observer_state[rows.OBSERVED_ACCELERATION])
     )
-    changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(acceleration)
+    drift_change = late * np.abs(rate) + 0.5 * late**2 * np.abs(acceleration)
     possible = np.maximum(space.peaks[rows.PEAK_ROWS :], peaks)
-    # The values of all stories are computed one time for both sets of peaks.
-    both = story_values(building, np.array([peaks, possible]), np.array([rest, changed]))
+    # One call computes the values of all stories for both sets of peaks.
+    both = story_values(building, np.array([peaks, possible]), np.array([no_drift, drift_change]))
     return StoryErrors(**{name: bound - reported for name, (reported, bound) in both.items()})
 
 
@@ -152,8 +154,8 @@ def energy_errors(totals: Array) -> Array:
 def energy_of(numbers: Array) -> Energy:
     """Return the energies at the start of an array in the order of `Workspace.totals`."""
     terms = dict(zip(ENERGY_TERMS, numbers[: rows.ENERGY_TERMS].tolist(), strict=True))
-    start, largest = float(numbers[rows.ENERGY_INITIAL]), float(numbers[rows.ENERGY_REFERENCE])
-    return Energy(**terms, initial=start, reference=largest)
+    initial, reference = numbers[rows.ENERGY_INITIAL], numbers[rows.ENERGY_REFERENCE]
+    return Energy(**terms, initial=float(initial), reference=float(reference))
 
 
 def history_of(
@@ -178,68 +180,69 @@ def history_of(
     n = building.stories
     table = space.history
     time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
-    # The energies follow the motion in each row. Input energy that is in no other term is the
-    # imbalance.
-    behind = 1 + rows.HISTORY_FIELDS * n
-    terms = list(table[:, behind : behind + rows.ENERGY_TERMS].T)
-    start, largest = (
-        space.totals[rows.ENERGY_INITIAL],
-        space.totals[rows.ENERGY_REFERENCE] if largest is None else largest,
-    )
-    imbalance = reduce(sub, terms[1:], start + terms[0])
-    missing = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
+    # In each row, the energies are stored after the motion. The first term is the input energy; the
+    # imbalance is the part of the input and the initial energy that no other term contains.
+    first_energy = 1 + rows.HISTORY_FIELDS * n
+    terms = list(table[:, first_energy : first_energy + rows.ENERGY_TERMS].T)
+    initial = space.totals[rows.ENERGY_INITIAL]
+    largest = space.totals[rows.ENERGY_REFERENCE] if largest is None else largest
+    imbalance = reduce(sub, terms[1:], initial + terms[0])
+    relative = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
     return History(
         time=time,
         ground_acceleration=table[:, 0],
-        energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=missing),
-        **{name: told(building, forces, time, table) for name, told in HISTORIES.items()},  # type: ignore[arg-type]
+        energy=EnergyHistory(**dict(zip(ENERGY_TERMS, terms, strict=True)), error=relative),
+        **{name: compute(building, forces, time, table) for name, compute in HISTORIES.items()},  # type: ignore[arg-type]
     )
 
 
-def _field(place: int) -> Telling:
-    """Return the function that reads a field directly from the rows of the history."""
+def _field(index: int) -> FieldFunction:
+    """Return the function that reads the field with an index from the rows of the history table."""
     return lambda building, forces, time, table: table[
-        :, 1 + place * building.stories : 1 + (place + 1) * building.stories
+        :, 1 + index * building.stories : 1 + (index + 1) * building.stories
     ]
 
 
-def _over_story(place: int) -> Telling:
+def _floor_difference(index: int) -> FieldFunction:
     """Return the function that computes the difference of a field between the floors above and
     below.
     """
 
-    def told(building: Building, forces: Array, time: Array, table: Array) -> Array:
-        floors = _field(place)(building, forces, time, table)
+    def compute(building: Building, forces: Array, time: Array, table: Array) -> Array:
+        """Return the differences, shape (rows, n); the ground below the first story is fixed."""
+        floors = _field(index)(building, forces, time, table)
         stories = floors.copy()
         stories[:, 1:] -= floors[:, :-1]
         return stories
 
-    return told
+    return compute
 
 
 def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
     """Return the sum over the floors above each story: forces on floors minus mass times
     acceleration.
     """
-    moved = -building.linear_terms[rows.MASS, :-1] * _ACCELERATION(building, forces, time, table)
+    floor_forces = -building.linear_terms[rows.MASS, :-1] * _ACCELERATION(
+        building, forces, time, table
+    )
     for force in forces:
         angle = force[rows.OMEGA] * time
-        moved[:, int(force[rows.FLOOR])] += force[rows.COSINE] * np.cos(angle) + force[
+        floor_forces[:, int(force[rows.FLOOR])] += force[rows.COSINE] * np.cos(angle) + force[
             rows.SINE
         ] * np.sin(angle)
-    return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
+    return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
 
 
 _ACCELERATION = _field(2)
-_DRIFT_RATE = _over_story(1)
+_DRIFT_RATE = _floor_difference(1)
 
-HISTORIES: dict[str, Telling] = {
+HISTORIES: dict[str, FieldFunction] = {
     "displacement": _field(0),
     "velocity": _field(1),
     "acceleration": _ACCELERATION,
-    "drift": _over_story(0),
+    "drift": _floor_difference(0),
     "shear": _field(3),
-    "damper_force": lambda building, *told: building.device_force(_DRIFT_RATE(building, *told)),
+    "damper_force": lambda building, *table: building.device_force(_DRIFT_RATE(building, *table)),
     "total_shear": _total_shear,
 }
 """Functions that compute the fields of `History` for stories and floors, shape (rows, n)."""
@@ -260,12 +263,12 @@ RUNAWAY = 100.0
 diverged. 100 corresponds to ten times the amplitude.
 """
 
-_UNRESOLVED = 0.05
+_EXCESS_FRACTION = 0.05
 """Dimensionless. Possible excess between time steps divided by the peak, above which a note is
 added.
 """
 
-_MOVING = 0.01
+_VIBRATION_FRACTION = 0.01
 """Dimensionless. Amplitude of a drift at the end divided by the maximum drift, above which a note
 is added.
 """
@@ -277,7 +280,7 @@ _OVERFLOW = 1e300
 divergence.
 """
 
-_CURE = "use a smaller step or another method"
+_REMEDY = "use a smaller step or another method"
 
 
 @dataclass(frozen=True)
@@ -325,11 +328,11 @@ class Case:
     @cached_property
     def plausibility_warnings(self) -> tuple[str, ...]:
         """Warnings on unusual values of the building and the ground motion, as `check` shows."""
-        # Warnings of the record are not repeated.
-        told = self.record.warnings if self.record else ()
+        # The warnings of the record are reported when it is read; do not repeat them.
+        reported = self.record.warnings if self.record else ()
         pga = self.record.pga if self.record else math.nan
         unusual = doubts(self.model, self.building, pga, shaken=self.record is not None)
-        return tuple(text for text in unusual if text not in told)
+        return tuple(text for text in unusual if text not in reported)
 
     def _long_step(self, steps: Steps) -> list[str]:
         """Return the warning on the time step of the model or its record.
@@ -337,8 +340,8 @@ class Case:
         There is no warning on a time step that is requested or chosen for a tolerance.
         """
         interval = self.record.dt if self.record else None
-        implied = self.model.analysis.dt or interval
-        if implied is None or not math.isclose(steps.h, implied, rel_tol=1e-9):
+        default = self.model.analysis.dt or interval
+        if default is None or not math.isclose(steps.h, default, rel_tol=1e-9):
             return []
         return long_step(self.building, steps.h, interval)
 
@@ -368,7 +371,7 @@ class Case:
             There is no ground motion.
         """
         if self.record is None:
-            raise UsageError("no ground motion to scale: specify a record")
+            raise UsageError("the case has no ground motion to scale; prepare it with a record")
         return self.under(self.record.scaled(factor))
 
     def steps(self, dt: float | None = None, duration: float | None = None) -> Steps:
@@ -394,10 +397,10 @@ class Case:
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
         record = self.record
-        loaded = self.model.excitation.forces or any(
+        is_loaded = self.model.excitation.forces or any(
             (*self.model.initial.displacement, *self.model.initial.velocity)
         )
-        if record is None and not loaded and (dt is None or duration is None):
+        if record is None and not is_loaded and (dt is None or duration is None):
             raise UsageError(
                 f"{self.model.name}: the ground motion is missing; add a record (RECORD on the "
                 "command line, or `excitation: {record: FILE}` in the model file)"
@@ -428,35 +431,32 @@ class Case:
             None if self.allow_unstable else self.prepared.instability(self.method, steps.h)
         )
         if instability is not None:
-            h, omega, stable = (
-                steps.h,
-                self.building.modes().omega[instability.index],
-                instability.largest_stable,
-            )
-            cure = (
+            h, stable = steps.h, instability.largest_stable
+            omega = self.building.modes().omega[instability.index]
+            remedy = (
                 f"the largest stable step is {stable:.6g} s"
                 if stable > 0.0
                 else "no smaller step is stable"
             )
             message = (
                 f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} "
-                f"(omega {omega:.6g} rad/s, omega dt {omega * h:.6g}) grows; {cure}, or use "
+                f"(omega {omega:.6g} rad/s, omega dt {omega * h:.6g}) grows; {remedy}, or use "
                 "--allow-unstable"
             )
             raise FailedRun(message, UNSTABLE, self.method.label, h, largest_stable_dt=stable)
-        # A run that fails after a collapse is repeated up to the collapse.
-        marched = self._integrate(steps, history)
-        collapse = self.judge(steps, marched.code, marched.space.totals)
-        if marched.code < 0:
+        result = self._integrate(steps, history)
+        collapse = self.judge(steps, result.code, result.space.totals)
+        if result.code < 0:
             if collapse is None:
-                raise self._failure(steps, marched.space, marched.code)
+                raise self._failure(steps, result.space, result.code)
+            # The run failed after a collapse. Repeat it up to the collapse, which is its result.
             steps = replace(steps, count=round(collapse.time / steps.h))
-            marched = self._integrate(steps, history)
-        error = energy_of(marched.space.totals).error
+            result = self._integrate(steps, history)
+        error = energy_of(result.space.totals).error
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the final energy is {1.0 - error:.3g} times the input energy"
-            raise self._ran_away(steps, marched.space, reason)
-        return self._response(steps, marched, collapse)
+            raise self._divergence(steps, result.space, reason)
+        return self._response(steps, result, collapse)
 
     def history_chunks(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
         """Yield the history of a completed run in chunks, by repeating the time integration.
@@ -487,7 +487,7 @@ class Case:
         """Return the exception for the failed step: divergence or missing convergence."""
         residual = float(space.step_status[rows.RESIDUAL])
         if code == rows.NOT_FINITE or not residual < _OVERFLOW:
-            return self._ran_away(steps, space)
+            return self._divergence(steps, space)
         reached = float(space.totals[rows.STEPS_REACHED]) * steps.h
         story = int(space.step_status[rows.WORST_STORY]) + 1
         event = (
@@ -498,21 +498,22 @@ class Case:
             steps, NOT_CONVERGED, event, time=reached, story=story, residual=residual
         )
 
-    def _ran_away(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
+    def _divergence(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
         """Return the exception for a run that diverged after the last time reached.
 
         By default, the reason is the drift of the story with the maximum drift.
         """
-        # The kinetic energy of the motion relative to the ground, if it is a finite number
+        # The message states the kinetic energy of the motion relative to the ground if it is
+        # finite.
         with np.errstate(over="ignore", invalid="ignore"):
             energy = float(0.5 * np.sum(self.building.mass * space.state[rows.VELOCITY, :-1] ** 2))
         reached, story = float(space.totals[rows.STEPS_REACHED]) * steps.h, _runaway_story(space)
         reason = reason or f"the drift of story {story} grew without bound"
-        return self._diverged(
+        return self._divergence_error(
             steps, reached, energy if math.isfinite(energy) else None, reason, story
         )
 
-    def _diverged(
+    def _divergence_error(
         self, steps: Steps, reached: float, energy: float | None, reason: str, story: int
     ) -> FailedRun:
         """Return the exception for divergence.
@@ -534,7 +535,7 @@ class Case:
         event = f"diverged after {reached:.6g} s: {reason}{size}"
         return self._failed(steps, DIVERGED, event, time=reached, story=story, energy=energy)
 
-    def _failed(self, steps: Steps, status: str, event: str, **told: Any) -> FailedRun:
+    def _failed(self, steps: Steps, status: str, event: str, **facts: Any) -> FailedRun:
         """Return the exception for a run that ended early, with its message and the facts as
         attributes.
         """
@@ -544,8 +545,8 @@ class Case:
             *(self.record.notes if self.record else ()),
             *self._stiffening_note(),
         )
-        message = f"{label} with dt {steps.h:.6g} s {event}; {_CURE}"
-        return FailedRun(message, status, label, steps.h, notes=notes, **told)
+        message = f"{label} with dt {steps.h:.6g} s {event}; {_REMEDY}"
+        return FailedRun(message, status, label, steps.h, notes=notes, **facts)
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
         """Return the collapse that a time integration recorded, or None.
@@ -571,14 +572,12 @@ class Case:
         """
         if numbers[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE:
             return None
-        taken, story = int(numbers[rows.COLLAPSE_STEP]), int(numbers[rows.COLLAPSE_STORY]) + 1
-        failed, energy = (
-            bool(numbers[rows.COLLAPSE_FAILED]),
-            energy_of(numbers[rows.COLLAPSE_ENERGIES :]),
-        )
-        time, made = taken * steps.h, -energy.error
-        its_own = made < _PRODUCED_BY_METHOD and taken > 0
-        if its_own or (code == 0 and (taken == 0 or self.allow_unstable)):
+        collapse_step = int(numbers[rows.COLLAPSE_STEP])
+        story, failed = int(numbers[rows.COLLAPSE_STORY]) + 1, bool(numbers[rows.COLLAPSE_FAILED])
+        energy = energy_of(numbers[rows.COLLAPSE_ENERGIES :])
+        time, produced = collapse_step * steps.h, -energy.error
+        is_physical = produced < _PRODUCED_BY_METHOD and collapse_step > 0
+        if is_physical or (code == 0 and (collapse_step == 0 or self.allow_unstable)):
             return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:
             return None
@@ -587,11 +586,11 @@ class Case:
             if failed
             else f"the drift ratio of story {story} exceeded the collapse drift"
         )
-        reason = f"{event} with {made:.3g} times the input energy produced by the method"
-        raise self._diverged(steps, time, energy.kinetic, reason, story)
+        reason = f"{event} with {produced:.3g} times the input energy produced by the method"
+        raise self._divergence_error(steps, time, energy.kinetic, reason, story)
 
     def settle(
-        self, steps: Steps, marched: BatchResult, i: int, history: bool = False
+        self, steps: Steps, batch: BatchResult, i: int, history: bool = False
     ) -> Collapse | Response:
         """Return the result of run `i` of a batch that did not simply reach its end
         (`needs_review`).
@@ -615,16 +614,16 @@ class Case:
         FailedRun
             The run failed.
         """
-        code, taken, _ = marched.ends[i].astype(int).tolist()
-        totals = marched.totals[i]
-        at_its_end = code == 0 and -energy_of(totals).error < RUNAWAY
-        if at_its_end and (collapse := self.judge(steps, code, totals)):
+        code, completed, _ = batch.ends[i].astype(int).tolist()
+        totals = batch.totals[i]
+        is_complete = code == 0 and -energy_of(totals).error < RUNAWAY
+        if is_complete and (collapse := self.judge(steps, code, totals)):
             return collapse
-        reached = max(taken, int(totals[rows.STEPS_REACHED]) + 1)
+        reached = max(completed, int(totals[rows.STEPS_REACHED]) + 1)
         return self.integrate(replace(steps, count=max(reached, steps.count)), history)
 
     def failure_in_batch(
-        self, steps: Steps, marched: BatchResult, i: int, is_repeated: bool
+        self, steps: Steps, batch: BatchResult, i: int, is_repeated: bool
     ) -> FailedRun | None:
         """Return the failure of run `i` of a batch with its status only, or None if `settle` must
         decide.
@@ -640,42 +639,48 @@ class Case:
         is_repeated : bool
             True if a failed run is repeated with a smaller time step. Its status is not used then.
         """
-        code, totals = int(marched.ends[i, CODE]), marched.totals[i]
+        code, totals = int(batch.ends[i, CODE]), batch.totals[i]
         if code == 0:
-            ran_away = not -energy_of(totals).error < RUNAWAY and not self.allow_unstable
-            status = DIVERGED if ran_away else None
+            has_diverged = not -energy_of(totals).error < RUNAWAY and not self.allow_unstable
+            status = DIVERGED if has_diverged else None
         elif self.judge(steps, code, totals) is not None:
             status = None  # a collapse before the failed step
         elif code == rows.NOT_FINITE:
             status = DIVERGED
         else:
-            # The residual, which a batch does not keep, distinguishes this from divergence.
+            # Only the residual distinguishes missing convergence from divergence, and a batch does
+            # not store it. A run that is repeated anyway does not need the distinction.
             status = NOT_CONVERGED if is_repeated else None
         label = self.method.label
         message = f"{label} with dt {steps.h:.6g} s: {status}"
         return FailedRun(message, status, label, steps.h) if status else None
 
     def _response(
-        self, steps: Steps, marched: IntegrationResult, collapse: Collapse | None
+        self, steps: Steps, result: IntegrationResult, collapse: Collapse | None
     ) -> Response:
         """Return the result of a completed run with its warnings and notes."""
-        space = marched.space
+        space = result.space
         energy, stories = energy_of(space.totals), story_peaks(self.building, space)
-        # Isolators are designed for large ductility. A story without height is not part of a frame.
-        usual = np.isfinite(self.building.heights) & (not self.model.plausibility_off)
-        ductility = np.where(usual, stories.ductility, math.nan)
+        # Do not warn of a large ductility of isolators, which are designed for it, and of other
+        # stories without height, which do not belong to a frame.
+        is_checked = np.isfinite(self.building.heights) & (not self.model.plausibility_off)
+        ductility = np.where(is_checked, stories.ductility, math.nan)
         # The warnings of `check` are first, because all results depend on the building.
         unusual = [*self.plausibility_warnings, *self._long_step(steps)]
         warnings = unusual_stories(DUCTILITY, ductility)
         if not abs(energy.error) <= _LARGE_IMBALANCE:
             change = "dissipated by" if energy.error > 0.0 else "produced by"
-            # An unusual ductility comes first, because a smaller step does not correct a unit.
+            # This warning follows a warning of an unusual ductility, which may be due to a wrong
+            # unit: a smaller step would not correct it.
             warnings.append(
                 f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
                 f"energy, {change} the method: use a smaller step or another method",
             )
-        kept = space.history.size
-        history = history_of(self.building, self.prepared.forces, space, steps.h) if kept else None
+        history = (
+            history_of(self.building, self.prepared.forces, space, steps.h)
+            if space.history.size
+            else None
+        )
         response = Response(
             model=self.model,
             record=self.record,
@@ -686,7 +691,7 @@ class Case:
             iterations=int(space.totals[rows.ITERATIONS]),
             substeps=int(space.totals[rows.HALVINGS]),
             branch_changes=int(space.step_status[rows.BRANCH_CHANGES]),
-            solver_time=marched.seconds,
+            solver_time=result.seconds,
             stories=stories,
             energy=energy,
             history=history,
@@ -701,11 +706,8 @@ class Case:
 
     def _notes(self, response: Response) -> tuple[str, ...]:
         """Return the notes on a run, which a collapse may have ended early."""
-        record, end, moving = (
-            self.record,
-            response.steps * response.dt,
-            response.residual_oscillation,
-        )
+        record, end = self.record, response.steps * response.dt
+        amplitude = response.residual_oscillation
         ended = response.collapse is not None and response.collapse.ended
         notes = [*suppression_reason(self.model), *self.remarks, *(record.notes if record else ())]
         if record and end > record.duration * (1.0 + 1e-9):
@@ -725,44 +727,48 @@ class Case:
                 "time steps that did not converge were halved "
                 f"({pluralize(response.substeps, 'time')} in total)"
             )
-        # Peaks that the time step does not resolve
-        kinds = {
+        # Name the peaks that may be much larger between the time steps.
+        names = {
             "drifts": "peak_drift",
             "displacements": "peak_displacement",
             "velocities": "peak_velocity",
+            "accelerations": "peak_absolute_acceleration",
         }
-        kinds["accelerations"] = "peak_absolute_acceleration"
         bound, stories = vars(response.interstep_bound), vars(response.stories)
-        hidden = [
+        unresolved = [
             label
-            for label, name in kinds.items()
-            if (bound[name] > _UNRESOLVED * stories[name]).any()
+            for label, name in names.items()
+            if (bound[name] > _EXCESS_FRACTION * stories[name]).any()
         ]
-        if hidden:
+        if unresolved:
             notes.append(
                 "the time step does not resolve the highest modes: between time steps, peak "
-                f"{', '.join(hidden)} may be larger than reported; use a smaller step"
+                f"{', '.join(unresolved)} may be larger than reported; use a smaller step"
             )
-        # Drifts at the end that are not yet residual drifts. Forces on floors prevent a state of
-        # rest.
-        i = int(moving.argmax())
-        still = moving[i] <= _MOVING * response.stories.peak_drift.max()
-        if record and not (ended or self.model.excitation.forces or still):
+        # If the building still vibrates, the drifts at the end are not residual drifts. Under
+        # forces on floors, which do not end, there is no state of rest.
+        i = int(amplitude.argmax())
+        is_at_rest = amplitude[i] <= _VIBRATION_FRACTION * response.stories.peak_drift.max()
+        if record and not (ended or self.model.excitation.forces or is_at_rest):
             length, size = self.model.output_units.unit("m")
-            by = (
-                f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
+            drift = (
+                f"{1e3 * amplitude[i]:.2g} mm"
+                if length == "m"
+                else f"{amplitude[i] / size:.2g} {length}"
             )
-            # The period is computed only if the run continues after the record.
+            # The period, which takes time to compute, is needed only if the run continued after the
+            # record.
             extra = end - record.duration
-            waited = extra > 0.0 and extra >= REST_PERIODS * self.prepared.period
-            until = (
+            reached_limit = extra > 0.0 and extra >= REST_PERIODS * self.prepared.period
+            advice = (
                 f"--until-rest stops after {REST_PERIODS:g} first periods"
-                if waited
+                if reached_limit
                 else _UNTIL_REST
             )
             notes.append(
-                f"the building still vibrates at the end (drift of story {i + 1} by about +-{by}): "
-                f"residual drifts are instantaneous values; {until}"
+                f"the building still vibrates at the end (drift of story {i + 1} by about "
+                f"+-{drift}): "
+                f"residual drifts are instantaneous values; {advice}"
             )
         return tuple(notes)
 
@@ -783,24 +789,23 @@ class Case:
         )
 
 
-def case_of(given: Case) -> Case:
+def case_of(argument: Case) -> Case:
     """Return the argument, or raise UsageError if it is not a Case."""
-    if not isinstance(given, Case):
+    if not isinstance(argument, Case):
         raise UsageError(
-            f"case must be a result of prepare(model, record), got {type(given).__name__}"
+            f"case must be a result of prepare(model, record), got {type(argument).__name__}"
         )
-    return given
+    return argument
 
 
-def needs_review(marched: BatchResult) -> NDArray[np.bool_]:
+def needs_review(batch: BatchResult) -> NDArray[np.bool_]:
     """Return True for runs that failed, collapsed, or ended with energy produced by the method.
 
     The result has the shape (runs,).
     """
-    numbers = marched.totals
-    made = ~(-energy_errors(numbers) < RUNAWAY)
-    collapsed = numbers[:, rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
-    return np.asarray((marched.ends[:, CODE] < 0) | collapsed | made)
+    has_diverged = ~(-energy_errors(batch.totals) < RUNAWAY)  # True also for nan
+    collapsed = batch.totals[:, rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
+    return np.asarray((batch.ends[:, CODE] < 0) | collapsed | has_diverged)
 
 
 def _runaway_story(space: Workspace) -> int:
@@ -839,9 +844,11 @@ def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
 
     If the run fails, the steps include the step of the failure.
     """
-    rest, lane = windows(case.prepared, steps.h), RunSpec(0, case.ground.size, 1.0, steps)
-    marched = case.prepared.integrate_batch(case.method, steps.h, case.ground, [lane], rest)
-    code, count, at_rest = marched.ends[0].tolist()
+    criterion, spec = windows(case.prepared, steps.h), RunSpec(0, case.ground.size, 1.0, steps)
+    batch = case.prepared.integrate_batch(case.method, steps.h, case.ground, [spec], criterion)
+    code, count, at_rest = batch.ends[0].tolist()
+    # The number of completed steps is known at the ends of windows only. A failed step is within
+    # the next window.
     if code < 0:
-        count += rest.window
+        count += criterion.window
     return replace(steps, count=max(int(count), steps.count)), bool(at_rest) and code >= 0

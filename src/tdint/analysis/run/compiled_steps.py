@@ -30,9 +30,9 @@ from tdint.system import cache_subfolder
 VALIDATED_STEPS: set[Kernel] = set()
 """Steps of plug-ins that this process has executed in plain Python, or that are being executed."""
 
-_ONE_AT_A_TIME = threading.RLock()
+_VALIDATION_LOCK = threading.RLock()
 if hasattr(os, "register_at_fork"):  # the thread that holds the lock does not exist in the child
-    os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
+    os.register_at_fork(after_in_child=_VALIDATION_LOCK._at_fork_reinit)  # type: ignore[attr-defined]
 
 
 def validate_plugin_step(integrator: Integrator) -> None:
@@ -49,7 +49,7 @@ def validate_plugin_step(integrator: Integrator) -> None:
     step = integrator.family.step
     if step.function.__module__.startswith("tdint.") or os.environ.get("TDINT_KERNELS") == "python":
         return
-    with _ONE_AT_A_TIME:
+    with _VALIDATION_LOCK:
         if step in VALIDATED_STEPS:
             return
         folder = cache_subfolder("plugins")
@@ -116,12 +116,12 @@ LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpo
 STABLE = 1e-9
 """Dimensionless. Excess of a spectral radius above 1 that is attributed to rounding."""
 
-_SETTLED = 100.0  # completed steps for a multi-step method: its start procedure has ended
+_COMPLETED_STEPS = 100.0  # number of completed steps, after which every start procedure has ended
 
 # Maximum number of oscillators in one building if the coefficients of the step belong to the
 # complete building. Its matrix is dense, and LAPACK mixes the modes of uncoupled oscillators from
 # 26 oscillators.
-_TOGETHER = 16
+_MAX_COUPLED = 16
 
 
 def amplification(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
@@ -145,8 +145,10 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     if integrator.family.prepare is not None:
-        starts = range(0, max(omega.size, 1), _TOGETHER)
-        groups = [oscillators(omega[j : j + _TOGETHER], damping[j : j + _TOGETHER]) for j in starts]
+        starts = range(0, max(omega.size, 1), _MAX_COUPLED)
+        groups = [
+            oscillators(omega[j : j + _MAX_COUPLED], damping[j : j + _MAX_COUPLED]) for j in starts
+        ]
         return np.concatenate([_amplification(integrator, group, h) for group in groups])
     return _amplification(integrator, oscillators(omega, damping), h)
 
@@ -168,8 +170,8 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     for column, row in enumerate(memory):
         state[:], law_state[:] = 0.0, 0.0
         state[row, :k] = 1.0
-        # Committed states of the springs. The acceleration follows from equilibrium if the method
-        # does not store its own acceleration.
+        # Set the committed states of the springs for this motion. If the method does not store an
+        # acceleration, the acceleration follows from equilibrium.
         u, v = state[rows.DISPLACEMENT, :-1], state[rows.VELOCITY, :-1]
         law_state[rows.DRIFT, :-1], law_state[rows.FORCE, :-1], law_state[rows.SLOPE, :-1] = (
             u,
@@ -181,7 +183,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
             state[rows.ACCELERATION, :-1] = (
                 -stiffness * u - building.linear_terms[rows.STORY_DAMPER, :-1] * v
             )
-        space.step_status[rows.STEPS_DONE] = _SETTLED
+        space.step_status[rows.STEPS_DONE] = _COMPLETED_STEPS
         code = step(coefficients, *scene, h, np.zeros(rows.LOAD_SIZE), *space.memory)
         if code < 0:
             raise AnalysisError(f"{integrator.label}: a step of an oscillator failed")
@@ -192,7 +194,8 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
     """Return the spectral radii of the measured amplification matrices, shape (k,)."""
     matrices = amplification(integrator, omega, damping, h)
-    # Balance the rows: the state mixes m, m/s and m/s^2.
+    # The memory of a method contains quantities in m, m/s and m/s^2. Scale its rows to similar
+    # magnitudes, which reduces rounding errors of the eigenvalues.
     family = integrator.family
     scale = np.array([h ** family.derivatives[row] for row in family.memory])
     matrices = matrices * scale[:, None] / scale
@@ -245,14 +248,15 @@ def find_instability(
     if integrator.stability_limit == math.inf:
         return None
 
-    def unstable(step: float) -> NDArray[np.bool_]:
+    def is_unstable(step: float) -> NDArray[np.bool_]:
+        """Return True for each oscillator that grows with a time step."""
         return spectral_radius(integrator, omega, damping, step) > 1.0 + STABLE
 
-    grows = np.flatnonzero(unstable(h))
+    grows = np.flatnonzero(is_unstable(h))
     if not grows.size:
         return None
     stiffest = grows[np.argmax(omega[grows])]
-    return Instability(int(stiffest), h, lambda step: not unstable(step).any())
+    return Instability(int(stiffest), h, lambda step: not is_unstable(step).any())
 
 
 def largest_stable(stable: Callable[[float], bool], h: float) -> float:
@@ -261,14 +265,14 @@ def largest_stable(stable: Callable[[float], bool], h: float) -> float:
     The interval is searched upward from 0 and bisected. The result is 0 if no step is stable.
     """
     low, high = 0.0, h
-    # Steps of h / 200 find the first interval if a method is unstable at intermediate steps and
-    # stable above them.
+    # Some methods are unstable at intermediate time steps and stable again above them. Searching in
+    # steps of h / 200 finds the first stable interval.
     for part in range(1, 201):
         candidate = h * part / 200
         if not stable(candidate):
             high = candidate
             break
         low = candidate
-    # 2^-40 of h / 200 is more precise than any written time step.
+    # After 40 bisections the result is more precise than any time step that is written in messages.
     low, _ = halved(stable, low, high, 40)
     return low if low > 1e-9 * h else 0.0

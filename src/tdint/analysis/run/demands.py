@@ -60,15 +60,15 @@ class Demand(Quantity):
 
     def of(self, stories: StoryPeaks) -> LargestOfRuns:
         """Return the maximum of each run from peaks of shape (runs, n) or (n,); nan is ignored."""
-        values = np.atleast_2d(self._of(stories, stories.height))
+        values = np.atleast_2d(self._story_values(stories, stories.height))
         if self.story is not None:
             value = values[:, self.story]
             return LargestOfRuns(
                 value, np.where(np.isnan(value), 0, self.story % values.shape[1] + 1)
             )
-        place = np.where(np.isnan(values), -1.0, values).argmax(axis=1)
-        value = values[np.arange(len(values)), place]
-        return LargestOfRuns(value, np.where(np.isnan(value), 0, place + 1))
+        index = np.where(np.isnan(values), -1.0, values).argmax(axis=1)
+        value = values[np.arange(len(values)), index]
+        return LargestOfRuns(value, np.where(np.isnan(value), 0, index + 1))
 
     def error(self, stories: StoryPeaks, errors: StoryErrors) -> float:
         """Return the estimated error of the demand in a run; nan if it is unknown.
@@ -76,21 +76,24 @@ class Demand(Quantity):
         Every story with a possible maximum within its error is considered; the result is the
         largest error of these stories.
         """
-        values, off = (self._of(given, stories.height) for given in (stories, errors))
+        values, errors_of_stories = (
+            self._story_values(source, stories.height) for source in (stories, errors)
+        )
         if self.story is not None:
-            return float(off[self.story])
-        finite = np.isfinite(values) & np.isfinite(off)
+            return float(errors_of_stories[self.story])
+        finite = np.isfinite(values) & np.isfinite(errors_of_stories)
         if not finite.any():
             return math.nan
-        values, off = values[finite], off[finite]
-        return float(np.max(off[values + off >= np.max(values)]))
+        values, errors_of_stories = values[finite], errors_of_stories[finite]
+        can_be_maximum = values + errors_of_stories >= np.max(values)
+        return float(np.max(errors_of_stories[can_be_maximum]))
 
-    def _of(self, given: StoryValues, height: Array) -> Array:
-        """Return the values of the stories, shape (..., n)."""
+    def _story_values(self, source: StoryValues, height: Array) -> Array:
+        """Return the values of the stories from peaks or their errors, shape (..., n)."""
         return np.asarray(
-            self.value(given, height)
+            self.value(source, height)
             if self.value
-            else getattr(given, self.of_stories or self.name)
+            else getattr(source, self.of_stories or self.name)
         )
 
 

@@ -119,7 +119,7 @@ half of the root mean square instead of a fifth, 7 % of the estimates of acceler
 shears are more than ten times too large (325 random buildings).
 """
 
-_HIGHER = 3
+_MIN_HIGH_ORDER = 3
 """Order of the method from which `_HIGH_ORDER` applies."""
 
 FLOOR = 1e-5
@@ -152,7 +152,7 @@ and number of times that the step of the additional run is halved for this. Two 
 errors as sixteen steps (325 random buildings).
 """
 
-_LONG = 2.0
+_SLOW_RUN = 2.0
 """Processor time of the time loops, s, above which a note states the time for error estimation."""
 
 
@@ -177,9 +177,8 @@ def run_with_error_estimate(
     FailedRun
         As by `Case.integrate`.
     """
-    case.prepared.compile(
-        [case.method, reference(case).method]
-    )  # missing kernels of both methods are compiled in parallel
+    # Compile the kernels of both methods here, in parallel if both are missing in the cache.
+    case.prepared.compile([case.method, reference(case).method])
     return with_error_estimate(case, steps, case.integrate(steps, history), of_history=of_history)
 
 
@@ -189,8 +188,9 @@ def reference(case: Case) -> Case:
     Its method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
     forces on floors.
     """
-    itself = case.method.label == _EXACT and not case.model.excitation.forces
-    return replace(case, method=parse(_EXACT) if itself else REFERENCE, remarks=())
+    is_own_reference = case.method.label == _EXACT and not case.model.excitation.forces
+    method = parse(_EXACT) if is_own_reference else REFERENCE
+    return replace(case, method=method, remarks=())
 
 
 def reference_steps(case: Case, steps: Steps) -> Steps:
@@ -260,8 +260,8 @@ def with_error_estimate(
         method=other.method,
         corrected=other.stories,
     )
-    # If a collapse ends the run, peaks still grow at its end. They are not corrected, because the
-    # additional run may have ended one time step earlier.
+    # At a collapse the peaks grow rapidly. The additional run may have ended one time step earlier,
+    # so that its peaks cannot be used as corrected values.
     if response.collapse is not None and response.collapse.ended:
         note = (
             f"the run ends at {response.collapse.time:.6g} s with the step in which it collapses: "
@@ -271,7 +271,7 @@ def with_error_estimate(
             replace(response, notes=(*response.notes, note)),
             replace(check, corrected=None),
         )
-    if (spent := response.solver_time + other.solver_time) > _LONG:
+    if (spent := response.solver_time + other.solver_time) > _SLOW_RUN:
         note = (
             f"error estimation took {other.solver_time:.2g} of {spent:.2g} s of solver time; "
             "--no-check omits it"
@@ -279,17 +279,17 @@ def with_error_estimate(
         response = replace(response, notes=(*response.notes, note))
     if of_history and response.history_chunks is not None and other.history_chunks is not None:
         ratio = round(response.dt / other.dt)
-        rows = response.history and _with_error(
+        with_error = response.history and _with_error(
             response.history, History.joined(other.history_chunks(ratio))
         )
-        pieces = partial(_chunks_with_error, response.history_chunks, other.history_chunks, ratio)
-        response = replace(response, history=rows, history_chunks=pieces)
+        chunks = partial(_chunks_with_error, response.history_chunks, other.history_chunks, ratio)
+        response = replace(response, history=with_error, history_chunks=chunks)
     return replace(response, check=check)
 
 
 def factors(method: Integrator) -> EstimateFactors:
     """Return the factors of the error estimate for a method."""
-    return _HIGH_ORDER if method.order >= _HIGHER else _LOW_ORDER
+    return _HIGH_ORDER if method.order >= _MIN_HIGH_ORDER else _LOW_ORDER
 
 
 def start_peaks(case: Case, steps: Steps) -> StoryPeaks | None:
@@ -345,15 +345,16 @@ def story_errors(
     """
 
     def errors(name: str) -> Array:
+        """Return the errors of a quantity in each story (see the module docstring)."""
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
-        gap = np.abs(getattr(response.stories, name) - getattr(other.stories, name))
-        off = by.difference * gap
-        least = by.common * common(off, size)
+        difference = np.abs(getattr(response.stories, name) - getattr(other.stories, name))
+        extrapolated = by.difference * difference
+        minimum = by.common * common(extrapolated, size)
         if by.most < math.inf:
-            least = np.minimum(least, by.most * gap)
-        error: Array = np.maximum(off, np.maximum(least, FLOOR * size))
-        # Possible excess of a peak between time steps, or change of a drift after the requested
-        # time
+            minimum = np.minimum(minimum, by.most * difference)
+        error: Array = np.maximum(extrapolated, np.maximum(minimum, FLOOR * size))
+        # For residual drifts, the bound is the change of the drift after the requested time, which
+        # is added. For peaks, it is the possible excess between time steps.
         bound: Array = getattr(response.interstep_bound, name)
         if name == "residual_drift":
             return error + bound
@@ -369,9 +370,10 @@ def story_errors(
 
 def common(errors: Array, size: Array) -> Array:
     """Return the root mean square over the stories of `errors` relative to `size`, times `size`."""
-    moved = size > 0.0
-    relative = np.divide(errors, size, out=np.zeros_like(errors), where=moved)
-    return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(moved), 1)) * size)
+    # A story that did not move (size 0) does not contribute.
+    has_moved = size > 0.0
+    relative = np.divide(errors, size, out=np.zeros_like(errors), where=has_moved)
+    return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(has_moved), 1)) * size)
 
 
 def ended_at_rest(response: Response) -> Response:
@@ -383,12 +385,12 @@ def ended_at_rest(response: Response) -> Response:
     """
     if response.check is None:
         return response
-    moving = np.maximum(
+    remaining_motion = np.maximum(
         response.residual_oscillation,
         COMMON * common(response.residual_oscillation, response.stories.peak_drift),
     )
     errors = response.check.errors
-    errors = replace(errors, residual_drift=errors.residual_drift + moving)
+    errors = replace(errors, residual_drift=errors.residual_drift + remaining_motion)
     return replace(response, check=replace(response.check, errors=errors))
 
 
@@ -409,8 +411,8 @@ def _unknown(response: Response, reason: str) -> Response:
 
 
 def _chunks_with_error(
-    pieces: Callable[[int], Iterator[History]],
-    others: Callable[[int], Iterator[History]],
+    chunks: Callable[[int], Iterator[History]],
+    other_chunks: Callable[[int], Iterator[History]],
     ratio: int,
     every: int = 1,
 ) -> Iterator[History]:
@@ -418,14 +420,14 @@ def _chunks_with_error(
 
     Parameters
     ----------
-    pieces, others : callable
+    chunks, other_chunks : callable
         Functions that return the chunks of the history and of that of the additional run.
     ratio : int
         Number of time steps of the additional run in one time step of the run.
     every : int, default 1
         Interval of the rows in time steps of the run.
     """
-    return map(_with_error, pieces(every), others(ratio * every))
+    return map(_with_error, chunks(every), other_chunks(ratio * every))
 
 
 def _with_error(history: History, other: History) -> History:
@@ -434,7 +436,7 @@ def _with_error(history: History, other: History) -> History:
     The history `other` at the same times is used as the true value.
     """
     errors = {
-        one.name: getattr(other, one.name) - getattr(history, one.name)
-        for one in fields(ErrorHistory)
+        field.name: getattr(other, field.name) - getattr(history, field.name)
+        for field in fields(ErrorHistory)
     }
     return replace(history, error=ErrorHistory(**errors))

@@ -131,11 +131,10 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
     size = SIZE * abs(value)
     changes = [] if name == SCALE else changes_of(model, name)
     if not size:
-        # The scale is 1 for a ratio, and sqrt(stiffness * mass) of the story for a dashpot.
-        bounds, story = (
-            changes[0].bounds if changes else None,
-            model.stories[changes[0].story if changes else 0],
-        )
+        # A value of 0 has no relative change. The change is relative to 1 for a ratio, and to
+        # sqrt(stiffness * mass) of the story for a dashpot.
+        bounds = changes[0].bounds if changes else None
+        story = model.stories[changes[0].story if changes else 0]
         if changes and changes[0].column == DASHPOT:
             size = SIZE * math.sqrt(story.stiffness * story.mass)
         elif name == "damping" or (bounds and not bounds.force and not bounds.length):
@@ -146,7 +145,8 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
                 "other than 0"
             )
 
-    def allowed(number: float) -> bool:
+    def is_allowed(number: float) -> bool:
+        """Return True if the parameter can have this value."""
         try:
             check_value(name, number)
             for change in changes:
@@ -156,7 +156,7 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
         return True
 
     for first, second in ((-size, size), (size, 2.0 * size), (-size, -2.0 * size)):
-        if allowed(value + first) and allowed(value + second):
+        if is_allowed(value + first) and is_allowed(value + second):
             return value + first, value + second
     raise UsageError(
         f"gradient: {name} {value:.6g} cannot be changed to either side within its range"

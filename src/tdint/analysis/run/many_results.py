@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
     StoryValues,
 )
+from tdint.analysis.time_steps import Steps
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError, did_you_mean
 from tdint.ground_motion.record import Record
@@ -33,10 +34,10 @@ if TYPE_CHECKING:
 
     from tdint.model.limits import LimitCheck
 
-KEPT = {
-    one.called or one.name: one.name
-    for one in quantities(History)
-    if one.name in run_totals.HISTORIES
+HISTORY_FIELDS = {
+    quantity.called or quantity.name: quantity.name
+    for quantity in quantities(History)
+    if quantity.name in run_totals.HISTORIES
 }
 """Quantities of a history that can be kept: field of `History` by the name of its column without
 the unit.
@@ -229,13 +230,13 @@ class Runs(Tabular):
 def kept_quantities(history: bool | str | Sequence[str]) -> tuple[str, ...]:
     """Return the requested quantities of the history without duplicates; all of them for True."""
     if isinstance(history, bool | np.bool_):
-        return tuple(KEPT) if history else ()
+        return tuple(HISTORY_FIELDS) if history else ()
     names = (history,) if isinstance(history, str) else tuple(history)
     for name in names:
-        if name not in KEPT:
+        if name not in HISTORY_FIELDS:
             raise UsageError(
-                f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: "
-                f"{', '.join(KEPT)})"
+                f"unknown quantity {name!r}{did_you_mean(str(name), HISTORY_FIELDS)} (known: "
+                f"{', '.join(HISTORY_FIELDS)})"
             )
     return tuple(dict.fromkeys(names))
 
@@ -263,40 +264,53 @@ def history_arrays(
                 "every=, or pass arrays with out= (float32 or memory-mapped files)"
             )
         return {name: np.full(shape, math.nan) for name in kept}
-    given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
-    if tuple(sorted(given)) != tuple(sorted(kept)) or not kept:
+    arrays = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
+    if tuple(sorted(arrays)) != tuple(sorted(kept)) or not kept:
         raise UsageError(
             "out must contain one array for each quantity of the history: "
             f"{', '.join(kept) or 'no history is requested'}"
         )
-    for name, array in given.items():
+    for name, array in arrays.items():
         if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
-            kind = (
+            received = (
                 f"{array.dtype} {array.shape}"
                 if isinstance(array, np.ndarray)
                 else type(array).__name__
             )
             raise UsageError(
                 f"out of {name} must be an array of floating-point numbers, shape {shape}, got "
-                f"{kind}"
+                f"{received}"
             )
-    return given
+    return arrays
 
 
 def store_values(
-    arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None
+    arrays: StoryValues | None, numbers: int | Sequence[int], values: StoryValues | None
 ) -> None:
     """Write the values of runs to their rows."""
     if arrays and values:
         for quantity in fields(arrays):
-            of_runs = getattr(values, quantity.name)
-            getattr(arrays, quantity.name)[places, : of_runs.shape[-1]] = of_runs
+            run_values = getattr(values, quantity.name)
+            getattr(arrays, quantity.name)[numbers, : run_values.shape[-1]] = run_values
 
 
-def store_history(result: Runs, place: int, history: History | None) -> None:
+def store_history(result: Runs, number: int, history: History | None) -> None:
     """Write the history of an individual run; nan after its end, and if it has no result."""
-    for name, kept in result.history.items():
-        kept[place] = math.nan
+    for name, array in result.history.items():
+        array[number] = math.nan
         if history:
-            rows = getattr(history, KEPT[name])[:: result.every]
-            kept[place, : len(rows), : rows.shape[1]] = rows
+            rows = getattr(history, HISTORY_FIELDS[name])[:: result.every]
+            array[number, : len(rows), : rows.shape[1]] = rows
+
+
+class RunSpec(NamedTuple):
+    """A run: its number, the indices of its building, sample and record, scale factor and time
+    steps.
+    """
+
+    number: int
+    model: int
+    draw: int
+    record: int
+    scale: float
+    steps: Steps

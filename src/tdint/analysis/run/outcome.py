@@ -232,16 +232,16 @@ class Gradient(Tabular, StoryValues):
         number : int
             Index of the run, from 0.
         """
-        kept = {name: array[number] for name, array in self.history.items()}
+        history = {name: array[number] for name, array in self.history.items()}
         peaks, kink, errors = (
             {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
             if source
             else None
             for source in (self, self.kink, self.errors)
         )
-        both: dict[str, Any] = {**(peaks or {}), "kink": StoryErrors(**(kink or {}))}
-        both["errors"] = StoryErrors(**errors) if errors else None
-        return replace(self, **both, values=self.values[number], history=kept)
+        values: dict[str, Any] = {**(peaks or {}), "kink": StoryErrors(**(kink or {}))}
+        values["errors"] = StoryErrors(**errors) if errors else None
+        return replace(self, **values, values=self.values[number], history=history)
 
 
 @dataclass(frozen=True)
@@ -466,22 +466,20 @@ class History(Tabular):
     error: ErrorHistory | None = None
 
     def _headline(self) -> str:
-        stories, steps = (
-            pluralize(self.displacement.shape[1], "story"),
-            pluralize(len(self.time) - 1, "step"),
-        )
+        stories = pluralize(self.displacement.shape[1], "story")
+        steps = pluralize(len(self.time) - 1, "step")
         return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
 
     @staticmethod
-    def joined(pieces: Iterable[History]) -> History:
+    def joined(chunks: Iterable[History]) -> History:
         """Return the chunks of a history as one history.
 
         Parameters
         ----------
-        pieces : iterable of History
+        chunks : iterable of History
             Chunks in the order of time.
         """
-        parts = list(pieces)
+        parts = list(chunks)
         return parts[0] if len(parts) == 1 else _joined(parts)
 
     def every(self, steps: int) -> History:

@@ -100,14 +100,19 @@ def overview(source: str | Path) -> Overview:
         The record that the model specifies cannot be read.
     """
     model = load_judged(
-        source, {"analysis.method": lambda text, _: parse(text), **dict.fromkeys(_RECORD, _there)}
+        source,
+        {
+            "analysis.method": lambda text, _: parse(text),
+            **dict.fromkeys(_RECORD_KEYS, _check_exists),
+        },
     )
     try:
         building = assemble(model)
         omega, damping = building.first_mode()
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
-    # Ground motion of the model, processed and scaled. Standard input is not read for a summary.
+    # Warnings depend on the processed and scaled ground motion of the model. A record that would be
+    # read from standard input is ignored, because a summary must not wait for input.
     pga, interval, source_of_record = math.nan, None, model.excitation.record
     if (
         source_of_record is not None
@@ -148,10 +153,11 @@ def modes(model: AnyModel) -> Modes:
     return replace(result, damping=result.damping_ratios(building.damping_matrix()))
 
 
-_RECORD = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
+# Keys of a model file that name files of the ground motion.
+_RECORD_KEYS = ("excitation.record", "excitation.record.file", "excitation.record.inventory")
 
 
-def _there(text: str, folder: Path) -> None:
+def _check_exists(text: str, folder: Path) -> None:
     """Raise UsageError if the file does not exist; "-" is standard input."""
     if text != "-" and not is_file(folder / text):
         raise UsageError(f"file {folder / text} not found")

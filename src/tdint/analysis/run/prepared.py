@@ -52,17 +52,20 @@ from tdint.model.definition import Model
 
 # Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
 # considered to resolve all modes.
-_RESOLVED = 2.5
-_PIECE = 0.1  # s
-_FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
-_PIECE_BYTES = 2**23  # of a piece of a history
-_KEPT = 4  # sets of coefficients that are kept: a run, the one that tells its errors, the next pair
+_MAX_RESOLVED_OMEGA_DT = 2.5
+_CALL_SECONDS = 0.1  # s; approximate duration of one call of the time loop
+# Size of the first call: number of steps times stories times (1 + number of modally damped modes)
+_FIRST_CALL_SIZE = 100_000
+_CHUNK_BYTES = 2**23  # maximum size of a chunk of a history in memory
+# Number of sets of coefficients in memory: two for a run and its error estimate, and two for the
+# next time step of a search.
+_MAX_COEFFICIENT_SETS = 4
 
 
 def _verify_laws(law_parameters: Array) -> None:
     """Verify the laws of plug-ins in a table of law parameters (`law_checks.verify_laws`)."""
     if np.any(law_parameters[..., rows.CODE, :-1] >= OURS):
-        # Only buildings with laws of plug-ins need the checks.
+        # Imported here, because only buildings with laws of plug-ins need the checks.
         from tdint.model.law_checks import verify_laws
 
         verify_laws(law_parameters)
@@ -112,11 +115,10 @@ class Motions:
     def starts(self) -> Mapping[int, int]:
         """First sample of each ground motion in `samples`."""
         sizes = [record.acceleration.size for record in self.records.values()]
-        return dict(
-            zip(self.records, accumulate(sizes, initial=0), strict=False)
-        )  # the last is where all end
+        # `accumulate` also returns the total size, which is not the start of a ground motion.
+        return dict(zip(self.records, accumulate(sizes, initial=0), strict=False))
 
-    def lane(self, number: int, scale: float, steps: Steps) -> RunSpec:
+    def run_spec(self, number: int, scale: float, steps: Steps) -> RunSpec:
         """Return the specification of a run under a ground motion times a factor."""
         return RunSpec(self.starts[number], self.records[number].acceleration.size, scale, steps)
 
@@ -269,15 +271,15 @@ class PreparedBuilding:
     def coefficients(self, integrator: Integrator, h: float) -> Array:
         """Return the coefficients of the method for this building and the time step h (s)."""
         key = (integrator.label, h)
-        kept = self._coefficients.get(key)
-        if kept is None:
-            kept = integrator.coefficients(self.building, self.forces, h)
-            # The oldest coefficients are removed first, because a search for a time step rarely
-            # needs them again.
-            while len(self._coefficients) >= _KEPT:
+        coefficients = self._coefficients.get(key)
+        if coefficients is None:
+            coefficients = integrator.coefficients(self.building, self.forces, h)
+            # Remove the oldest coefficients first, because a search for a time step rarely needs
+            # them again.
+            while len(self._coefficients) >= _MAX_COEFFICIENT_SETS:
                 self._coefficients.pop(next(iter(self._coefficients)), None)
-            self._coefficients[key] = kept
-        return kept
+            self._coefficients[key] = coefficients
+        return coefficients
 
     def instability(self, integrator: Integrator, h: float) -> Instability | None:
         """Return the stiffest mode of the initial state for which the time step h (s) is too long,
@@ -333,11 +335,11 @@ class PreparedBuilding:
             raise ValueError(
                 f"{steps.count} steps are not a multiple of {history_rows} rows of history"
             )
-        space = self._ready(integrator, steps.h, history_rows + 1 if history_rows else 0)
+        space = self._loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
         space.every = steps.count // history_rows if history_rows else 1
-        go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
+        loop = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
-        code = self._in_pieces(go, steps)
+        code = self._integrate_interruptibly(loop, steps)
         return IntegrationResult(space, code, system.seconds() - began, time.perf_counter() - wall)
 
     def integrate_in_chunks(
@@ -369,16 +371,17 @@ class PreparedBuilding:
         """
         # A chunk has a bounded size in memory and starts at the end of the previous chunk.
         width = history_width(self.building)
-        row_count = max(2, _PIECE_BYTES // (8 * width))
-        space = self._ready(integrator, steps.h)
+        row_count = max(2, _CHUNK_BYTES // (8 * width))
+        space = self._loaded_arrays(integrator, steps.h)
         done, total = 0, steps.count // every + 1
         while done < steps.count:
-            before = done // every + 1 if done else 0
-            last = min((before + row_count) * every - 1, steps.count)
-            space.every, space.before = every, before
-            space.history = np.zeros((min(row_count, total - before), width))
-            go = self.loop(integrator, steps.h, ground, space)
-            if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
+            # `first_row` is the number of rows in the previous chunks.
+            first_row = done // every + 1 if done else 0
+            last = min((first_row + row_count) * every - 1, steps.count)
+            space.every, space.before = every, first_row
+            space.history = np.zeros((min(row_count, total - first_row), width))
+            loop = self.loop(integrator, steps.h, ground, space)
+            if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
                 return
             if len(space.history):
                 yield space
@@ -411,18 +414,18 @@ class PreparedBuilding:
         AnalysisError
             The method does not support this building.
         """
-        space = self._ready(integrator, steps.h)
-        go = self.loop(integrator, steps.h, ground, space)
+        space = self._loaded_arrays(integrator, steps.h)
+        loop = self.loop(integrator, steps.h, ground, space)
         for done, last in pairwise(
             (*(first for first in firsts if first < steps.count), steps.count)
         ):
-            if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
+            if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
             # Reset the peaks, including those that some methods store in their scratch array.
             space.peaks[:] = 0.0
-            if own := int(space.step_status[rows.RUN_PEAKS]):
-                space.scratch[own : own + 2 * rows.PEAK_ROWS] = 0.0
+            if first_row := int(space.step_status[rows.RUN_PEAKS]):
+                space.scratch[first_row : first_row + 2 * rows.PEAK_ROWS] = 0.0
 
     def integrate_batch(
         self,
@@ -430,7 +433,7 @@ class PreparedBuilding:
         h: float,
         samples: Array,
         runs: Sequence[RunSpec],
-        rest: RestCriterion = NO_FREE_VIBRATION,
+        criterion: RestCriterion = NO_FREE_VIBRATION,
     ) -> BatchResult:
         """Integrate many runs with one time step in one compiled call. Each run equals that of
         `integrate`.
@@ -445,7 +448,7 @@ class PreparedBuilding:
             Concatenated ground accelerations of all runs, m/s^2.
         runs : sequence of RunSpec
             Location of the ground motion in `samples`, scale factor and time steps of each run.
-        rest : RestCriterion
+        criterion : RestCriterion
             Criterion for continuing with the ground at rest; by default, runs are not continued.
 
         Raises
@@ -453,10 +456,11 @@ class PreparedBuilding:
         AnalysisError
             The method does not support this building.
         """
-        space = self._ready(integrator, h)
-        marched = BatchResult.empty(len(runs), self.building.stories)
-        self._many(integrator, h, samples, runs, space)(runs, marched, rest)
-        return marched
+        space = self._loaded_arrays(integrator, h)
+        result = BatchResult.empty(len(runs), self.building.stories)
+        integrate_runs = self._batch_function(integrator, h, samples, runs, space)
+        integrate_runs(runs, result, criterion)
+        return result
 
     def integrate_sampled(
         self,
@@ -489,34 +493,36 @@ class PreparedBuilding:
         AnalysisError
             The method does not support this building.
         """
-        marched = BatchResult.empty(len(runs), self.building.stories)
-        lanes, drawn_arrays = (
-            [lane for _, lane in runs],
-            ("linear_terms", "law_parameters", "modal"),
-        )
+        result = BatchResult.empty(len(runs), self.building.stories)
+        specs = [spec for _, spec in runs]
+        varied_arrays = ("linear_terms", "law_parameters", "modal")
         _verify_laws(drawn.law_parameters)
-        fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
+        is_unresolved = drawn.fastest * h > _MAX_RESOLVED_OMEGA_DT
+        has_dashpots = drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
-        for r, (d, lane) in enumerate(runs):
-            # The kernels depend on the presence of dashpots; the shapes of the arrays depend on the
-            # number of rows of modal damping.
-            kind = devices[d], len(drawn.modal[d])
-            if kind not in shared:
+        for i, (sample, spec) in enumerate(runs):
+            # Buildings share arrays and a compiled function if both have dashpots or neither,
+            # because this determines the kernels, and if they have the same number of rows of modal
+            # damping, which determines the shapes of the arrays.
+            key = has_dashpots[sample], len(drawn.modal[sample])
+            if key not in shared:
                 building = replace(
-                    self.building, **{name: getattr(drawn, name)[d].copy() for name in drawn_arrays}
+                    self.building,
+                    **{name: getattr(drawn, name)[sample].copy() for name in varied_arrays},
                 )
                 prepared = replace(self, building=building)
-                space = prepared._ready(integrator, h)
-                shared[kind] = prepared, space, prepared._many(integrator, h, samples, lanes, space)
-            prepared, space, go = shared[kind]
-            for name in drawn_arrays:
-                getattr(prepared.building, name)[...] = getattr(drawn, name)[d]
-            space.flags[rows.UNRESOLVED_MODES] = fast[d]
-            space.limits[1] = drawn.heights[d]
-            go([lane], marched.part(r, r + 1))
-        return marched
+                space = prepared._loaded_arrays(integrator, h)
+                function = prepared._batch_function(integrator, h, samples, specs, space)
+                shared[key] = prepared, space, function
+            prepared, space, integrate_runs = shared[key]
+            for name in varied_arrays:
+                getattr(prepared.building, name)[...] = getattr(drawn, name)[sample]
+            space.flags[rows.UNRESOLVED_MODES] = is_unresolved[sample]
+            space.limits[1] = drawn.heights[sample]
+            integrate_runs([spec], result.part(i, i + 1))
+        return result
 
-    def _many(
+    def _batch_function(
         self,
         integrator: Integrator,
         h: float,
@@ -535,14 +541,15 @@ class PreparedBuilding:
             sum_law_energies,
             update_shear_peaks,
         )
-        # Each run starts from copies of the present state of the method and of the springs.
-        before = (
+        # Assemble the arguments of the compiled function one time for all runs: those before and
+        # after the samples and the runs.
+        first_arguments = (
             *(kernel.variant(self.variant) for kernel in called),
             HALVINGS if integrator.family.halvable else 0,
             h,
         )
         building = self.building
-        behind = (
+        last_arguments = (
             self.coefficients(integrator, h),
             state_jumps(integrator, h),
             *Scene(
@@ -554,6 +561,7 @@ class PreparedBuilding:
             ),
             *space.memory,
             space.totals,
+            # Each run starts from copies of the present state of the method and of the springs.
             *Memory(
                 space.state.copy(), space.law_state.copy(), space.scratch, space.step_status.copy()
             ),
@@ -565,22 +573,23 @@ class PreparedBuilding:
             space.history,
         )
 
-        # The loop over the runs is compiled also, and its arguments are assembled one time for all
-        # runs.
-        def go(
-            lanes: Sequence[RunSpec], marched: BatchResult, rest: RestCriterion = NO_FREE_VIBRATION
+        def integrate_runs(
+            specs: Sequence[RunSpec],
+            result: BatchResult,
+            criterion: RestCriterion = NO_FREE_VIBRATION,
         ) -> None:
+            """Integrate the specified runs and write their results to `result`."""
             table = [
-                (*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride)
-                for lane in lanes
+                (*spec[:3], spec.steps.count, spec.steps.per_sample, spec.steps.stride)
+                for spec in specs
             ]
             integrate_many.compiled(
-                *(*before, samples, np.array(table, float), *behind),
-                *(rest.window, rest.windows, rest.quiet),
-                *(marched.peaks, marched.drifts, marched.totals, marched.ends),
+                *(*first_arguments, samples, np.array(table, float), *last_arguments),
+                *(criterion.window, criterion.windows, criterion.quiet),
+                *(result.peaks, result.drifts, result.totals, result.ends),
             )
 
-        return go
+        return integrate_runs
 
     def integrate_with_histories(
         self,
@@ -589,7 +598,7 @@ class PreparedBuilding:
         motions: Sequence[tuple[Array, float, Steps]],
         *,
         every: int,
-        see: Callable[[int, Array], None],
+        on_history: Callable[[int, Array], None],
     ) -> BatchResult:
         """Integrate many runs with one time step and pass their histories to a function.
 
@@ -607,7 +616,7 @@ class PreparedBuilding:
             Ground acceleration (m/s^2), scale factor and time steps of each run.
         every : int
             Number of steps between two rows of a history.
-        see : callable
+        on_history : callable
             Called with the index of a run and the completed rows of its history. The next run
             overwrites these rows.
 
@@ -617,31 +626,32 @@ class PreparedBuilding:
             The method does not support this building, or the memory is too small for the history.
         """
         row_count = max(steps.count for _, _, steps in motions) // every + 1
-        space = self._ready(integrator, h, row_count)
-        # Arrays that a run changes are restored before the next run.
-        begun = [
+        space = self._loaded_arrays(integrator, h, row_count)
+        # Copy all arrays that a run changes, to restore them before the next run.
+        initial = [
             (array, array.copy())
             for array in (*space.memory, space.observer_state, space.peaks, space.totals)
         ]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.every = every
-        go = self.loop(integrator, h, ground, space)
-        marched = BatchResult.empty(len(motions), self.building.stories)
-        for r, (acceleration, scale, steps) in enumerate(motions):
-            for array, first in begun:
-                array[...] = first
+        loop = self.loop(integrator, h, ground, space)
+        result = BatchResult.empty(len(motions), self.building.stories)
+        for i, (acceleration, scale, steps) in enumerate(motions):
+            for array, initial_values in initial:
+                array[...] = initial_values
             np.multiply(acceleration, scale, out=ground[: len(acceleration)])
             ground[len(acceleration) :] = 0.0
-            # Each run is integrated in one call: it is short, and no other thread waits for Python.
-            code = go(steps, 0, steps.count)
-            marched.peaks[r], marched.totals[r] = space.peaks, space.totals
-            marched.drifts[r] = space.law_state[rows.DRIFT, : self.building.stories]
+            # The run is integrated in one call, without the possibility of an interrupt, because it
+            # is short.
+            code = loop(steps, 0, steps.count)
+            result.peaks[i], result.totals[i] = space.peaks, space.totals
+            result.drifts[i] = space.law_state[rows.DRIFT, : self.building.stories]
             reached = int(space.totals[rows.STEPS_REACHED])
-            marched.ends[r] = code, reached, 1.0
-            see(r, space.history[: reached // every + 1])
-        return marched
+            result.ends[i] = code, reached, 1.0
+            on_history(i, space.history[: reached // every + 1])
+        return result
 
-    def _ready(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
+    def _loaded_arrays(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
         """Load the kernels and return the arrays in the initial state for time steps of h (s)."""
         if reason := unsupported_reason(integrator, self.building):
             raise AnalysisError(reason)
@@ -657,12 +667,12 @@ class PreparedBuilding:
         space = workspace(self.building, integrator, row_count, self.collapse_drift)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
         space.state[rows.VELOCITY, :-1] = self.velocity
-        space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(_RESOLVED, h)
+        space.flags[rows.UNRESOLVED_MODES] = self.building.is_faster_than(_MAX_RESOLVED_OMEGA_DT, h)
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
-        """Return the compiled time loop with its arrays, which it uses in their state at the time
-        of the call.
+        """Return the compiled time loop with its arguments. The loop continues from the state of
+        the arrays at the time of its call.
         """
         building = self.building
         arrays = (
@@ -689,7 +699,8 @@ class PreparedBuilding:
         ]
         halvings = HALVINGS if integrator.family.halvable else 0
 
-        def go(steps: Steps, first: int, last: int) -> int:
+        def integrate_steps(steps: Steps, first: int, last: int) -> int:
+            """Integrate the steps from `first` to `last`; see `Loop`."""
             code: int
             code = integrate.variant(self.variant)(
                 *called,
@@ -708,34 +719,32 @@ class PreparedBuilding:
             )
             return code
 
-        return go
+        return integrate_steps
 
-    def _in_pieces(self, go: Loop, steps: Steps) -> int:
-        """Integrate the remaining steps in pieces of about `_PIECE` seconds.
+    def _integrate_interruptibly(self, loop: Loop, steps: Steps) -> int:
+        """Integrate the remaining steps in calls of about `_CALL_SECONDS` seconds.
 
-        Python can be interrupted between two pieces. The result is 0 or the code of the failed
-        step.
+        Python handles an interrupt (Ctrl-C) only between two calls. The result is 0 or the code of
+        the failed step.
         """
-        done, size = (
-            steps.done,
-            max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1),
-        )
-        # The length of the first piece is a guess. Each following piece is adapted to the measured
-        # speed and is at most twice as long as the previous piece.
+        done = steps.done
+        size = max(_FIRST_CALL_SIZE // (self.building.stories * (1 + len(self.building.modal))), 1)
+        # The number of steps of the first call is a guess. The number of steps of each following
+        # call is adapted to the measured speed, and is at most doubled.
         while True:
             last = min(done + size, steps.count)
             began = time.perf_counter()
-            code = go(steps, done, last)
+            code = loop(steps, done, last)
             if code < 0 or last == steps.count:
                 return code
             seconds = time.perf_counter() - began
-            done, size = last, max(1, min(2 * size, int(size * _PIECE / max(seconds, 1e-6))))
+            done, size = last, max(1, min(2 * size, int(size * _CALL_SECONDS / max(seconds, 1e-6))))
 
 
 # ---- Kernels of analyses, for compilation ahead of time
 
 
-def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
+def kernels_of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
     """Return the kernels of a run of a model with all its tables, and of a cyclic test of its
     stories.
     """
@@ -750,14 +759,14 @@ def _other_kernels(
     from tdint.kernels.oscillators.elastic import peaks  # few runs need their kernels in advance
 
     others = (peaks, *separate_kernels(prepared.building.law_parameters))
-    of_scene = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
-    # For a method with a stability limit: kernels that measure the stability of a time step
+    other_kernels = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
+    # The stability of a method with a stability limit is measured with linear oscillators.
     if integrator.stability_limit != math.inf:
-        of_scene.append((integrator.family.step, LINEAR_OSCILLATORS))
-    return of_scene
+        other_kernels.append((integrator.family.step, LINEAR_OSCILLATORS))
+    return other_kernels
 
 
-_SHORT = 180_000
+_MAX_INTERPRETED_SIZE = 180_000
 """Maximum number of time steps times floors (including the ground) for which a run without
 compilation is faster. Compilation takes 7 to 24 s. This number takes 5 s with impulse4 (26 to 28 us
 per step and floor) and 10 s with the slowest method (rk5, 55 us).
@@ -783,25 +792,25 @@ def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], s
     """
     building = prepared.building
     if (
-        steps * (building.stories + 1) > _SHORT
+        steps * (building.stories + 1) > _MAX_INTERPRETED_SIZE
         or building.power_damped
         or unsupported_reason(methods[0], building)
     ):
         return False
-    of_loops = dict.fromkeys(
+    loop_kernels = dict.fromkeys(
         item for method in methods for item in kernels(method, prepared.variant)
     )
     return interpret_while_compiling(
-        list(of_loops),
+        list(loop_kernels),
         lambda: list(
             dict.fromkeys(item for method in methods for item in _other_kernels(prepared, method))
         ),
     )
 
 
-def of_everything() -> list[tuple[Kernel, Variant]]:
+def all_kernels() -> list[tuple[Kernel, Variant]]:
     """Return all kernels, each in the variant for all buildings."""
-    # Kernels that a run does not need
+    # Imported here, because a run does not need these kernels.
     from tdint.kernels.oscillators.bilinear import bilinear_response
     from tdint.kernels.oscillators.elastic import peaks
     from tdint.kernels.oscillators.extremes import extremes, radii
@@ -847,4 +856,6 @@ def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:
     """
     building = model_of(model)
     integrator = parse(method or building.analysis.method or DEFAULT_METHOD)
-    return compile_ahead(of_model(building, integrator), ("native",), None, lambda done: None)
+    return compile_ahead(
+        kernels_of_model(building, integrator), ("native",), None, lambda done: None
+    )

@@ -254,13 +254,10 @@ def run_case(
         As by `run` (`FailedRun`).
     """
     case = case_of(case)
-    dt, duration, tolerance = (
-        number_of(dt, "dt"),
-        number_of(duration, "duration"),
-        ratio_of(tolerance, "tolerance"),
-    )
-    # A run without history determines the time at rest. The time step for a tolerance is then
-    # chosen over the complete duration.
+    dt, duration = number_of(dt, "dt"), number_of(duration, "duration")
+    tolerance = ratio_of(tolerance, "tolerance")
+    # First determine the time at rest by a run without history. Then run again up to this time, so
+    # that a time step for a tolerance is chosen over the complete duration.
     if until_rest:
         steps, at_rest = extend_to_rest(case, case.steps(dt, duration))
         end = steps.count * steps.h

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from itertools import groupby
 from itertools import product as combined
 from pathlib import Path
 from threading import Event, Semaphore
-from typing import Any, NamedTuple, cast, overload
+from typing import Any, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +18,10 @@ from numpy.typing import NDArray
 from tdint.analysis.arguments import (
     AnyModel,
     AnyRecord,
+    as_sequence,
     is_list,
     model_of,
+    named_sample,
     number_of,
     numbers_of,
     record_of,
@@ -31,8 +32,9 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import factors, reference, shorter_steps
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
 from tdint.analysis.run.many_results import (
-    KEPT,
+    HISTORY_FIELDS,
     Runs,
+    RunSpec,
     history_arrays,
     kept_quantities,
     store_history,
@@ -57,7 +59,7 @@ from tdint.model.plausibility import on_plausibility
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
-_AT_ONCE = 64
+_RUNS_PER_BATCH = 64
 """Number of runs that a thread integrates in one batch."""
 
 
@@ -259,31 +261,9 @@ def run_many(
     except KeyboardInterrupt:
         if not partial:
             raise
-        return _no_runs(every)
-    # The threads share the runs in small parts, so that they finish at about the same time.
-    parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
-    stop, marching = Event(), Semaphore(threads)
-    done = 0
-
-    def march(part: Sequence[_Run]) -> int:
-        with marching:
-            if not stop.is_set():
-                _march(work, result, part)
-            return len(part)
-
-    try:
-        with progress_reporter(progress, len(plan), "run") as tell:
-            for count in on_threads(march, parts, threads):
-                tell(done := done + count, len(plan))
-    except KeyboardInterrupt:
-        if not partial:
-            raise
-        stop.set()
-        for _ in range(threads):  # wait until the running parts are completed
-            marching.acquire()
-        result.failures.update(
-            dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN)
-        )
+        empty_request = _RunsRequest((), (), (), None, None, False, {})
+        return _empty_result(empty_request, [], every, {})
+    _integrate_plan(work, result, plan, threads, progress, partial=partial)
     runs = replace(result, failures=dict(sorted(result.failures.items())))
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     plan = [run for run in plan if result.status[run.number] != INTERRUPTED]
@@ -306,7 +286,7 @@ def _requested(
     samples: tuple[Mapping[str, Any], bool, str],
     kept: tuple[Any, Any, Any],
     jobs: int | None,
-) -> tuple[_RunsRequest, list[_Run], Runs, int, Path | None]:
+) -> tuple[_RunsRequest, list[RunSpec], Runs, int, Path | None]:
     """Check the arguments of `run_many` and return what its loop needs.
 
     Parameters
@@ -325,9 +305,9 @@ def _requested(
     method, dt, duration, check = analysis
     vary, product, errors = samples
     history, every, out = kept
-    drawn = samples_of(vary, product)
-    buildings = [model_of(model) for model in _several(models, "models")]
-    motions = tuple(map(record_of, _several(records, "records")))
+    parameters = samples_of(vary, product)
+    buildings = [model_of(model) for model in as_sequence(models, "models")]
+    motions = tuple(map(record_of, as_sequence(records, "records")))
     if any(isinstance(record, JoinedRecord) for record in motions):
         raise UsageError("run_many does not support sequences: use run_sequence")
     subjects = tuple(
@@ -340,13 +320,13 @@ def _requested(
         number_of(dt, "dt"),
         number_of(duration, "duration"),
         check,
-        drawn,
+        parameters,
     )
     if errors not in ("raise", "keep"):
         raise UsageError(f"errors must be 'raise' or 'keep', got {errors!r:.60}")
-    lost = work.out_of_range() if errors == "keep" else {}
-    plan = _planned(work, scales, zip_records, {draw for _, draw in lost})
-    names = kept_quantities(history)
+    invalid = work.out_of_range() if errors == "keep" else {}
+    plan = _planned_runs(work, scales, zip_records, {draw for _, draw in invalid})
+    quantities_kept = kept_quantities(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
     threads = processors() if jobs is None else jobs
@@ -357,27 +337,23 @@ def _requested(
         raise UsageError(f"out: the file name must end with .parquet, got {str(out)!r:.60}")
     if file:
         import_optional("pyarrow", "a Parquet file", "parquet")
-    result = _unfilled(
-        work, plan, every, history_arrays(_shape(work, plan, every), names, None if file else out)
+    result = _empty_result(
+        work,
+        plan,
+        every,
+        history_arrays(_shape(work, plan, every), quantities_kept, None if file else out),
     )
-    for run in plan if lost else ():
-        if (run.model, run.draw) in lost:
-            result.status[run.number], result.failures[run.number] = (
-                OUT_OF_RANGE,
-                lost[run.model, run.draw],
-            )
-    plan = [run for run in plan if (run.model, run.draw) not in lost]
+    # Runs with an invalid sample are not integrated; their failure is recorded.
+    for run in plan if invalid else ():
+        if (run.model, run.draw) in invalid:
+            result.status[run.number] = OUT_OF_RANGE
+            result.failures[run.number] = invalid[run.model, run.draw]
+    plan = [run for run in plan if (run.model, run.draw) not in invalid]
     return work, plan, result, threads, file
 
 
-def _no_runs(every: int) -> Runs:
-    """Return the result of a call that was interrupted before its first run."""
-    work = _RunsRequest((), (), (), None, None, False, {})
-    return _unfilled(work, [], every, {})
-
-
 INTERRUPTED = "interrupted"
-"""Status of a run that was not made."""
+"""Status of a run that was not integrated because of an interrupt."""
 
 OUT_OF_RANGE = "out-of-range"
 """Status of a run with an invalid sample."""
@@ -385,17 +361,60 @@ OUT_OF_RANGE = "out-of-range"
 _NOT_RUN = "interrupted before it was run"
 
 
-class _Run(NamedTuple):
-    """A run: its number, the indices of its building, sample and record, scale factor and time
-    steps.
-    """
+def _integrate_plan(
+    work: _RunsRequest,
+    result: Runs,
+    plan: Sequence[RunSpec],
+    threads: int,
+    progress: bool | Progress,
+    *,
+    partial: bool,
+) -> None:
+    """Integrate the runs of a plan on threads and write them to the result.
 
-    number: int
-    model: int
-    draw: int
-    record: int
-    scale: float
-    steps: Steps
+    Parameters
+    ----------
+    work : _RunsRequest
+        Buildings, ground motions and varied parameters.
+    result : Runs
+        Result with arrays for all runs.
+    plan : sequence of RunSpec
+        Runs to integrate.
+    threads : int
+        Number of threads.
+    progress : bool or callable
+        As for `run_many`.
+    partial : bool
+        True to return after an interrupt (Ctrl-C); the runs that were not integrated are recorded
+        as failures. Otherwise KeyboardInterrupt is raised.
+    """
+    # The threads share the runs in small parts, so that they finish at about the same time.
+    parts = [
+        plan[first : first + _RUNS_PER_BATCH] for first in range(0, len(plan), _RUNS_PER_BATCH)
+    ]
+    stop, running = Event(), Semaphore(threads)
+    completed = 0
+
+    def integrate_part(part: Sequence[RunSpec]) -> int:
+        """Integrate some runs, unless an interrupt has occurred, and return their number."""
+        with running:
+            if not stop.is_set():
+                _integrate_part(work, result, part)
+            return len(part)
+
+    try:
+        with progress_reporter(progress, len(plan), "run") as report_progress:
+            for count in on_threads(integrate_part, parts, threads):
+                report_progress(completed := completed + count, len(plan))
+    except KeyboardInterrupt:
+        if not partial:
+            raise
+        stop.set()
+        for _ in range(threads):  # wait until the parts that are running are completed
+            running.acquire()
+        result.failures.update(
+            dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN)
+        )
 
 
 @dataclass(frozen=True)
@@ -416,14 +435,14 @@ class _RunsRequest:
         return len(next(iter(self.vary.values()))) if self.vary else 1
 
     @cached_property
-    def of_buildings(self) -> dict[str, Array]:
+    def building_parameters(self) -> dict[str, Array]:
         """Varied parameters of buildings, without the record scale."""
         return {name: values for name, values in self.vary.items() if name != SCALE}
 
     def varied(self, model: int, draw: int) -> Subject:
         """Return a building with the parameter values of one sample."""
         subject = self.subjects[model]
-        numbers = {name: float(values[draw]) for name, values in self.of_buildings.items()}
+        numbers = {name: float(values[draw]) for name, values in self.building_parameters.items()}
         # A value of nan leaves the parameter unchanged: neighbors of a run (`_differentiated`)
         # differ in one parameter each.
         return Subject(
@@ -433,15 +452,15 @@ class _RunsRequest:
             subject.method,
         )
 
-    def alone(self, run: _Run, history: bool) -> int:
-        """Return the sample of a run with an individually assembled building, or -1 if arrays are
-        changed.
+    def individual_sample(self, run: RunSpec, history: bool) -> int:
+        """Return the sample of a run if its building must be assembled individually, otherwise -1.
 
-        Buildings are assembled individually for error estimates, histories, and methods with
-        coefficients or a stability limit that depend on the building.
+        Otherwise the arrays of one building are changed from run to run. Buildings are assembled
+        individually for error estimates, histories, and methods with coefficients or a stability
+        limit that depend on the building.
         """
         method = self.subjects[run.model].integrator
-        if not self.of_buildings:
+        if not self.building_parameters:
             return -1
         depends_on_building = (
             method.family.prepare is not None or method.stability_limit != math.inf
@@ -454,36 +473,37 @@ class _RunsRequest:
 
         The values of the samples `but` are not checked.
         """
-        taken = [draw for draw in range(self.draws) if draw not in but]
-        for name, of_draws in self.of_buildings.items():
+        checked = [draw for draw in range(self.draws) if draw not in but]
+        for name, all_values in self.building_parameters.items():
             check_parameter(name)
-            values = of_draws[taken] if but else of_draws
+            values = all_values[checked] if but else all_values
             numbers = values.tolist()
             for value in dict.fromkeys(numbers):
-                with _named_sample(numbers, value, taken):
+                with named_sample(numbers, value, checked):
                     check_value(name, value)
-            ends = {float(values.min()), float(values.max())} if numbers else set[float]()
+            # The allowed values are intervals, so that the extreme values are sufficient.
+            extremes = {float(values.min()), float(values.max())} if numbers else set[float]()
             for subject in self.subjects:
-                for change, value in combined(changes_of(subject.model, name), sorted(ends)):
-                    with _named_sample(numbers, value, taken):
+                for change, value in combined(changes_of(subject.model, name), sorted(extremes)):
+                    with named_sample(numbers, value, checked):
                         change.check(name, value)
                 if name == "damping":
                     damped_by(subject.model, 0.0)
 
     def out_of_range(self) -> dict[tuple[int, int], str]:
         """Return the invalid samples, each with its building, and the reason."""
-        lost = dict[tuple[int, int], str]()
+        invalid = dict[tuple[int, int], str]()
         for model, draw in combined(range(len(self.subjects)), range(self.draws)):
             try:
-                for name, values in self.of_buildings.items():
+                for name, values in self.building_parameters.items():
                     check_value(name, float(values[draw]))
                 _ = self.varied(model, draw).prepared
                 scale = float(self.vary.get(SCALE, np.ones(self.draws))[draw])
                 if not (math.isfinite(scale) and scale):
                     raise UsageError(f"{SCALE} must be a number other than zero, got {scale!r}")
             except (UsageError, ModelError) as error:
-                lost[model, draw] = str(error)
-        return lost
+                invalid[model, draw] = str(error)
+        return invalid
 
     @cached_property
     def stories(self) -> int:
@@ -491,45 +511,19 @@ class _RunsRequest:
         return max((len(subject.model.stories) for subject in self.subjects), default=0)
 
 
-@contextmanager
-def _named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> Iterator[None]:
-    """Add the number of the first sample with a value, from 0, to an error about the value.
-
-    Parameters
-    ----------
-    numbers : list of float
-        Values of a parameter.
-    value : float
-        Value to be checked in the context.
-    samples : sequence of int
-        Number of the sample of each value.
-    """
-    try:
-        yield
-    except UsageError as error:
-        place = next(i for i, number in enumerate(numbers) if number == value or number != number)
-        raise UsageError(f"{error} (sample {samples[place]}, counted from 0)") from None
-
-
-def _several(given: Any, name: str) -> Sequence[Any]:
-    """Return the argument as a sequence, or raise UsageError if it is empty."""
-    items = list(given) if isinstance(given, list | tuple) else [given]
-    if not items:
-        raise UsageError(f"{name} must contain at least one item, got an empty sequence")
-    return items
-
-
-def _planned(
-    work: _RunsRequest, scales: float | Iterable[float], zip_records: bool, lost: Set[int]
-) -> list[_Run]:
+def _planned_runs(
+    work: _RunsRequest, scales: float | Iterable[float], zip_records: bool, invalid: Set[int]
+) -> list[RunSpec]:
     """Return the runs with their time steps, after validation of scales and samples."""
     factors = numbers_of(scales, "scales").tolist()
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
-    work.check_draws(lost)
-    of_draws = work.vary.get(SCALE, np.ones(work.draws)).tolist()
+    work.check_draws(invalid)
+    record_scales = work.vary.get(SCALE, np.ones(work.draws)).tolist()
     if not all(
-        math.isfinite(factor) and factor for draw, factor in enumerate(of_draws) if draw not in lost
+        math.isfinite(factor) and factor
+        for draw, factor in enumerate(record_scales)
+        if draw not in invalid
     ):
         raise UsageError(f"{SCALE} must be numbers other than zero")
     if zip_records:
@@ -540,40 +534,42 @@ def _planned(
         for name, size in sizes.items():
             if size not in (1, count):
                 raise UsageError(f"zip_records: {name} must have 1 or {count} items, got {size}")
-        places: Iterable[tuple[int, ...]] = zip(
+        combinations: Iterable[tuple[int, ...]] = zip(
             *((np.arange(count) % size).tolist() for size in sizes.values()), strict=True
         )
     else:
-        places = combined(
+        combinations = combined(
             *map(range, (len(work.subjects), work.draws, len(work.records), len(factors)))
         )
     # Time steps depend on few values of model and record: each combination is computed one time.
     steps: dict[tuple[Any, ...], Steps] = {}
     plan = []
-    for number, (model, draw, record, scale) in enumerate(places):
+    for number, (model, draw, record, scale) in enumerate(combinations):
         analysis, motion = work.subjects[model].model.analysis, work.records[record]
         key = (analysis.dt, analysis.duration, motion.dt, motion.duration)
         if key not in steps:
             steps[key] = work.subjects[model].case(motion).steps(work.dt, work.duration)
-        plan.append(_Run(number, model, draw, record, factors[scale] * of_draws[draw], steps[key]))
+        plan.append(
+            RunSpec(number, model, draw, record, factors[scale] * record_scales[draw], steps[key])
+        )
     return plan
 
 
-def _shape(work: _RunsRequest, plan: Sequence[_Run], every: int) -> tuple[int, int, int]:
+def _shape(work: _RunsRequest, plan: Sequence[RunSpec], every: int) -> tuple[int, int, int]:
     """Return the shape of the histories: runs, rows of the longest run, stories of the tallest."""
     return len(plan), max(run.steps.count for run in plan) // every + 1, work.stories
 
 
-def _unfilled(
+def _empty_result(
     work: _RunsRequest,
-    plan: Sequence[_Run],
+    plan: Sequence[RunSpec],
     every: int,
     history: dict[str, NDArray[np.floating[Any]]],
 ) -> Runs:
     """Return the result with arrays that each thread fills for its runs."""
     peaks, errors, corrected = (
-        {peak.name: np.full((len(plan), work.stories), math.nan) for peak in fields(kind)}
-        for kind in (StoryPeaks, StoryErrors, StoryErrors)
+        {field.name: np.full((len(plan), work.stories), math.nan) for field in fields(value_class)}
+        for value_class in (StoryPeaks, StoryErrors, StoryErrors)
     )
     return Runs(
         models=tuple(subject.model for subject in work.subjects),
@@ -599,81 +595,93 @@ def _unfilled(
     )
 
 
-def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
+def _integrate_part(work: _RunsRequest, result: Runs, part: Sequence[RunSpec]) -> None:
     """Integrate some runs in batches of one building and one time step, and write them to the
     result.
     """
     for (model, _, individual), group in groupby(
-        part, key=lambda run: (run.model, run.steps.h, work.alone(run, bool(result.history)))
+        part,
+        key=lambda run: (run.model, run.steps.h, work.individual_sample(run, bool(result.history))),
     ):
-        # If parameters vary, the arrays of one building are changed from run to run, except for
-        # runs that need an individually assembled building (`alone`).
         runs, subject = list(group), work.subjects[model]
-        places = [run.number for run in runs]
+        numbers = [run.number for run in runs]
         motions = Motions({run.record: work.records[run.record] for run in runs})
-        lanes = [(run.record, run.scale, run.steps) for run in runs]
-        if work.of_buildings and individual < 0:
-            draws = {
-                draw: place for place, draw in enumerate(dict.fromkeys(run.draw for run in runs))
+        specs = [(run.record, run.scale, run.steps) for run in runs]
+        # If parameters vary, the arrays of one building are changed from run to run, except for
+        # runs that need an individually assembled building (`individual_sample`).
+        if work.building_parameters and individual < 0:
+            sample_indices = {
+                draw: index for index, draw in enumerate(dict.fromkeys(run.draw for run in runs))
             }
-            values = {name: column[list(draws)] for name, column in work.of_buildings.items()}
+            values = {
+                name: column[list(sample_indices)]
+                for name, column in work.building_parameters.items()
+            }
             drawn = draw_buildings(subject.model, subject.prepared.building, values)
-            numbered = [(draws[run.draw], lane) for run, lane in zip(runs, lanes, strict=True)]
-            by_themselves = [partial(work.varied, model, draw) for draw in draws]
-            outcomes = run_sampled(subject, motions, numbered, drawn, by_themselves)
+            sampled_runs = [
+                (sample_indices[run.draw], spec) for run, spec in zip(runs, specs, strict=True)
+            ]
+            sampled_subjects = [partial(work.varied, model, draw) for draw in sample_indices]
+            outcomes = run_sampled(subject, motions, sampled_runs, drawn, sampled_subjects)
         else:
-            subject = work.varied(model, runs[0].draw) if work.of_buildings else subject
+            subject = work.varied(model, runs[0].draw) if work.building_parameters else subject
             outcomes = run_batch(
                 subject,
                 motions,
-                lanes,
+                specs,
                 check=work.check,
                 history=bool(result.history),
-                march=partial(_march_and_keep, subject, work, result, runs)
+                integrate=partial(_integrate_with_histories, subject, work, result, runs)
                 if result.history
                 else None,
             )
         # Write the results: first all runs as done, then the runs with another status.
-        result.status[places] = "done"
-        store_values(result.stories, places, outcomes.stories)
-        result.energy_error[places] = outcomes.energy_error
-        result.steps[places] = outcomes.steps
+        result.status[numbers] = "done"
+        store_values(result.stories, numbers, outcomes.stories)
+        result.energy_error[numbers] = outcomes.energy_error
+        result.steps[numbers] = outcomes.steps
         for i, status in outcomes.status.items():
-            result.status[places[i]] = status
+            result.status[numbers[i]] = status
         for i, response in outcomes.responses.items():
             if response.check:
-                store_values(result.errors, places[i], response.check.errors)
-                store_values(result.corrected, places[i], response.check.corrected)
-            store_history(result, places[i], response.history)
+                store_values(result.errors, numbers[i], response.check.errors)
+                store_values(result.corrected, numbers[i], response.check.corrected)
+            store_history(result, numbers[i], response.history)
         for i, failure in outcomes.failures.items():
-            store_history(result, places[i], None)
-            result.failures[places[i]] = str(failure)
+            store_history(result, numbers[i], None)
+            result.failures[numbers[i]] = str(failure)
 
 
-def _march_and_keep(
-    subject: Subject, work: _RunsRequest, result: Runs, runs: Sequence[_Run]
+def _integrate_with_histories(
+    subject: Subject, work: _RunsRequest, result: Runs, runs: Sequence[RunSpec]
 ) -> BatchResult:
     """Integrate runs of one building with one time step and keep the requested histories."""
     prepared, h = subject.prepared, runs[0].steps.h
     time = (
         result.every * h * np.arange(next(iter(result.history.values())).shape[1], dtype=np.float64)
     )
-    # Each history is copied before the next run overwrites it.
-    telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in result.history.items()]
+    # The functions compute a quantity from the rows of a history and write it to an array of the
+    # result, because the next run overwrites the rows.
+    targets = [
+        (array, run_totals.HISTORIES[HISTORY_FIELDS[name]])
+        for name, array in result.history.items()
+    ]
     building, forces, n = prepared.building, prepared.forces, prepared.building.stories
 
-    def see(r: int, rows: Array) -> None:
-        for kept, told in telling:
-            kept[runs[r].number, : len(rows), :n] = told(building, forces, time[: len(rows)], rows)
-            if len(rows) < kept.shape[1] or n < kept.shape[2]:
-                kept[runs[r].number, len(rows) :] = kept[runs[r].number, :, n:] = math.nan
+    def on_history(i: int, rows: Array) -> None:
+        """Write the history of run `i`; nan after its end and above the roof."""
+        for array, compute in targets:
+            history = array[runs[i].number]
+            history[: len(rows), :n] = compute(building, forces, time[: len(rows)], rows)
+            if len(rows) < array.shape[1] or n < array.shape[2]:
+                history[len(rows) :] = history[:, n:] = math.nan
 
     return prepared.integrate_with_histories(
         subject.integrator,
         h,
         [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
         every=result.every,
-        see=see,
+        on_history=on_history,
     )
 
 
@@ -692,21 +700,21 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
     subject = Subject(case.model, label)
     check = response.check is not None
     work = _RunsRequest((subject,), (label,), (record,), None, None, check, {})
-    plan = [_Run(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
+    plan = [RunSpec(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
     peaks = StoryPeaks(
-        **{one.name: getattr(response.stories, one.name)[None] for one in fields(StoryPeaks)}
+        **{field.name: getattr(response.stories, field.name)[None] for field in fields(StoryPeaks)}
     )
-    kept = (
-        {name: getattr(response.history, own)[None] for name, own in KEPT.items()}
+    history = (
+        {name: getattr(response.history, field)[None] for name, field in HISTORY_FIELDS.items()}
         if response.history
         else {}
     )
-    return _gradient(work, plan, peaks, kept, 1, names, processors()).of_run(0)
+    return _gradient(work, plan, peaks, history, 1, names, processors()).of_run(0)
 
 
 def _gradient(
     work: _RunsRequest,
-    plan: Sequence[_Run],
+    plan: Sequence[RunSpec],
     peaks: StoryPeaks,
     history: Mapping[str, NDArray[np.floating[Any]]],
     every: int,
@@ -733,32 +741,32 @@ def _gradient(
     labels = tuple(subject.method for subject in subjects)
     other_work = replace(work, subjects=subjects, methods=labels, check=False)
     others = [run._replace(number=i, steps=shorter_steps(run.steps)) for i, run in enumerate(plan)]
-    base = _unfilled(other_work, others, 1, {})
-    _march_all(other_work, base, others, threads)
+    base = _empty_result(other_work, others, 1, {})
+    _integrate_all(other_work, base, others, threads)
     other = _differentiated(other_work, others, base.stories, {}, 1, names, threads)
     errors = {}
-    of_buildings = [factors(subject.integrator) for subject in work.subjects]
-    for one in fields(StoryErrors):
-        derivatives, other_derivatives = getattr(gradient, one.name), getattr(other, one.name)
-        errors[one.name] = np.full_like(derivatives, math.nan)
+    model_factors = [factors(subject.integrator) for subject in work.subjects]
+    for field in fields(StoryErrors):
+        derivatives, other_derivatives = getattr(gradient, field.name), getattr(other, field.name)
+        errors[field.name] = np.full_like(derivatives, math.nan)
         for run, with_half_step in zip(plan, other_derivatives, strict=True):
-            errors[one.name][run.number] = slope_errors(
-                derivatives[run.number], with_half_step, of_buildings[run.model]
+            errors[field.name][run.number] = slope_errors(
+                derivatives[run.number], with_half_step, model_factors[run.model]
             )
     return replace(gradient, errors=StoryErrors(**errors))
 
 
-def _march_all(work: _RunsRequest, result: Runs, plan: Sequence[_Run], threads: int) -> None:
+def _integrate_all(work: _RunsRequest, result: Runs, plan: Sequence[RunSpec], threads: int) -> None:
     """Integrate all runs of a plan on threads, and write them to the result."""
-    size = max(1, min(_AT_ONCE, math.ceil(len(plan) / threads)))
+    size = max(1, min(_RUNS_PER_BATCH, math.ceil(len(plan) / threads)))
     parts = [plan[first : first + size] for first in range(0, len(plan), size)]
-    for _ in on_threads(partial(_march, work, result), parts, threads):
+    for _ in on_threads(partial(_integrate_part, work, result), parts, threads):
         pass
 
 
 def _differentiated(
     work: _RunsRequest,
-    plan: Sequence[_Run],
+    plan: Sequence[RunSpec],
     peaks: StoryPeaks,
     history: Mapping[str, NDArray[np.floating[Any]]],
     every: int,
@@ -771,7 +779,7 @@ def _differentiated(
     ----------
     work : _RunsRequest
         Buildings, ground motions and samples.
-    plan : sequence of _Run
+    plan : sequence of RunSpec
         Completed runs.
     peaks : StoryPeaks
         Peaks of these runs.
@@ -785,67 +793,69 @@ def _differentiated(
         Number of threads.
     """
     # Each building has its own parameter values in each sample, and two neighbors for each value.
-    numbers, near = (
-        dict[tuple[int, int], list[float]](),
-        dict[tuple[int, int], list[tuple[float, float]]](),
-    )
-    for site in dict.fromkeys((run.model, run.draw) for run in plan):
-        model = work.varied(*site).model
-        numbers[site] = [
-            float(work.vary[name][site[1]]) if name in work.vary else number_at(model, name)
+    # The keys are the indices of building and sample.
+    numbers = dict[tuple[int, int], list[float]]()
+    near = dict[tuple[int, int], list[tuple[float, float]]]()
+    for key in dict.fromkeys((run.model, run.draw) for run in plan):
+        model = work.varied(*key).model
+        numbers[key] = [
+            float(work.vary[name][key[1]]) if name in work.vary else number_at(model, name)
             for name in names
         ]
-        near[site] = [
-            neighbors(model, name, number)
-            for name, number in zip(names, numbers[site], strict=True)
+        near[key] = [
+            neighbors(model, name, number) for name, number in zip(names, numbers[key], strict=True)
         ]
     # One sample per neighbor: unchanged parameters have the value of the original sample, or nan.
-    draws = {key: draw for draw, key in enumerate(combined(near, range(len(names)), range(2)))}
+    draws = {item: draw for draw, item in enumerate(combined(near, range(len(names)), range(2)))}
     origin = [draw for (_, draw), _, _ in draws]
-    columns = {name: column[origin] for name, column in work.of_buildings.items()}
+    columns = {name: column[origin] for name, column in work.building_parameters.items()}
     columns |= {
         name: np.full(len(draws), math.nan)
         for name in names
         if name not in columns and name != SCALE
     }
-    for (site, i, side), draw in draws.items():
+    for (key, i, side), draw in draws.items():
         if names[i] != SCALE:
-            columns[names[i]][draw] = near[site][i][side]
-    around = list[_Run]()
+            columns[names[i]][draw] = near[key][i][side]
+    neighbor_plan = list[RunSpec]()
     for run, i, side in combined(plan, range(len(names)), range(2)):
-        site = run.model, run.draw
-        factor = near[site][i][side] / numbers[site][i] if names[i] == SCALE else 1.0
-        draw = draws[site, i, side]
-        around.append(run._replace(number=len(around), draw=draw, scale=run.scale * factor))
-    of_near = replace(work, vary=columns, check=False)
-    result = _unfilled(
-        of_near, around, every, history_arrays(_shape(of_near, around, every), tuple(history), None)
-    )
-    _march_all(of_near, result, around, threads)
+        key = run.model, run.draw
+        factor = near[key][i][side] / numbers[key][i] if names[i] == SCALE else 1.0
+        neighbor_plan.append(
+            run._replace(
+                number=len(neighbor_plan), draw=draws[key, i, side], scale=run.scale * factor
+            )
+        )
+    neighbor_work = replace(work, vary=columns, check=False)
+    arrays = history_arrays(_shape(neighbor_work, neighbor_plan, every), tuple(history), None)
+    result = _empty_result(neighbor_work, neighbor_plan, every, arrays)
+    _integrate_all(neighbor_work, result, neighbor_plan, threads)
 
-    # Rows of runs that were not made remain nan.
+    # Rows of runs that were not integrated remain nan.
     rows = [run.number for run in plan]
     values = np.array([numbers[run.model, run.draw] for run in plan])
     offsets = np.array([near[run.model, run.draw] for run in plan]) - values[:, :, None]
 
-    def of_all(of_runs: NDArray[Any]) -> NDArray[Any]:
-        filled = np.full((len(peaks.peak_drift), *of_runs.shape[1:]), math.nan)
-        filled[rows] = of_runs
+    def with_all_rows(run_values: NDArray[Any]) -> NDArray[Any]:
+        """Return an array with a row for each run, from the rows of the integrated runs."""
+        filled = np.full((len(peaks.peak_drift), *run_values.shape[1:]), math.nan)
+        filled[rows] = run_values
         return filled
 
     def differences(base: NDArray[Any], neighboring: NDArray[Any]) -> list[NDArray[Any]]:
-        both = slopes(base[rows], neighboring.reshape(*offsets.shape, *base.shape[1:]), offsets)
-        return [of_all(of_runs) for of_runs in both]
+        """Return the derivatives of a quantity and the differences of its one-sided derivatives."""
+        neighbor_values = neighboring.reshape(*offsets.shape, *base.shape[1:])
+        return [with_all_rows(array) for array in slopes(base[rows], neighbor_values, offsets)]
 
-    of_peaks: dict[str, Any] = {
-        one.name: differences(getattr(peaks, one.name), getattr(result.stories, one.name))
-        for one in fields(StoryErrors)
+    peak_derivatives: dict[str, Any] = {
+        field.name: differences(getattr(peaks, field.name), getattr(result.stories, field.name))
+        for field in fields(StoryErrors)
     }
     return Gradient(
-        **{name: derivative for name, (derivative, _) in of_peaks.items()},
+        **{name: derivative for name, (derivative, _) in peak_derivatives.items()},
         parameters=tuple(names),
-        values=of_all(values),
-        kink=StoryErrors(**{name: kink for name, (_, kink) in of_peaks.items()}),
+        values=with_all_rows(values),
+        kink=StoryErrors(**{name: kink for name, (_, kink) in peak_derivatives.items()}),
         history={
             name: differences(array, result.history[name])[0] for name, array in history.items()
         },

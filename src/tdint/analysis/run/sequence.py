@@ -94,13 +94,17 @@ def sequence_of(
         if rest is not None:
             begin = last + samples_of(rest, shock.dt)
         else:
-            before = one_after_another(shocks[:number], starts)
-            quiet, at_rest = until_rest(case.under(before), _steps(case, before, dt))
-            begin = (
-                max(math.ceil(quiet.count * quiet.stride / quiet.per_sample), last) + 1
-            )  # the ground acceleration rises linearly to the first sample
+            preceding = one_after_another(shocks[:number], starts)
+            steps_to_rest, at_rest = until_rest(case.under(preceding), _steps(case, preceding, dt))
+            samples = math.ceil(
+                steps_to_rest.count * steps_to_rest.stride / steps_to_rest.per_sample
+            )
+            # Start one sample later, because the ground acceleration already changes in the
+            # interval before the first sample.
+            begin = max(samples, last) + 1
             restless += [] if at_rest else [number]
-        starts.append(math.ceil(begin / steps.stride) * steps.stride)  # start of a time step
+        # Each event starts at the start of a time step.
+        starts.append(math.ceil(begin / steps.stride) * steps.stride)
     return ShockSequence(tuple(shocks), tuple(starts), tuple(restless))
 
 
@@ -144,11 +148,9 @@ def run_sequence(
     sequence = sequence_of(
         case_of(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt")
     )
-    whole = sequence.whole
-    joined, duration = (
-        replace(case.under(whole), remarks=(*case.remarks, *sequence.notes)),
-        whole.duration,
-    )
+    joined_record = sequence.whole
+    duration = joined_record.duration
+    joined = replace(case.under(joined_record), remarks=(*case.remarks, *sequence.notes))
     response = run_case(
         joined,
         dt=dt,

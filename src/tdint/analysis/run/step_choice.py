@@ -28,15 +28,15 @@ from tdint.analysis.run.outcome import NO_STEP, ErrorEstimate, FailedRun, Respon
 from tdint.analysis.time_steps import Steps, finer
 from tdint.errors import UsageError
 
-_COARSEST, _COARSEST_TIGHT = 2, 1
-"""The first time step is 2**_COARSEST sampling intervals, or 2**_COARSEST_TIGHT for tolerances
-below `_TIGHT`. With eight intervals, pairs of runs may agree by accident: of 181 random buildings,
-six were beyond a tolerance of 3 %. With two, runs for large tolerances take longer."""
+_FIRST_POWER, _FIRST_POWER_TIGHT = 2, 1
+"""The first time step is 2**_FIRST_POWER sampling intervals, or 2**_FIRST_POWER_TIGHT for
+tolerances below `_TIGHT`. With eight intervals, pairs of runs may agree by accident: of 181 random
+buildings, six were beyond a tolerance of 3 %. With two, runs for large tolerances take longer."""
 
 _TIGHT = 0.003
 """Tolerance below which the search starts with a shorter time step."""
 
-_MOST_HALVINGS = 8
+_MAX_HALVINGS = 8
 """Maximum number of times that the sampling interval, or the requested time step, is halved."""
 
 _FIRST_PAIR, _LATER_PAIR = 8.0 / 3.0, 2.0
@@ -48,7 +48,7 @@ _SLOW_DECREASE = 4.0 / 3.0
 """If successive differences decrease by the factor R, the error is at least `_SLOW_DECREASE`
 times the difference over R - 1, the Richardson factor at the observed order."""
 
-_LEAST_DECREASE = 4.0 / 3.0
+_MIN_DECREASE = 4.0 / 3.0
 """Minimum value of R. Without a minimum, differences at the level of rounding errors would never be
 accepted."""
 
@@ -56,10 +56,10 @@ _ORDERS = (1.0, 3.0)
 """Range of the order that predicts the next time step. `impulse4` and other methods of order 4 show
 a lower order with long time steps."""
 
-_LARGEST_JUMP, _LARGEST_JUMP_OF_PAIRS = 3, 2
+_MAX_JUMP, _MAX_JUMP_OF_PAIRS = 3, 2
 """Maximum number of halvings between two runs, without and with comparison to the previous run."""
 
-_SAME = 1e-9
+_STEP_TOLERANCE = 1e-9
 """Relative tolerance for comparing numbers of steps."""
 
 
@@ -158,7 +158,7 @@ class _Search:
         case.prepared.compile([case.method, reference(case).method])
         if dt is not None or case.model.analysis.dt is not None or case.record is None:
             return cls(case, tolerance, requested, 0)
-        power = _COARSEST if tolerance >= _TIGHT else _COARSEST_TIGHT
+        power = _FIRST_POWER if tolerance >= _TIGHT else _FIRST_POWER_TIGHT
         return cls(case, tolerance, case.steps(2**power * requested.h, duration), power)
 
     def steps(self, level: int) -> Steps:
@@ -166,7 +166,9 @@ class _Search:
         steps = self.coarsest
         for _ in range(level):
             steps = finer(steps)
-        return replace(steps, count=max(1, math.ceil(steps.end / steps.h * (1.0 - _SAME))))
+        return replace(
+            steps, count=max(1, math.ceil(steps.end / steps.h * (1.0 - _STEP_TOLERANCE)))
+        )
 
     def run(self, level: int) -> Response | FailedRun:
         """Return the run of a level; each level is run at most once."""
@@ -182,16 +184,17 @@ class _Search:
         """
         is_reference = reference(self.case).method.label == self.case.method.label
         first = (
-            max(0, math.ceil(math.log2(self.coarsest.h / largest) - _SAME))
+            max(0, math.ceil(math.log2(self.coarsest.h / largest) - _STEP_TOLERANCE))
             if largest < math.inf
             else 0
         )
-        first = max(first, 1) if is_reference else first  # a pair needs a coarser run
-        last = max(self.power + _MOST_HALVINGS, first)
-        before, level = first - 1, first
+        # With the reference method, each run is compared with a run with a longer time step.
+        first = max(first, 1) if is_reference else first
+        last = max(self.power + _MAX_HALVINGS, first)
+        previous, level = first - 1, first
         while True:
             response = (
-                self._with_coarser_run(before, level)
+                self._with_coarser_run(previous, level)
                 if is_reference
                 else self._with_reference(level)
             )
@@ -202,8 +205,9 @@ class _Search:
             if level == last:
                 break
             jump = self._halvings(level, error, is_reference)
-            before, level = level, min(level + jump, last)
-        # No level meets the tolerance: report the error of the finest run, or why it failed.
+            previous, level = level, min(level + jump, last)
+        # No level meets the tolerance. Report the error of the run with the smallest time step, or
+        # the reason why this run failed.
         if isinstance(response, FailedRun):
             raise response
         label, reached, story = self.case.method.label, "the error could not be estimated", None
@@ -235,29 +239,29 @@ class _Search:
         """
         if error is None or not math.isfinite(error):
             return 1
-        least, most = _ORDERS
-        order = min(float(self.case.method.order), most)
-        coarser = max((at for at in self.errors if at < level), default=None)
+        min_order, max_order = _ORDERS
+        order = min(float(self.case.method.order), max_order)
+        coarser = max((other for other in self.errors if other < level), default=None)
         if coarser is not None and self.errors[coarser] > error > 0.0:
             observed = math.log2(self.errors[coarser] / error) / (level - coarser)
-            order = min(max(observed, least), most)
+            order = min(max(observed, min_order), max_order)
         self.errors[level] = error
         needed = math.ceil(math.log2(error / self.tolerance) / order)
-        return min(max(needed, 1), _LARGEST_JUMP_OF_PAIRS if is_reference else _LARGEST_JUMP)
+        return min(max(needed, 1), _MAX_JUMP_OF_PAIRS if is_reference else _MAX_JUMP)
 
-    def _with_coarser_run(self, before: int, level: int) -> Response | FailedRun:
-        """Run a level and estimate its errors from the run of the level before, which has a longer
-        time step."""
-        coarse, response = self.run(before), self.run(level)
+    def _with_coarser_run(self, previous: int, level: int) -> Response | FailedRun:
+        """Run a level and estimate its errors from the run of the previous level, which has a
+        longer time step."""
+        coarse, response = self.run(previous), self.run(level)
         if isinstance(response, FailedRun) or isinstance(coarse, FailedRun):
             return response
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
             return response  # not comparable: one of the two runs ended early, by collapse
         difference = _difference(response, coarse)
-        by = EstimateFactors(self._factor(difference, level - before))
+        by = EstimateFactors(self._factor(difference, level - previous))
         start = start_peaks(self.case, self.steps(level))
         errors = story_errors(response, coarse, by, start=start, other_is_finer=False)
-        self.pairs.append((difference, level - before))
+        self.pairs.append((difference, level - previous))
         dts = (coarse.dt, response.dt)
         return replace(
             response,
@@ -279,11 +283,12 @@ class _Search:
         richardson = 4.0**halvings - 1.0
         if not self.pairs:
             return _FIRST_PAIR / richardson
-        earlier, of_earlier = self.pairs[-1]
+        earlier_difference, earlier_halvings = self.pairs[-1]
         decrease = math.pow(
-            earlier / max(difference, float(np.finfo(float).tiny)), halvings / of_earlier
+            earlier_difference / max(difference, float(np.finfo(float).tiny)),
+            halvings / earlier_halvings,
         )
-        slow = _SLOW_DECREASE / (max(decrease, _LEAST_DECREASE) - 1.0)
+        slow = _SLOW_DECREASE / (max(decrease, _MIN_DECREASE) - 1.0)
         return max(_LATER_PAIR / richardson, slow)
 
     def _with_reference(self, level: int) -> Response | FailedRun:

@@ -1,8 +1,9 @@
-"""Drift spectra: the largest story drift of uniform shear buildings over their fundamental period.
+"""Drift spectra: maximum story drift of uniform shear buildings as a function of their fundamental
+period.
 
-Iwan (1997) proposed the drift spectrum, for a continuous shear beam; a uniform shear building tends
-to that beam as its stories grow in number, and with one story it is the oscillator of an ordinary
-spectrum.
+Iwan (1997) proposed the drift spectrum for a continuous shear beam. A uniform shear building
+approaches this beam for a large number of stories. With one story, it is the oscillator of an
+ordinary response spectrum.
 """
 
 from __future__ import annotations
@@ -27,13 +28,14 @@ from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 from tdint.units import Quantity
 
-MOST_STORIES = 1000  # more than any building has: an error in the story height or period
-MOST_BEAM_MODES = 20_000  # 160 kB per period; more are requested only by mistake
+MAX_STORIES = 1000  # no building has more; the story height or the period is probably wrong
+MAX_BEAM_MODES = 20_000  # 160 kB per period; a larger number is requested only by mistake
 
 # Modes up to this multiple of the fundamental frequency are evaluated within each radian.
-_RESOLVED = 20.0
-# Minimum number; all modes with periods above half a sampling interval are included.
-_BEAM_MODES = 64
+_RESOLVED_FREQUENCY_RATIO = 20.0
+# Minimum number of modes of a beam. All modes with periods above half a sampling interval are
+# included in any case.
+_MIN_BEAM_MODES = 64
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class HeightPeriod:
     b: float = HEIGHT_PERIOD[1]
 
     def height(self, period: Array) -> Array:
-        """Height of buildings with these fundamental periods, m.
+        """Return the heights of buildings with fundamental periods (s), m.
 
         Parameters
         ----------
@@ -74,8 +76,8 @@ class HeightPeriod:
             height = np.asarray((period / self.a) ** (1.0 / self.b))
         if not np.all(np.isfinite(height) & (height > 0.0)):
             raise UsageError(
-                f"T = {self.a:g} H^{self.b:g} defines no height for a period; use positive "
-                "coefficients"
+                f"the relation T = {self.a:g} H^{self.b:g} leads to a height that is zero or too "
+                "large for a floating-point number; use other coefficients or periods"
             )
         return height
 
@@ -84,7 +86,8 @@ class HeightPeriod:
 class DriftSpectrum(Tabular):
     """Drift spectrum of one record for one damping ratio; arrays of shape (k,).
 
-    Of the continuous shear beam `stories` and `story` are 0, and the peak is the drift at its base.
+    For the continuous shear beam, `stories` and `story` are 0, and the peak is the drift at its
+    base.
 
     Attributes
     ----------
@@ -115,7 +118,9 @@ class DriftSpectrum(Tabular):
     story: Annotated[
         NDArray[np.int64],
         Quantity(
-            "1", "where that is, from 1", lambda one: np.where(one.story > 0, one.story, None)
+            "1",
+            "story of the largest drift, from 1",
+            lambda spectrum: np.where(spectrum.story > 0, spectrum.story, None),
         ),
     ]
     roof_drift_ratio: Annotated[
@@ -139,12 +144,12 @@ def drift_spectrum(
     height_period: HeightPeriod = HeightPeriod(),
     beam: bool = False,
 ) -> DriftSpectrum:
-    """Drift spectrum of a record.
+    """Compute the drift spectrum of a record.
 
-    The buildings have equal masses, equal story stiffnesses and equal story heights, are linear,
-    and have the same damping ratio in all modes. Their response is the sum of their modes, each
-    exact for a ground motion that is linear between its samples; the largest values are found
-    between the samples, too.
+    The buildings are linear. They have equal masses, story stiffnesses and story heights, and the
+    same damping ratio in all modes. Their response is the sum of the modal responses, which are
+    exact for a ground motion that is linear between its samples. Maxima between the samples are
+    included.
 
     Parameters
     ----------
@@ -181,7 +186,9 @@ def drift_spectrum(
     record, damping = record_of(record), damping_of(damping)
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
-        raise UsageError("periods must be positive numbers of seconds")
+        raise UsageError(
+            f"periods must be positive numbers of seconds, got {' '.join(str(periods).split()):.60}"
+        )
     check_shortest(periods, record.dt, SHORTEST)
     heights = height_period.height(periods)
     pairs = list(zip(periods.tolist(), heights.tolist(), strict=True))
@@ -189,26 +196,25 @@ def drift_spectrum(
     if beam:
         numbers = np.zeros(periods.size, dtype=np.int64)
         buildings = [
-            _Beam(period, height, _modes_of_beam(period, record.dt)) for period, height in pairs
+            _Beam(period, height, _beam_mode_count(period, record.dt)) for period, height in pairs
         ]
     else:
         numbers = number_of_stories(heights, stories, story_height)
         buildings = [_Stories(*pair, n) for pair, n in zip(pairs, numbers.tolist(), strict=True)]
-    peak, story, roof = _march(record, buildings, damping).T
-    where = np.zeros_like(numbers) if beam else story.astype(np.int64) + 1
-    return DriftSpectrum(record, damping, periods, heights, numbers, peak, where, roof)
+    peak, story, roof = _evaluate(record, buildings, damping).T
+    story_number = np.zeros_like(numbers) if beam else story.astype(np.int64) + 1
+    return DriftSpectrum(record, damping, periods, heights, numbers, peak, story_number, roof)
 
 
 def number_of_stories(
     heights: Array, stories: int | None, story_height: float
 ) -> NDArray[np.int64]:
-    """Number of stories of buildings with these heights (m), `stories` if given; see
-    `drift_spectrum`.
+    """Return the numbers of stories of buildings with heights (m), or `stories` for all of them.
 
     Raises
     ------
     UsageError
-        The story height is not positive, or there would be more than MOST_STORIES.
+        The story height is not positive, or there would be more than MAX_STORIES.
     """
     if stories is None:
         if not 0.0 < story_height < math.inf:
@@ -218,20 +224,21 @@ def number_of_stories(
         counts = np.maximum(np.floor(heights / story_height + 0.5), 1.0)
     else:
         counts = np.full(heights.size, float(stories))
-    if not (counts.min() >= 1.0 and counts.max() <= MOST_STORIES):
+    if not (counts.min() >= 1.0 and counts.max() <= MAX_STORIES):
         raise UsageError(
-            f"a period requires a building of {counts.max():.6g} stories and "
-            f"{heights.max():.6g} m; from 1 to {MOST_STORIES} stories are possible: reduce the "
-            "periods, increase the story height, or specify one number of stories"
+            f"the number of stories must be from 1 to {MAX_STORIES}, got {counts.max():.6g} for a "
+            f"building of {heights.max():.6g} m; use shorter periods, a larger story height or "
+            "`stories`"
         )
     return counts.astype(np.int64)
 
 
 @dataclass(frozen=True)
 class _Stories:
-    """n equal stories: in mode j floor s moves by sin(s theta_j), theta_j = (2j - 1) pi / (2n + 1).
+    """Building with n equal stories.
 
-    Its modes are made when they are asked for: those of all buildings are too many to keep.
+    The ordinate of mode j at floor s is sin(s theta_j), with theta_j = (2j - 1) pi / (2n + 1). The
+    modes are computed on access, because the modes of all buildings together need too much memory.
     """
 
     period: float
@@ -240,92 +247,106 @@ class _Stories:
 
     @property
     def theta(self) -> Array:
+        """Angles theta_j of the modes, rad, shape (n,)."""
         return (2.0 * np.arange(1, self.n + 1) - 1.0) * math.pi / (2 * self.n + 1)
 
     @property
     def omega(self) -> Array:
-        """2 sqrt(k/m) sin(theta_j / 2), where k/m follows from the period."""
+        """Circular frequencies 2 sqrt(k/m) sin(theta_j / 2), rad/s, with k/m from the period."""
         sine = np.sin(0.5 * self.theta)
         return np.asarray(2.0 * math.pi / self.period * sine / sine[0])
 
     @property
     def shapes(self) -> Array:
-        """What each mode adds to the drift ratios of the stories and, in the last column, of the
-        roof."""
+        """Contributions of the modes to the drift ratios of the stories and, in the last column, to
+        the roof drift ratio, shape (modes, n + 1)."""
         floors = np.sin(np.outer(self.theta, np.arange(self.n + 1)))
         participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
-        drifts_of_stories = np.diff(floors, axis=1) * (self.n / self.height)
+        drift_ratios = np.diff(floors, axis=1) * (self.n / self.height)
         return np.asarray(
-            participation[:, None]
-            * np.column_stack([drifts_of_stories, floors[:, -1] / self.height])
+            participation[:, None] * np.column_stack([drift_ratios, floors[:, -1] / self.height])
         )
 
     @property
     def static(self) -> Array:
-        """The flexibility that modes that are left out would add, shape (columns,)."""
+        """Static contribution of omitted modes, shape (columns,); zero, because no mode is
+        omitted."""
         return np.zeros(self.n + 1)
 
 
 @dataclass(frozen=True)
 class _Beam:
-    """A shear beam with modes sin((2j - 1) pi x / 2H): drift at the base, roof displacement."""
+    """Shear beam with the modes sin((2j - 1) pi x / 2H); its responses are the drift at the base
+    and the roof displacement."""
 
     period: float
     height: float
     modes: int
 
     @property
-    def odd(self) -> Array:
+    def odd_numbers(self) -> Array:
+        """Numbers 2j - 1 of the modes, shape (modes,)."""
         return np.arange(1.0, 2.0 * self.modes, 2.0)
 
     @property
     def omega(self) -> Array:
-        return 2.0 * math.pi / self.period * self.odd
+        """Circular frequencies of the modes, rad/s."""
+        return 2.0 * math.pi / self.period * self.odd_numbers
 
     @property
     def shapes(self) -> Array:
+        """Contributions of the modes to the drift ratio at the base and to the roof drift ratio,
+        shape (modes, 2)."""
         signs = np.where(np.arange(self.modes) % 2 == 0, 1.0, -1.0)
         return (
-            np.column_stack([np.full(self.modes, 2.0), 4.0 / math.pi * signs / self.odd])
+            np.column_stack([np.full(self.modes, 2.0), 4.0 / math.pi * signs / self.odd_numbers])
             / self.height
         )
 
     @property
     def static(self) -> Array:
-        """Under a steady acceleration the base drifts by H / c^2 and the roof moves by H^2 / 2 c^2,
-        with the velocity c of waves; the rest of that."""
+        """Static contribution of the omitted modes for a unit acceleration, shape (2,).
+
+        The static responses of the complete beam are the drift ratio H / c^2 at the base and the
+        roof displacement H^2 / (2 c^2), with the wave velocity c. The contributions of the included
+        modes are subtracted.
+        """
         velocity = 4.0 * self.height / self.period
-        whole = np.array([self.height, 0.5 * self.height]) / velocity**2
-        return np.asarray(whole - (self.shapes / np.square(self.omega)[:, None]).sum(axis=0))
+        all_modes = np.array([self.height, 0.5 * self.height]) / velocity**2
+        return np.asarray(all_modes - (self.shapes / np.square(self.omega)[:, None]).sum(axis=0))
 
 
-def _modes_of_beam(period: float, dt: float) -> int:
-    """All modes down to the period of half a sampling interval; those beyond follow the ground.
+def _beam_mode_count(period: float, dt: float) -> int:
+    """Return the number of modes of a beam with periods of at least half a sampling interval.
+
+    Modes with shorter periods follow the ground acceleration statically.
 
     Raises
     ------
     AnalysisError
-        More than MOST_BEAM_MODES.
+        More than MAX_BEAM_MODES.
     """
-    count = max(_BEAM_MODES, math.ceil(period / dt + 0.5))
-    if count > MOST_BEAM_MODES:
+    count = max(_MIN_BEAM_MODES, math.ceil(period / dt + 0.5))
+    if count > MAX_BEAM_MODES:
         raise AnalysisError(
-            f"a beam with the period {period:.6g} s has too many modes above the sampling "
-            f"interval of {dt:.6g} s; request periods of at most {MOST_BEAM_MODES * dt:.6g} s"
+            f"a beam with the period {period:.6g} s has too many modes for the sampling interval "
+            f"of {dt:.6g} s; use periods up to {MAX_BEAM_MODES * dt:.6g} s"
         )
     return count
 
 
-def _march(record: Record, buildings: Sequence[_Stories | _Beam], damping: float) -> Array:
-    """Results of the kernel for each building, shape (buildings, RESULTS)."""
+def _evaluate(record: Record, buildings: Sequence[_Stories | _Beam], damping: float) -> Array:
+    """Compute the results of the kernel for each building, shape (buildings, RESULTS)."""
     omegas = [building.omega for building in buildings]
-    # The steps resolve these circular frequencies.
+    # Divide the sampling interval into parts, so that omega h <= 1 for the resolved modes.
     parts = [
-        max(1, math.ceil(min(omega[-1], _RESOLVED * omega[0]) * record.dt)) for omega in omegas
+        max(1, math.ceil(min(omega[-1], _RESOLVED_FREQUENCY_RATIO * omega[0]) * record.dt))
+        for omega in omegas
     ]
     steps = [np.full(omega.size, record.dt / p) for omega, p in zip(omegas, parts, strict=True)]
     ends = np.cumsum([omega.size for omega in omegas])[:-1]
-    # The kernel's table of modes: those of all buildings are computed at once.
+    # Compute the table of modes for all buildings together, because one call for each building
+    # takes longer.
     omega = np.concatenate(omegas)
     all_modes = recursion_table(omega, np.concatenate(steps), damping, more=2)
     all_modes[drifts.OMEGA], all_modes[drifts.DAMPING] = omega, damping
@@ -348,7 +369,7 @@ def _march(record: Record, buildings: Sequence[_Stories | _Beam], damping: float
 
 
 def parse_height_period(text: str) -> HeightPeriod:
-    """The coefficients of T = a H^b from `a,b`.
+    """Parse the coefficients of T = a H^b from `a,b`.
 
     Raises
     ------

@@ -39,23 +39,25 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
 
 
-# ---- Largest response of many oscillators to one ground motion: the exact recursion in steps as
-# short as each needs
+# ---- Maximum response of many oscillators to one ground motion, by the exact recursion with a time
+# step that depends on the oscillator
 
 Parts = NDArray[np.int64]
 
-_ASKED = ("asked",)
+_IF_REQUESTED = ("asked",)
 DampingRatio = Annotated[float, Quantity("1", "viscous damping ratio")]
 Periods = Annotated[Array, Quantity("s", "natural period", called="period")]
 MaximaName = Annotated[
-    str, Quantity("text", "times at which the maxima were evaluated", shown=_ASKED)
+    str, Quantity("text", "times at which maxima were evaluated", shown=_IF_REQUESTED)
 ]
 InterpolationName = Annotated[
-    str, Quantity("text", "interpolation of the ground motion between its samples", shown=_ASKED)
+    str, Quantity("text", "the ground motion between its samples", shown=_IF_REQUESTED)
 ]
-"""What all spectra declare alike; the last two are columns where they are asked for."""
+"""Declarations that all spectra have in common. The last two are columns only if requested."""
 
-_LANES = 56  # maximum number of oscillators integrated together; their data fit into the L1 cache
+_MAX_LANES = (
+    56  # maximum number of oscillators integrated together; their data fit into the L1 cache
+)
 _REGISTER = 8  # number of values in a vector register
 _ROUNDING = 1e-9  # relative; prevents rounding an integer quotient up to the next integer
 
@@ -130,14 +132,14 @@ class Maxima:
         (k,)) and the interval (s).
     between : bool
         True if maxima between the endpoints of these parts are also found.
-    words : str
+    description : str
         Description of the times at which maxima are evaluated, for messages.
     """
 
     name: str
     parts: Callable[[Array, float], Parts]
     between: bool
-    words: str
+    description: str
 
 
 def _resolving(omega: Array, dt: float) -> Parts:
@@ -154,24 +156,24 @@ def _ten_per_period(omega: Array, dt: float) -> Parts:
     return np.ceil(STEPS_PER_PERIOD * dt / periods * (1.0 - _ROUNDING)).astype(np.int64)
 
 
-def _whole(omega: Array, dt: float) -> Parts:
+def _undivided(omega: Array, dt: float) -> Parts:
     """Return one part: the sampling interval."""
     return np.ones(omega.shape, dtype=np.int64)
 
 
-EXACT = Maxima("exact", _resolving, between=True, words="also between the samples")
+EXACT = Maxima("exact", _resolving, between=True, description="also between the samples")
 PEER = Maxima(
     "peer",
     _ten_per_period,
     between=False,
-    words=f"at {STEPS_PER_PERIOD} or more time steps per period",
+    description=f"at {STEPS_PER_PERIOD} or more time steps per period",
 )
-SAMPLES = Maxima("samples", _whole, between=False, words="only at the samples")
+SAMPLES = Maxima("samples", _undivided, between=False, description="only at the samples")
 INTERPOLATED = Maxima(
     "interpolated",
-    _whole,
+    _undivided,
     between=True,
-    words="also between the samples, on the interpolant of the method",
+    description="also between the samples, on the interpolant of the method",
 )
 MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
@@ -233,8 +235,8 @@ def _lanes(count: int) -> int:
     """Return the number of oscillators that are integrated together: complete registers, in equal
     groups.
     """
-    alike = -(-count // _LANES)
-    return -(-count // (alike * _REGISTER)) * _REGISTER
+    group_count = -(-count // _MAX_LANES)  # rounded up
+    return -(-count // (group_count * _REGISTER)) * _REGISTER
 
 
 # ---- Elastic
@@ -477,9 +479,9 @@ def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> O
     """
     (period,), damping = checked_periods(np.array([period])).tolist(), damping_of(damping)
     if period == 0.0:
-        raise UsageError("the period of an oscillator must be positive")
+        raise UsageError("the period of an oscillator must be positive, got 0")
     omega = 2.0 * math.pi / period
-    # Python floats: a loop over NumPy scalars takes several times as long.
+    # Convert to Python floats, because a loop over NumPy scalars takes several times as long.
     table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
     a11, a12, b10, b11, a21, a22, b20, b21 = (
         table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21)
@@ -504,11 +506,13 @@ def checked_periods(periods: Numbers) -> Array:
     """Return the periods as an array, shape (k,); raise UsageError if they are invalid."""
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
-        raise UsageError("periods must be numbers of seconds, 0 or positive")
+        raise UsageError(
+            "periods must be numbers of seconds, 0 or positive, got "
+            f"{' '.join(str(periods).split()):.60}"
+        )
     if np.max(periods) > LONGEST_PERIOD:
         raise UsageError(
-            f"the period {np.max(periods):.3g} s exceeds the maximum of {LONGEST_PERIOD:.0e} s, "
-            "which is longer than the period of any structure"
+            f"periods must be at most {LONGEST_PERIOD:.0e} s, got {np.max(periods):.3g} s"
         )
     return periods
 
@@ -524,31 +528,37 @@ def choose_settings(
         A name is unknown, or settings cannot be combined.
     """
     integrated = method is not None and _parse(method).method.name != "exact"
-    where = (
+    chosen_maxima = (
         INTERPOLATED
         if integrated and maxima is None
-        else _named(MAXIMA, maxima or EXACT.name, "maxima")
+        else _lookup(MAXIMA, maxima or EXACT.name, "maxima")
     )
-    between = _named(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
-    if integrated and (where is not INTERPOLATED or between is not LINEAR):
+    chosen_interpolation = _lookup(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
+    if integrated and (chosen_maxima is not INTERPOLATED or chosen_interpolation is not LINEAR):
         raise UsageError(
-            "a time-integration method (--method) defines both the times of the maxima and the "
-            "interpolation; omit the method, or the selection of maxima and interpolation"
+            f"maxima and interpolation cannot be selected for the method {method}: it is run with "
+            "the sampling interval as time step and linear interpolation of the record, and its "
+            "maxima between the samples are included; remove maxima and interpolation, or use the "
+            "method exact"
         )
-    if between is not LINEAR and where is not EXACT:
+    if chosen_interpolation is not LINEAR and chosen_maxima is not EXACT:
         raise UsageError(
-            f"maxima {where.name} require linear interpolation; omit one of the two options"
+            f"maxima {chosen_maxima.name} require the interpolation {LINEAR.name}, got "
+            f"{chosen_interpolation.name}; remove one of them"
         )
-    return SpectrumSettings(method if integrated else None, where, between)
+    return SpectrumSettings(method if integrated else None, chosen_maxima, chosen_interpolation)
 
 
 def _parse(method: str) -> Integrator:
+    """Return the method of a specification."""
+    # Imported here, because most spectra need no method.
     from tdint.methods.catalogue import parse
 
     return parse(method)
 
 
-def _named(table: dict[str, Choice], name: str, quantity: str) -> Choice:
+def _lookup(table: dict[str, Choice], name: str, quantity: str) -> Choice:
+    """Return the item of a table; raise UsageError for an unknown name of the quantity."""
     if name not in table:
         raise UsageError(f"{quantity} must be one of {', '.join(table)}, got {name!r}")
     return table[name]
@@ -558,7 +568,7 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     """Return maxima of oscillators that are integrated simultaneously by a method of the
     catalogue.
     """
-    # Imported at this point because they load all methods, which most spectra do not need.
+    # Imported here, because the import loads all methods, which most spectra do not need.
     from tdint.analysis.run.compiled_steps import find_instability
     from tdint.analysis.run.prepared import PreparedBuilding
     from tdint.analysis.time_steps import Steps
@@ -567,26 +577,27 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
 
     integrator = _parse(method)
     ratios = np.full_like(omega, damping)
-    # Checked in advance, because an unstable oscillator would end the integration of all
+    # Check the stability first, because an unstable oscillator would end the integration of all
     # oscillators.
     instability = find_instability(integrator, omega, ratios, record.dt)
     if instability is not None:
         raise AnalysisError(
-            f"{integrator.label} is unstable with the sampling interval {record.dt:.6g} s as "
-            f"time step for the period {2.0 * math.pi / omega[instability.index]:.6g} s; "
-            "request longer periods or use another method"
+            f"{integrator.label} is unstable with the sampling interval {record.dt:.6g} s for the "
+            f"period {2.0 * math.pi / omega[instability.index]:.6g} s; use longer periods or "
+            "another method"
         )
     steps = Steps(record.dt, record.acceleration.size - 1)
-    marched = PreparedBuilding(oscillators(omega, ratios)).integrate(
+    result = PreparedBuilding(oscillators(omega, ratios)).integrate(
         integrator, steps, record.acceleration.copy()
     )
-    if marched.code < 0:
+    if result.code < 0:
         raise AnalysisError(
-            f"{integrator.label} diverged with the sampling interval {record.dt:.6g} s as time "
-            "step; use another method"
+            f"{integrator.label} diverged with the sampling interval {record.dt:.6g} s; use "
+            "another "
+            "method"
         )
     peak_rows = [rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_ACCELERATION]
-    return integrator.label, marched.space.peaks[peak_rows]
+    return integrator.label, result.space.peaks[peak_rows]
 
 
 SA_DAMPING = 0.05
@@ -620,6 +631,7 @@ def first_mode(building: Building, record: Record | None) -> FirstMode:
     omega, damping = building.first_mode()
     period, sa = 2.0 * math.pi / omega, None
     if record is not None:
-        with suppress(AnalysisError):  # of a period that is too short
+        # Sa is unknown (None) if the period is too short for the sampling interval of the record.
+        with suppress(AnalysisError):
             sa = float(spectrum(record, np.array([period]), SA_DAMPING).psa[0])
     return FirstMode(period, damping, sa)

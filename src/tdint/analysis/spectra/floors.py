@@ -14,7 +14,7 @@ from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 
 ROOF = "roof"
-_CHANNEL = "HNX"
+_CHANNEL = "HNX"  # channel code of a floor if the ground motion has no code of an accelerometer
 
 
 @dataclass(frozen=True, repr=False)
@@ -39,7 +39,7 @@ class FloorSpectrum(Tabular):
 
 
 def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
-    """The floors of these names, from 1 at the bottom, each once: numbers, or `roof`.
+    """Return the numbers of floors, from 1 at the bottom, for their names (numbers, or `roof`).
 
     Raises
     ------
@@ -57,18 +57,18 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
         )
         if not 1 <= floor <= stories:
             raise UsageError(
-                f"floor {name!r} not found; the building has the floors 1 to {stories}, or {ROOF} "
-                "for the last floor"
+                f"floor {name!r} not found; floors must be numbers from 1 to {stories}, or {ROOF}"
             )
         numbers.append(floor)
     return tuple(dict.fromkeys(numbers))
 
 
 def floor_motion(response: Response, floor: int) -> Record:
-    """The absolute acceleration of a floor at the steps of a run, as a record.
+    """Return the absolute acceleration of a floor at the time steps of a run as a record.
 
-    Its station says the floor (F01, ..., F10 of ten), its location that it is in SI units, its
-    channel is that of the ground motion if it is an accelerometer's.
+    The station code of the record is the floor (F01, ..., F10 for ten floors), and its location
+    code states that it is in SI units. The channel code is the code of the ground motion if this is
+    a code of an accelerometer.
 
     Raises
     ------
@@ -78,7 +78,8 @@ def floor_motion(response: Response, floor: int) -> Record:
     history = response.history
     if history is None:
         raise UsageError(
-            "the motion of a floor requires the response history: call run(..., history=True)"
+            "the motion of a floor requires a run with a response history; use run(..., "
+            "history=True)"
         )
     ground = response.record
     component = ground.component if ground else ""
@@ -104,8 +105,8 @@ def floor_spectra(
     periods: Numbers,
     damping: Numbers | Sequence[str] = (0.05,),
 ) -> tuple[FloorSpectrum, ...]:
-    """Elastic response spectra of floors: exact for motions that are linear between the steps of
-    the run.
+    """Compute elastic response spectra of floors, exact for floor motions that are linear between
+    the time steps of the run.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ BANDWIDTH = 40.0
 """Default bandwidth of the window, as in Geopsy and ObsPy. The weight is one half at a distance of
 6 % of the frequency, and zero at 20 %."""
 
-_BOUNDS = (1.0, 1000.0)
+_BOUNDS = (1.0, 1000.0)  # allowed bandwidths; smaller ones average over more than a decade
 _FREQUENCIES = 300
 """Maximum number of frequencies of a smoothed spectrum. Over four decades they are 3 % apart, which
 is half the distance to half the weight for b = 40."""
@@ -96,8 +96,9 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     frequencies: Array = np.arange(1, size // 2 + 1) / (size * record.dt)
     if smoothing is None:
         return FourierSpectrum(record, math.nan, frequencies, amplitude)
-    # The smoothing of ObsPy uses the same window, not normalized by default. It evaluates the
-    # window for every frequency of the transform, which needs much more time, or a square matrix.
+    # ObsPy's smoothing is not used, because it evaluates the window at every frequency of the
+    # transform, which takes much more time or a large matrix, and because its window is not
+    # normalized by default.
     centers = np.unique(np.rint(np.geomspace(1, frequencies.size, _FREQUENCIES)).astype(int)) - 1
     logarithms = smoothing * np.log10(frequencies)
     smooth = np.empty(centers.size)

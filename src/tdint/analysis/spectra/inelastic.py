@@ -24,14 +24,16 @@ from tdint.units import STANDARD_GRAVITY, Quantity
 SHORTEST = 1e-3
 """Smallest ratio of period to sampling interval; shorter periods need too many time steps."""
 
-_WEAKEST, _STRONGEST = 1e-9, 1e6  # yield force over weight: far beyond what any structure has
-_RATIO = 0.97  # ratio of successive strengths in the search for the largest strength
-_LEAST = 1e-9  # fraction of the elastic strength at which the search ends without a result
-_PARTS = 6  # number of parts into which a bracket of the target is repeatedly divided ...
-_STEEP = 1.15  # ... until the ductility at its lower end is at most this factor times the target
-_NEAR = 0.8  # fraction of the target above which a maximum of the ductility is refined
-_SUMMIT = 1e-4  # tolerance of the position of that maximum, relative to the strength
-_CLOSE = 1e-9  # tolerance of the logarithm of ductility over target
+# Allowed ratios of yield force to weight; structures are far within these limits.
+_MIN_STRENGTH, _MAX_STRENGTH = 1e-9, 1e6
+_STRENGTH_STEP = 0.97  # ratio of successive strengths in the search for the largest strength
+_MIN_RATIO = 1e-9  # fraction of the elastic strength at which the search ends without a result
+_PARTS = 6  # number of parts into which a bracket of the target is divided repeatedly
+# Ductility at the lower end of the bracket divided by the target, at which the division ends
+_MAX_OVERSHOOT = 1.15
+_REFINED_FRACTION = 0.8  # fraction of the target above which a maximum of the ductility is refined
+_MAXIMUM_TOLERANCE = 1e-4  # tolerance of the position of that maximum, relative to the strength
+_DUCTILITY_TOLERANCE = 1e-9  # tolerance of the logarithm of ductility over target
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,16 +176,18 @@ def constant_ductility(
         No strength leads to a ductility, or a period is too short for the sampling interval of the
         record.
     """
-    given, oscillators = _oscillators(record, periods, damping, hardening)
+    arguments, oscillators = _oscillators(record, periods, damping, hardening)
     if not all(1.0 <= ductility <= MOST_DUCTILE for ductility in ductilities):
-        raise UsageError(f"ductilities must be numbers from 1 to {MOST_DUCTILE:g}")
+        raise UsageError(
+            f"ductilities must be numbers from 1 to {MOST_DUCTILE:g}, got {ductilities!r:.60}"
+        )
     results = {target: np.zeros((len(oscillators), 3)) for target in sorted(set(ductilities))}
     for i, oscillator in enumerate(oscillators):
         ratio = 1.0
         for target, result in results.items() if oscillator.elastic > 0.0 else ():
-            # The ductility is a continuous function of the ratio and equals 1 at ratio 1.
-            # It therefore reaches the smaller targets first, and each search starts at the
-            # preceding result.
+            # The ductility is a continuous function of the strength ratio, and is 1 at the ratio 1.
+            # With decreasing ratio it therefore reaches the smaller targets first. Each search
+            # starts at the result of the preceding target.
             ratio = largest_ratio(oscillator.ductility, target, ratio)
             strength = ratio * oscillator.elastic
             result[i] = (
@@ -191,7 +195,7 @@ def constant_ductility(
                 if target > 1.0
                 else (strength, strength, 0.0)
             )
-    return [_spectrum(given, oscillators, target, results[target]) for target in ductilities]
+    return [_spectrum(arguments, oscillators, target, results[target]) for target in ductilities]
 
 
 def constant_strength(
@@ -223,17 +227,18 @@ def constant_strength(
     AnalysisError
         A period is too short for the sampling interval of the record.
     """
-    given, oscillators = _oscillators(record, periods, damping, hardening)
-    if not all(_WEAKEST <= strength <= _STRONGEST for strength in strengths):
+    arguments, oscillators = _oscillators(record, periods, damping, hardening)
+    if not all(_MIN_STRENGTH <= strength <= _MAX_STRENGTH for strength in strengths):
         raise UsageError(
-            f"yield strength ratios must be positive numbers from {_WEAKEST:g} to {_STRONGEST:g}"
+            f"yield strength ratios must be numbers from {_MIN_STRENGTH:g} to {_MAX_STRENGTH:g}, "
+            f"got {strengths!r:.60}"
         )
     results = np.zeros((len(strengths), len(oscillators), 3))
     for i, oscillator in enumerate(oscillators):
         for result, strength in zip(results, strengths, strict=True):
             yield_displacement = strength * STANDARD_GRAVITY / oscillator.omega**2
             result[i] = yield_displacement, *oscillator.response(yield_displacement)
-    return [_spectrum(given, oscillators, None, result) for result in results]
+    return [_spectrum(arguments, oscillators, None, result) for result in results]
 
 
 def _oscillators(
@@ -244,15 +249,16 @@ def _oscillators(
     record, damping = record_of(record), damping_of(damping)
     periods = numbers_of(periods, "periods")
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods > 0.0)):
-        raise UsageError("periods of inelastic spectra must be positive numbers of seconds")
+        raise UsageError(
+            "periods of inelastic spectra must be positive numbers of seconds, got "
+            f"{' '.join(str(periods).split()):.60}"
+        )
     periods = checked_periods(periods)
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
     check_shortest(periods, record.dt, SHORTEST)
-    ground, omegas = (
-        record.acceleration.copy(),
-        [2.0 * math.pi / period for period in periods.tolist()],
-    )
+    ground = record.acceleration.copy()
+    omegas = [2.0 * math.pi / period for period in periods.tolist()]
     oscillators = [_Oscillator(ground, record.dt, omega, damping, hardening) for omega in omegas]
     return {
         "record": record,
@@ -263,16 +269,21 @@ def _oscillators(
 
 
 def _spectrum(
-    given: dict[str, Any], oscillators: Sequence[_Oscillator], target: float | None, result: Array
+    arguments: dict[str, Any],
+    oscillators: Sequence[_Oscillator],
+    target: float | None,
+    result: Array,
 ) -> InelasticSpectrum:
     """Build a spectrum from `result`: one row per oscillator with yield displacement, maximum
     displacement and residual displacement (m)."""
-    names, elastic = (
-        ("yield_displacement", "sd", "residual"),
-        np.array([one.elastic for one in oscillators]),
-    )
+    yield_displacement, sd, residual = result.T
     return InelasticSpectrum(
-        **given, target=target, elastic_sd=elastic, **dict(zip(names, result.T, strict=True))
+        **arguments,
+        target=target,
+        elastic_sd=np.array([oscillator.elastic for oscillator in oscillators]),
+        yield_displacement=yield_displacement,
+        sd=sd,
+        residual=residual,
     )
 
 
@@ -300,8 +311,9 @@ class _Oscillator:
         )
         if code < 0:
             raise AnalysisError(
-                f"the oscillator with the period {2.0 * math.pi / self.omega:.6g} s and the "
-                f"yield displacement {yield_displacement:.6g} m changes its branch without end"
+                f"the oscillator with the period {2.0 * math.pi / self.omega:.6g} s and the yield "
+                f"displacement {yield_displacement:.6g} m has too many changes between elastic and "
+                "plastic motion"
             )
         return float(results[inelastic.LARGEST]), float(results[inelastic.RESIDUAL])
 
@@ -336,14 +348,17 @@ def largest_ratio(ductility: Callable[[float], float], target: float, start: flo
         return start
     from scipy.optimize import brentq
 
-    # Brent's method is applied to the logarithms because their relation is nearly linear.
+    # Find the ratio in the bracket by Brent's method. It is applied to the logarithms of ratio and
+    # ductility, because their relation is nearly linear.
     low, high = _bracket(ductility, target, start)
     values = {math.log(ratio): value for ratio, value in (low, high)}
 
     def excess(x: float) -> float:
+        """Return ln(ductility / target) for a logarithm of the ratio; 0, which ends the search, if
+        it is within the tolerance."""
         value = values[x] if x in values else ductility(math.exp(x))
         log = math.log(max(value, 0.1) / target)
-        return 0.0 if abs(log) <= _CLOSE else log  # Zero ends the search.
+        return 0.0 if abs(log) <= _DUCTILITY_TOLERANCE else log
 
     ends = sorted(values)
     if excess(ends[0]) == 0.0:
@@ -360,18 +375,20 @@ def _bracket(
 ) -> tuple[Point, Point]:
     """Return the first point from above that reaches the target, and a point of a larger ratio
     that does not reach it."""
-    before = high = (start, min(ductility(start), target))
+    # `low`, `high` and `previous` are points of increasing ratio.
+    previous = high = (start, min(ductility(start), target))
     while high[1] < target:
-        low = (high[0] * _RATIO, ductility(high[0] * _RATIO))
-        if low[0] < _LEAST:
-            raise AnalysisError(f"no strength gives the ductility {target:.6g}")
-        if low[1] < target and high[1] > max(_NEAR * target, before[1], low[1]):
-            summit = _summit(ductility, target, low[0], before[0])
-            if summit[1] >= target:
-                low, high = summit, before
+        low = (high[0] * _STRENGTH_STEP, ductility(high[0] * _STRENGTH_STEP))
+        if low[0] < _MIN_RATIO:
+            raise AnalysisError(f"no strength leads to the ductility {target:.6g}")
+        # The ductility has a maximum between the points that may reach the target: compute it.
+        if low[1] < target and high[1] > max(_REFINED_FRACTION * target, previous[1], low[1]):
+            maximum = _maximum(ductility, target, low[0], previous[0])
+            if maximum[1] >= target:
+                low, high = maximum, previous
         if low[1] >= target:
             # Find the uppermost part of the bracket that reaches the target without exceeding it
-            # by more than the factor `_STEEP`.
+            # by more than the factor `_MAX_OVERSHOOT`.
             while True:
                 for ratio in np.linspace(high[0], low[0], _PARTS + 1)[1:-1].tolist():
                     point = (ratio, ductility(ratio))
@@ -379,9 +396,9 @@ def _bracket(
                         low = point
                         break
                     high = point
-                if low[1] <= _STEEP * target or high[0] - low[0] <= 1e-13 * high[0]:
+                if low[1] <= _MAX_OVERSHOOT * target or high[0] - low[0] <= 1e-13 * high[0]:
                     return low, high
-        before, high = high, low
+        previous, high = high, low
     return high, high
 
 
@@ -393,12 +410,13 @@ class _Reached(Exception):
         self.point = point
 
 
-def _summit(ductility: Callable[[float], float], target: float, low: float, high: float) -> Point:
+def _maximum(ductility: Callable[[float], float], target: float, low: float, high: float) -> Point:
     """Return the point of maximum ductility between two ratios, or the first point that reaches
     the target. The search is Brent's bounded minimization."""
     from scipy.optimize import minimize_scalar
 
-    def depth(ratio: float) -> float:
+    def negative_ductility(ratio: float) -> float:
+        """Return the function to minimize; raise _Reached if the target is reached."""
         value = ductility(ratio)
         if value >= target:
             raise _Reached((ratio, value))
@@ -406,7 +424,10 @@ def _summit(ductility: Callable[[float], float], target: float, low: float, high
 
     try:
         minimum = minimize_scalar(
-            depth, bounds=(low, high), method="bounded", options={"xatol": _SUMMIT * high}
+            negative_ductility,
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": _MAXIMUM_TOLERANCE * high},
         )
     except _Reached as reached:
         return reached.point

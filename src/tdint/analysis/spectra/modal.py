@@ -24,9 +24,9 @@ from tdint.model.building import assemble
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 
-_USUAL_DAMPING = (
-    0.05  # of a target that does not say which damping it is for, as design spectra have it
-)
+_DEFAULT_DAMPING = 0.05
+"""Damping ratio for the correlation of modes if the target spectrum does not state its damping
+ratio; design spectra usually apply to 5 %."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,12 +83,12 @@ class ModalResponse(Tabular):
 
     @property
     def height(self) -> Array:
-        """Heights of the stories, m; nan where there is none."""
+        """Heights of the stories, m; nan for stories without a height."""
         return np.array([story.drift_height or math.nan for story in self.model.stories])
 
 
 def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) -> ModalResponse:
-    """The peaks of a building, linear with its initial stiffness, under a design spectrum.
+    """Compute the peak responses of a building with its initial stiffness for a design spectrum.
 
     Parameters
     ----------
@@ -114,17 +114,17 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     building = assemble(replace(model, damping=None))
     modes = building.modes()
     period = 2.0 * math.pi / modes.omega
-    # Modes that are shorter than the target goes move with the ground: with its peak acceleration,
-    # if that is known.
-    short = period < (0.0 if demand.curve else demand.periods[0])
+    # Modes with shorter periods than the table of the target are rigid. Their acceleration is the
+    # peak ground acceleration if the target states it.
+    is_rigid = period < (0.0 if demand.curve else demand.periods[0])
     if period[0] > demand.periods[-1] * (1.0 + 1e-9):
         raise UsageError(
-            f"{demand.source}: the spectrum ends at {demand.periods[-1]:g} s, below the period "
-            f"of the first mode, {period[0]:.4g} s; use a target spectrum with longer periods"
+            f"{demand.source}: the maximum period of the spectrum is {demand.periods[-1]:g} s, but "
+            f"the first period of the building is {period[0]:.4g} s; extend the spectrum"
         )
     acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
-    acceleration[~short] = demand.at(period[~short])
-    # Peaks of each mode, a row each.
+    acceleration[~is_rigid] = demand.at(period[~is_rigid])
+    # Peaks of the modes; one row for each mode.
     factor = modes.mass @ modes.shapes
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
@@ -136,19 +136,22 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         "force": forces,
         "acceleration": forces / modes.mass,
     }
-    # Moments at the feet of the stories, from the shears above: bearings add no height.
+    # Moments at the bottom of the stories, from the shears of the stories above. Bearings have no
+    # height, so that they do not contribute.
     peaks["moment"] = np.cumsum((peaks["shear"] * building.rises)[:, ::-1], axis=1)[:, ::-1]
-    correlation = correlations(modes.omega, demand.damping or _USUAL_DAMPING)
-    by_both = ("drift", "shear", "displacement")
-    combined = {f"{name}_srss": np.sqrt(np.sum(peaks[name] ** 2, axis=0)) for name in by_both}
-    # Rounding may leave a sum of cancelling modes below zero.
+    correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
+    srss_names = ("drift", "shear", "displacement")
+    combined = {f"{name}_srss": np.sqrt(np.sum(peaks[name] ** 2, axis=0)) for name in srss_names}
+    # If contributions of modes cancel, rounding errors can make the sum negative.
     combined |= {
         f"{name}_cqc": np.sqrt(
             np.maximum(np.einsum("ij,ik,kj->j", values, correlation, values), 0.0)
         )
         for name, values in peaks.items()
     }
-    rigid, left_out = (int(short.sum()), 0) if demand.zero is not None else (0, int(short.sum()))
+    # Rigid modes are omitted if the peak ground acceleration is unknown.
+    count = int(is_rigid.sum())
+    rigid, left_out = (count, 0) if demand.zero is not None else (0, count)
     ratios, base = modes.mass_ratio, peaks["shear"][:, 0]
     return ModalResponse(
         model, demand, period, acceleration, ratios, rigid, left_out, base, **combined
@@ -156,8 +159,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
 
 
 def correlations(omega: Array, damping: float) -> Array:
-    """Correlation of modes of one damping ratio, shape (n, n), for circular frequencies, shape
-    (n,): the coefficients of the complete quadratic combination (Der Kiureghian 1981)."""
+    """Return the coefficients of the complete quadratic combination (Der Kiureghian 1981), shape
+    (n, n), for modes with circular frequencies, shape (n,), and a common damping ratio."""
     r = omega[None, :] / omega[:, None]
     numerator = 8.0 * damping**2 * (1.0 + r) * r**1.5
     return np.asarray(numerator / ((1.0 - r**2) ** 2 + 4.0 * damping**2 * r * (1.0 + r) ** 2))

@@ -78,11 +78,12 @@ def rotated_spectrum(
     maxima: str | None = None,
     interpolation: str | None = None,
 ) -> RotatedSpectrum:
-    """Percentiles of the pseudo-acceleration over all directions: RotD (Boore 2010, doi
+    """Compute percentiles of the pseudo-acceleration over all directions: RotD (Boore 2010, doi
     10.1785/0120090400).
 
-    Between two directions there is half a degree at most: RotD100 is below the largest of all by
-    4e-5 at most. Between two percentiles of the 180 values lies a straight line.
+    The angle between two directions is at most half a degree, so that RotD100 is at most 4e-5
+    (relative) below the maximum over all directions. Percentiles are interpolated linearly between
+    the values of the directions.
 
     Parameters
     ----------

@@ -33,17 +33,17 @@ from tdint.units import ACCELERATION, STANDARD_GRAVITY, canonical, parse_units, 
 
 Texts = Mapping[str, str]
 
-_NAMED = re.compile(r"([A-Za-z]\w*)(?::(\w+=.*)?)?", re.DOTALL)
+_NAME_PATTERN = re.compile(r"([A-Za-z]\w*)(?::(\w+=.*)?)?", re.DOTALL)
 
 _MCER = 1.5
 """Ratio of the spectrum of the risk-targeted maximum considered earthquake to the design spectrum
 (ASCE 7-16, 11.4.7)."""
 
-_LARGEST_SDS = 5.0
+_MAX_SDS = 5.0
 """Maximum SDS, g. Values in the maps of ASCE 7 are below 3; a larger value was probably specified
 in m/s^2."""
 
-_GROUND = {
+_EC8_PARAMETERS = {
     "1": {
         "A": (1.0, 0.15, 0.4, 2.0),
         "B": (1.2, 0.15, 0.5, 2.0),
@@ -62,14 +62,15 @@ _GROUND = {
 """S, TB, TC, TD by spectrum type and ground type: recommended values of EN 1998-1:2004 (tables 3.2
 and 3.3)."""
 
-_LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
+_MIN_ETA = 0.55  # minimum damping correction factor eta, EN 1998-1 3.2.2.2 (3)
 _EC8_END = 4.0
 """Period, s, above which EN 1998-1 Annex A applies, which covers only spectra of type 1."""
 _TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}  # s, EN 1998-1:2004 table A.1
-_TF = 10.0  # s; from here on the displacement is that of the ground
-_LONGEST_PERIOD = (
-    20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
-)
+_TF = 10.0  # s; from this period on, the spectral displacement is the ground displacement
+
+_MAX_PERIOD = 20.0
+"""Maximum period of a two-period spectrum, s. TL of the maps is 4 to 16 s, and spectra of isolated
+and tall buildings are used up to twice the first period."""
 
 
 DesignSpectrum: TypeAlias = tuple[Callable[[Array], Array], tuple[float, ...], float, float]
@@ -78,20 +79,22 @@ more), shape (k,); periods at which its branches meet, s; its damping ratio; its
 s."""
 
 
-def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
+def _two_period(parameters: Texts, factor: float = 1.0) -> DesignSpectrum:
     """Return the two-period design spectrum (ASCE 7-10, 7-16, 11.4), multiplied by a factor."""
-    sds, sd1, tl = (parse_positive(key, given[key]) for key in ("sds", "sd1", "tl"))
-    if sds > _LARGEST_SDS:
+    sds, sd1, tl = (parse_positive(key, parameters[key]) for key in ("sds", "sd1", "tl"))
+    if sds > _MAX_SDS:
         raise UsageError(
-            f"sds = {sds:g}: the unit of sds is g; did you mean {sds / STANDARD_GRAVITY:.3g}?"
+            f"sds must be at most {_MAX_SDS:g} g, got {sds:g}; if it is in m/s^2, "
+            f"use {sds / STANDARD_GRAVITY:.3g}"
         )
     ts = sd1 / sds
     if not ts < tl:
-        raise UsageError(f"tl = {tl:g} s must be longer than TS = sd1/sds = {ts:.4g} s")
+        raise UsageError(f"tl must be longer than TS = sd1/sds = {ts:.4g} s, got {tl:g} s")
     t0 = 0.2 * ts
 
     def curve(periods: Array) -> Array:
-        t = np.maximum(periods, t0)  # no branch divides by 0
+        """Return the pseudo-accelerations at periods, m/s^2."""
+        t = np.maximum(periods, t0)  # avoids a division by 0
         shape = np.where(t <= ts, sds, np.where(t <= tl, sd1 / t, sd1 * tl / t**2))
         return (
             factor
@@ -99,37 +102,39 @@ def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
             * np.where(periods < t0, sds * (0.4 + 0.6 * periods / t0), shape)
         )
 
-    return curve, (t0, ts, tl), 0.05, _LONGEST_PERIOD
+    return curve, (t0, ts, tl), 0.05, _MAX_PERIOD
 
 
-def _ec8(given: Texts) -> DesignSpectrum:
+def _ec8(parameters: Texts) -> DesignSpectrum:
     """Return the elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or the
     values of a National Annex. Type 1 extends to 10 s; from TE on it follows the displacements of
     eq. A.2."""
-    soils = _GROUND.get(given["type"])
+    soils = _EC8_PARAMETERS.get(parameters["type"])
     if soils is None:
-        raise UsageError(f"type must be 1 or 2, got {given['type']!r}")
-    if given["soil"].upper() not in soils:
-        raise UsageError(f"soil must be one of {', '.join(soils)}, got {given['soil']!r}")
-    recommended = dict(zip(("s", "tb", "tc", "td"), soils[given["soil"].upper()], strict=True))
+        raise UsageError(f"type must be 1 or 2, got {parameters['type']!r}")
+    if parameters["soil"].upper() not in soils:
+        raise UsageError(f"soil must be one of {', '.join(soils)}, got {parameters['soil']!r}")
+    recommended = dict(zip(("s", "tb", "tc", "td"), soils[parameters["soil"].upper()], strict=True))
     s, tb, tc, td = (
-        parse_positive(key, given[key]) if key in given else value
+        parse_positive(key, parameters[key]) if key in parameters else value
         for key, value in recommended.items()
     )
     if not tb < tc < td < _EC8_END:
         raise UsageError(
-            f"tb, tc, td must increase and be below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s"
+            f"tb, tc and td must increase and be less than {_EC8_END:g} s, got {tb:g}, {tc:g} and "
+            f"{td:g} s"
         )
-    ag = parse_with_unit(given["ag"], "acceleration", "0.25g", "ag")
-    damping = parse_ratio(given.get("damping", "5%"))
+    ag = parse_with_unit(parameters["ag"], "acceleration", "0.25g", "ag")
+    damping = parse_ratio(parameters.get("damping", "5%"))
     if not 0.0 < damping < 1.0:
-        raise UsageError(f"damping must lie between 0 and 100 %, got {given['damping']!r}")
-    eta = max(math.sqrt(10.0 / (5.0 + 100.0 * damping)), _LEAST_ETA)
+        raise UsageError(f"damping must be between 0 and 100 %, got {parameters['damping']!r}")
+    eta = max(math.sqrt(10.0 / (5.0 + 100.0 * damping)), _MIN_ETA)
     plateau = 2.5 * eta
-    te = _TE[given["soil"].upper()]
+    te = _TE[parameters["soil"].upper()]
 
     def curve(periods: Array) -> Array:
-        t = np.maximum(periods, tb)  # no branch divides by 0
+        """Return the pseudo-accelerations at periods, m/s^2."""
+        t = np.maximum(periods, tb)  # avoids a division by 0
         shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
         displacement = (
             0.025 * tc * td * (plateau + np.clip((t - te) / (_TF - te), 0.0, 1.0) * (1.0 - plateau))
@@ -137,7 +142,7 @@ def _ec8(given: Texts) -> DesignSpectrum:
         shape = np.where(t <= te, shape, displacement * (2.0 * np.pi / t) ** 2)
         return ag * s * np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), shape)
 
-    return curve, (tb, tc, td), damping, _TF if given["type"] == "1" else _EC8_END
+    return curve, (tb, tc, td), damping, _TF if parameters["type"] == "1" else _EC8_END
 
 
 _TWO_PERIOD = {"sds": True, "sd1": True, "tl": True}
@@ -158,7 +163,7 @@ CODES: Mapping[str, tuple[Callable[[Texts], DesignSpectrum], Mapping[str, bool]]
         },
     ),
 }
-"""By name what makes the spectrum, and its parameters: whether each must be given."""
+"""Function that returns the design spectrum, and its parameters (True if required), by name."""
 
 EXAMPLES = {
     "asce7": "asce7:sds=1.0,sd1=0.6,tl=8",
@@ -173,25 +178,26 @@ _MULTI_PERIOD = {
 }
 """Key of each multi-period spectrum of ASCE 7-22 in the file of the USGS service, by its name."""
 
-_OF_FILE = re.compile(rf"({'|'.join(_MULTI_PERIOD)})(?::(.*))?", re.DOTALL | re.IGNORECASE)
-_MOST_BYTES = 1_000_000  # bytes; a file of the service has 10 000
-_LARGEST_SA = 10.0  # g; values of ASCE 7-22 are below 5, a larger value is probably in m/s^2
-_PERIODS = ("t", "period", "periods")
-_VALUE = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
+_MULTI_PERIOD_PATTERN = re.compile(
+    rf"({'|'.join(_MULTI_PERIOD)})(?::(.*))?", re.DOTALL | re.IGNORECASE
+)
+_MAX_BYTES = 1_000_000  # bytes; a file of the service has 10 000
+_MAX_SA = 10.0  # g; values of ASCE 7-22 are below 5, a larger value is probably in m/s^2
+_PERIOD_NAMES = ("t", "period", "periods")
+_ACCELERATION_NAME = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
 _NEEDS = (
     "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2, or a design "
     "spectrum by name, such as asce7:sds=1.0,sd1=0.6,tl=8"
 )
-_GRID = (
-    0.01,
-    241,
-)  # s, and how many periods at which a named spectrum is drawn and written, beside its corners
+_GRID = (0.01, 241)
+"""Minimum period (s) and number of periods at which a design spectrum is plotted and written, in
+addition to its corner periods."""
 
 
 @dataclass(frozen=True)
 class TargetSpectrum:
-    """Pseudo-accelerations over the period: a code's formula, or straight lines between points on
-    logarithmic axes.
+    """Pseudo-accelerations as a function of the period: a formula of a code, or linear
+    interpolation between points on logarithmic axes.
 
     Attributes
     ----------
@@ -220,7 +226,8 @@ class TargetSpectrum:
     formula_corner: float | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        if self.curve is not None:  # A formula cannot be pickled, so it is rebuilt from its name.
+        # The function of a formula cannot be pickled; create it again from its name.
+        if self.curve is not None:
             return read_target, (self.source,)
         return TargetSpectrum, (self.source, self.periods, self.psa, self.zero, self.damping)
 
@@ -258,10 +265,10 @@ class TargetSpectrum:
         UsageError
             The damping ratios differ.
         """
-        if self.damping is not None and abs(self.damping - damping) > _SAME:
+        if self.damping is not None and abs(self.damping - damping) > _TOLERANCE:
             raise UsageError(
-                f"{self.source}: the target has {100.0 * self.damping:g} % damping, but the "
-                f"spectra {spectra} {100.0 * damping:g} %; use the same damping ratio for both "
+                f"{self.source}: the target applies to {100.0 * self.damping:g} % damping, the "
+                f"spectra {spectra} to {100.0 * damping:g} %; use the same damping ratio for both "
                 "(--damping)"
             )
 
@@ -284,7 +291,7 @@ class TargetSpectrum:
         periods = np.atleast_1d(np.asarray(periods, float))
         if np.min(periods) < low * (1.0 - 1e-9) or np.max(periods) > high * (1.0 + 1e-9):
             raise UsageError(
-                f"{self.source}: the periods must be from {low:g} to {high:g} s, got "
+                f"{self.source}: periods must be within the spectrum, {low:g} to {high:g} s, got "
                 f"{np.min(periods):.6g} to {np.max(periods):.6g} s"
             )
         if self.curve is not None:
@@ -309,21 +316,21 @@ def read_target(source: str) -> TargetSpectrum:
     UsageError
         The name is unknown, or the parameters are invalid.
     """
-    if match := _OF_FILE.fullmatch(source.strip()):
+    if match := _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         return _multi_period(source, match[1].lower(), match[2] or "")
-    match = _NAMED.fullmatch(source.strip())
-    name, words = (match[1].lower(), match[2]) if match else ("", None)
+    match = _NAME_PATTERN.fullmatch(source.strip())
+    name, text = (match[1].lower(), match[2]) if match else ("", None)
     if name not in CODES:
-        if words is None:
-            return _points(read_table(source, _NEEDS))
+        if text is None:
+            return _read_points(read_table(source, _NEEDS))
         raise UsageError(
-            f"{source[:60]!r}: unknown design spectrum {name!r}; available: "
-            f"{', '.join((*CODES, *_MULTI_PERIOD))}"
+            f"{source[:60]!r}: unknown design spectrum {name!r} (known: "
+            f"{', '.join((*CODES, *_MULTI_PERIOD))})"
         )
-    make, parameters = CODES[name]
+    design_spectrum, parameters = CODES[name]
     try:
-        curve, corners, damping, longest = make(
-            parse_named(name, words or "", parameters, EXAMPLES[name])
+        curve, corners, damping, longest = design_spectrum(
+            parse_named(name, text or "", parameters, EXAMPLES[name])
         )
     except UsageError as error:
         raise UsageError(f"{source[:60]!r}: {error}") from None
@@ -360,14 +367,14 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     ModelError, UsageError
         As by `read_target`; or the source lacks a spectrum for a ratio.
     """
-    named = _NAMED.fullmatch(source.strip())
-    if named is None and not _OF_FILE.fullmatch(source.strip()):
+    match = _NAME_PATTERN.fullmatch(source.strip())
+    if match is None and not _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         table = read_table(source, _NEEDS)
         if table.has("damping"):
-            return tuple(_points(_with_damping(table, ratio), ratio) for ratio in dampings)
+            return tuple(_read_points(_with_damping(table, ratio), ratio) for ratio in dampings)
     if len(dampings) == 1:
         return (read_target(source),)
-    if named and named[1].lower() == "ec8" and "damping" not in named[2].lower():
+    if match and match[1].lower() == "ec8" and "damping" not in match[2].lower():
         return tuple(read_target(f"{source}{_DAMPED}{ratio!r}") for ratio in dampings)
     raise UsageError(
         f"{source[:60]!r}: is a spectrum for a single damping ratio, got {len(dampings)} ratios; "
@@ -402,8 +409,8 @@ def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
             f"{source}: add the JSON file of the USGS design maps service, such as {name}:site.json"
         )
     needs = f"a JSON file of the USGS design maps service for ASCE 7-22 with response.data.{key}"
-    large = f"is larger than {_MOST_BYTES} bytes; it must be {needs}"
-    data = read_whole(file, ModelError, {}, large, _MOST_BYTES)
+    large = f"is larger than {_MAX_BYTES} bytes; it must be {needs}"
+    data = read_whole(file, ModelError, {}, large, _MAX_BYTES)
     record_digest(file, data)
     try:
         content: Any = json.loads(data)
@@ -422,9 +429,9 @@ def _multi_period(source: str, name: str, file: str) -> TargetSpectrum:
     if periods[0] != 0.0 or np.any(np.diff(periods) <= 0.0):
         raise ModelError(f"{file}: {key}: periods must start at 0 s and increase")
     largest = float(np.max(ordinates))
-    if np.min(ordinates) <= 0.0 or largest > _LARGEST_SA:
+    if np.min(ordinates) <= 0.0 or largest > _MAX_SA:
         raise ModelError(
-            f"{file}: {key}: ordinates must be in g, above 0 and at most {_LARGEST_SA:g}, got "
+            f"{file}: {key}: ordinates must be in g, above 0 and at most {_MAX_SA:g}, got "
             f"{np.min(ordinates):g} to {largest:g}"
         )
     psa = STANDARD_GRAVITY * ordinates
@@ -449,15 +456,19 @@ def _with_damping(table: CsvTable, damping: float) -> CsvTable:
     """Return a table with only the rows of a damping ratio."""
     ratios = np.array(table.numbers("damping"))
     rows = [
-        row for row, ratio in zip(table.rows, ratios, strict=True) if abs(ratio - damping) <= _SAME
+        row
+        for row, ratio in zip(table.rows, ratios, strict=True)
+        if abs(ratio - damping) <= _TOLERANCE
     ]
     if not rows:
         listed = ", ".join(f"{ratio:g}" for ratio in np.unique(ratios)[:8])
-        raise ModelError(f"{table.source}: has no damping ratio {damping:g}; it has {listed}")
+        raise ModelError(
+            f"{table.source}: damping ratio {damping:g} not found; the file contains {listed}"
+        )
     return replace(table, rows=tuple(rows))
 
 
-def _points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
+def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
     """Return the spectrum of a table of periods and accelerations, with its damping ratio."""
     # Find the columns of periods and accelerations with their units. Columns of
     # pseudo-acceleration take precedence over other accelerations.
@@ -465,40 +476,41 @@ def _points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
     in_seconds = (
         name
         for name, quantity, unit in columns
-        if quantity in _PERIODS and unit in ("", "s", "sec")
+        if quantity in _PERIOD_NAMES and unit in ("", "s", "sec")
     )
     period = next(in_seconds, "period_s")
     values = [
         name
         for name, quantity, unit in columns
-        if _VALUE.fullmatch(quantity) and canonical(unit) in ACCELERATION
+        if _ACCELERATION_NAME.fullmatch(quantity) and canonical(unit) in ACCELERATION
     ]
     values = [name for name in values if "psa" in name] or values
     if not values:
         raise ModelError(
-            f"{table.source}:1: a column sa_g or sa_m_s2 (acceleration with its unit) is "
-            f"required; the columns are {', '.join(table.header)[:200]}"
+            f"{table.source}:1: no column of accelerations, such as sa_g or sa_m_s2; the columns "
+            "are "
+            f"{', '.join(table.header)[:200]}"
         )
     if len(values) > 1:
         raise ModelError(
-            f"{table.source}:1: the table contains several spectra, {', '.join(values)}; keep "
-            "one of them"
+            f"{table.source}:1: the table contains several spectra, {', '.join(values)}; keep only "
+            "one of these columns"
         )
     value, factor = values[0], ACCELERATION[canonical(name_and_units(values[0])[1])]
     periods, psa = (
         np.array(table.numbers(period)),
         factor * np.array(table.numbers(value, positive=True)),
     )
-    falls = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
-    if falls.size or periods[0] < 0.0:
-        place = int(falls[0]) if falls.size else 0
+    not_increasing = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
+    if not_increasing.size or periods[0] < 0.0:
+        row = int(not_increasing[0]) if not_increasing.size else 0
         raise ModelError(
-            f"{table.source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of a "
-            "spectrum must be zero or positive, and increase"
+            f"{table.source}:{table.rows[row][0]}: the periods of a spectrum must be 0 or "
+            f"positive, and increase, got {periods[row]:g} s"
         )
     positive = periods > 0.0
     if np.sum(positive) < 2:
-        raise ModelError(f"{table.source}: a spectrum requires at least two periods")
+        raise ModelError(f"{table.source}: a spectrum requires at least two positive periods")
     zero = None if positive[0] else float(psa[0])
     return TargetSpectrum(table.source, periods[positive], psa[positive], zero, damping)
 
@@ -515,7 +527,7 @@ QUANTITIES = {
 """Physical quantity of the units and output column, by the name of the spectral quantity in tables
 and in `Spectrum`."""
 
-_SAME = 1e-6
+_TOLERANCE = 1e-6
 """Tolerance within which two periods (relative) or damping ratios (absolute) are equal, because
 printed values are rounded."""
 
@@ -551,24 +563,25 @@ class PublishedSpectrum:
         UsageError
             The file does not contain a period, or a period is outside its range.
         """
-        # Periods that differ from those of the file by rounding only use the values of the file.
-        near = np.abs(self.periods[:, None] - periods) <= _SAME * periods
+        # Use the values of the file for periods that differ from those of the file by rounding
+        # only.
+        near = np.abs(self.periods[:, None] - periods) <= _TOLERANCE * periods
         if np.all(near.any(axis=0)):
             exact: Array = self.values[near.argmax(axis=0)]
             return exact
         other = float(periods[~near.any(axis=0)][0])
         if not log_log:
             raise UsageError(
-                f"{self.source}: period {other:.6g} s not found; omit --period to use the "
-                "periods of the file, or interpolate with --against-interpolation log-log"
+                f"{self.source} has no period {other:.6g} s; omit the periods to use those of the "
+                "file, or interpolate with --against-interpolation log-log"
             )
         positive = (self.periods > 0.0) & (self.values > 0.0)
         low, high = self.periods[positive][0], self.periods[positive][-1]
-        outside = (periods < low * (1.0 - _SAME)) | (periods > high * (1.0 + _SAME))
+        outside = (periods < low * (1.0 - _TOLERANCE)) | (periods > high * (1.0 + _TOLERANCE))
         if np.any(outside):
             raise UsageError(
-                f"{self.source}: the spectrum has periods from {low:.6g} to {high:.6g} s, which "
-                f"exclude {periods[outside][0]:.6g} s"
+                f"{self.source}: periods must be within {low:.6g} to {high:.6g} s, got "
+                f"{periods[outside][0]:.6g} s"
             )
         return np.exp(
             np.interp(
@@ -658,25 +671,25 @@ def read_published(
     """
     table = read_named_table(source)
     columns = [name_and_units(text) for text in table.names]
-    place = next((place for place, (name, _) in enumerate(columns) if name in _PERIODS), None)
-    if place is None:
+    index = next((i for i, (name, _) in enumerate(columns) if name in _PERIOD_NAMES), None)
+    if index is None:
         listed = ", ".join(table.names)[:200]
         raise RecordError(
-            f"{table.source}: column of periods (period_s) not found; the columns are {listed}"
+            f"{table.source}: no column of periods, such as period_s; the columns are {listed}"
         )
-    text, units = table.names[place], columns[place][1]
+    text, units = table.names[index], columns[index][1]
     if units not in SECONDS:
         raise RecordError(
-            f"{table.source}: the name of the column {text!r} must end with its unit, such as "
+            f"{table.source}: the name of the column {text!r} must contain its unit, such as "
             "period_s"
         )
     quantity, values = _values(table, column)
-    periods = SECONDS[units] * table.numbers(place)
+    periods = SECONDS[units] * table.numbers(index)
     # Select the rows with the damping ratio, sorted by period.
     rows = np.argsort(periods, kind="stable")
     if "damping" in table.names:
         ratios = table.numbers(table.place("damping"))
-        rows = rows[np.abs(ratios[rows] - damping) <= _SAME]
+        rows = rows[np.abs(ratios[rows] - damping) <= _TOLERANCE]
         if not rows.size:
             listed = ", ".join(f"{ratio:g}" for ratio in np.unique(ratios)[:8])
             raise RecordError(
@@ -684,10 +697,12 @@ def read_published(
             )
     periods, values = periods[rows], values[rows]
     if periods[0] < 0.0 or np.any(values < 0.0):
-        raise RecordError(f"{source}: the periods and values of a spectrum must not be negative")
+        raise RecordError(f"{source}: periods and values of a spectrum must not be negative")
     if np.any(np.diff(periods) == 0.0):
         twice = float(periods[:-1][np.diff(periods) == 0.0][0])
-        raise RecordError(f"{source}: the period {twice:g} s is contained twice; keep one spectrum")
+        raise RecordError(
+            f"{source}: the period {twice:g} s occurs twice; keep only one spectrum in the file"
+        )
     return PublishedSpectrum(str(source), quantity, periods, values, table.input)
 
 
@@ -710,18 +725,19 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
         table.place(column)
         if column not in columns:
             raise RecordError(
-                f"{table.source}: the column {column!r} must be one of {', '.join(QUANTITIES)} "
-                "with its units, such as psa_g"
+                f"{table.source}: the column {column!r} is not a spectrum; it must be one of "
+                f"{', '.join(QUANTITIES)} with its units"
             )
     elif len(columns) != 1:
         if columns:
             raise UsageError(
-                f"{table.source}: the file has several spectra; select one with "
+                f"{table.source}: the file contains several spectra; select one with "
                 f"--against-column: {', '.join(columns)}"
             )
         raise RecordError(
-            f"{table.source}: no column contains a spectrum ({', '.join(QUANTITIES)}, with "
-            f"units: psa_g); the columns are {', '.join(table.names)[:200]}"
+            f"{table.source}: no column of a spectrum ({', '.join(QUANTITIES)}, with units, such "
+            "as "
+            f"psa_g); the columns are {', '.join(table.names)[:200]}"
         )
     # The name of the column ends with the units, which must match its quantity.
     chosen = column if column is not None else next(iter(columns))

@@ -29,6 +29,7 @@ from tdint.campaign.fragility.fits import (
     STRIPES,
     Fragility,
     extrapolated,
+    fit_at_threshold,
     fit_capacities,
     fit_cloud,
     fit_stripes,
@@ -44,6 +45,7 @@ from tdint.campaign.fragility.measures import (
     over_motions,
     period_beside,
     rows_of_motions,
+    stated_motions,
     with_measures,
 )
 from tdint.campaign.fragility.runs import (
@@ -68,7 +70,12 @@ NEEDS = (
     "im,edp[,censored] (cloud), or is one of tdint ida or tdint campaign"
 )
 EVERY_DEMAND = (0.0, math.inf)
-_LEAST_STRIPE = 3  # minimum number of runs at a level; for functions by type, of ground motions
+_MIN_RUNS_PER_LEVEL = 3
+"""Minimum number of runs at each intensity level of stripes. For functions by type, the minimum
+number of ground motions."""
+
+
+_NO_COMMON_LEVELS = "the runs have no common intensity levels; use --fit cloud, or another --im"
 
 
 @dataclass(frozen=True)
@@ -145,11 +152,10 @@ class FragilityResult(Tabular):
         warnings : str
             Warnings about the data.
         """
-        every = list(results)
-        functions = tuple(fit for fit in every if isinstance(fit, Fragility))
-        return cls(
-            functions, tuple(fit for fit in every if isinstance(fit, AnalysisError)), warnings
-        )
+        fits = list(results)
+        functions = tuple(fit for fit in fits if isinstance(fit, Fragility))
+        failures = tuple(fit for fit in fits if isinstance(fit, AnalysisError))
+        return cls(functions, failures, warnings)
 
     def _headline(self) -> str:
         medians = ", ".join(
@@ -238,20 +244,26 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     table = read_table(file, NEEDS)
     table = with_measures(table) if request.measure else table
     # Determine the possible types of the table from its columns.
-    kinds = [kind for kind in (_STRIPES, _CAPACITIES, _CLOUD, _OF_RUNS) if table.has(*kind.columns)]
-    if not kinds:
+    types = [
+        table_type
+        for table_type in (_STRIPES, _CAPACITIES, _CLOUD, _STUDY_RUNS)
+        if table.has(*table_type.columns)
+    ]
+    if not types:
         raise ModelError(
             f"{table.source}:1: {NEEDS}; its columns are {', '.join(table.header)[:200]}"
         )
     # The requested fit must select a single type; an ambiguous table is an error.
-    suited = [kind for kind in kinds if request.fit in (None, *kind.fits)]
+    suited = [table_type for table_type in types if request.fit in (None, *table_type.fits)]
     if not suited:
-        possible = " or ".join(dict.fromkeys(fit for kind in kinds for fit in kind.fits))
+        possible = " or ".join(dict.fromkeys(fit for item in types for fit in item.fits))
         raise UsageError(f"{table.source}: this table is for --fit {possible}, not {request.fit}")
     if len(suited) > 1:
-        both = " and of ".join(",".join(kind.columns) for kind in suited)
-        fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
-        raise UsageError(f"{table.source}:1: this is a table of {both}; specify {fits}")
+        columns = " and ".join(",".join(item.columns) for item in suited)
+        fits = " or ".join(f"--fit {item.fits[0]}" for item in suited)
+        raise UsageError(
+            f"{table.source}:1: the table has the columns of two types, {columns}; specify {fits}"
+        )
     # The dispersion of the model is not fitted; it is an attribute of each function.
     result = suited[0].fit(table, request)
     functions = [
@@ -262,6 +274,7 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
+    """Fit a function to the numbers of collapses (or exceedances) at each intensity level."""
     im, hits, total = (np.array(table.numbers(name)) for name in ("im", "collapses", "records"))
     table.check("im", im > 0.0, "must be positive")
     table.check("records", total > 0.0, "must be positive")
@@ -273,15 +286,12 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
     # The counts are stored with the function, for figures and for the test of its shape.
     def fit(chosen: NDArray[np.bool_]) -> Fragility:
-        levels, all_runs, share = (
-            im[chosen],
-            total[chosen],
-            np.sum(hits[chosen]) / np.sum(total[chosen]),
-        )
+        levels, all_runs = im[chosen], total[chosen]
+        share = np.sum(hits[chosen]) / np.sum(total[chosen])
         function = fit_stripes(levels, hits[chosen], all_runs)
         counted = function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
-        # Published counts keep their covariance if the median is outside the levels but the
-        # fraction of exceedances is sufficient.
+        # `beside_counts` removes the covariance if the median is outside the levels. Restore it if
+        # the fraction of exceedances is large enough for a reliable median.
         return (
             replace(counted, covariance=function.covariance)
             if SELDOM <= share <= 1.0 - SELDOM
@@ -293,6 +303,8 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
+    """Fit functions to the capacities of an incremental dynamic analysis, for each state of
+    previous damage and each threshold."""
     # A row without a capacity contains no information, not even that the building did not collapse.
     # It is omitted with a warning.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
@@ -304,13 +316,14 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
         damage = np.array(table.numbers("damage"))
         states = [(value, finite & (damage == value)) for value in np.unique(damage).tolist()]
     functions: list[Fragility | AnalysisError] = []
-    motion = _stated_motions(table)
+    motion = stated_motions(table)
     for state, rows in states:
 
         def fit(chosen: NDArray[np.bool_], rows: NDArray[np.bool_] = rows) -> Fragility:
             used = chosen & rows
-            # Capacities under separate ground motions are independent, so their errors are known
-            # explicitly.
+            # If each ground motion has one capacity, the capacities are independent, and the fit
+            # provides their errors. If a motion occurs repeatedly, a jackknife over motions is
+            # used.
             repeated = motion is not None and np.unique(motion[used]).size < np.sum(used)
             (function,) = over_motions(
                 lambda kept: [fit_capacities(capacity[kept], censored[kept].tolist())],
@@ -332,11 +345,14 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
                     if math.isnan(state)
                     else AnalysisError(f"damage {state:g}: {function}")
                 )
-    without = int(np.sum(~finite))
-    warnings = (f"{table.source}: omitted {pluralize(without, 'row')} without a capacity",) * (
-        without > 0
+    omitted = int(np.sum(~finite))
+    warnings = (
+        (f"{table.source}: omitted {pluralize(omitted, 'row')} without a capacity",)
+        if omitted
+        else ()
     )
-    # Capacities of pairs apply to the rule that the table states.
+    # The capacities were computed with the rule for pairs of components that the table states. They
+    # cannot be used for another rule.
     if table.has("pair_demand"):
         stated = table.only("pair_demand")
         if request.pair_demand not in (None, stated):
@@ -352,15 +368,11 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
+    """Fit functions to pairs of intensity and demand."""
     im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
     return _cloud(
-        table, request, im, edp, np.array(table.truths("censored")), motion=_stated_motions(table)
+        table, request, im, edp, np.array(table.truths("censored")), motion=stated_motions(table)
     )
-
-
-def _stated_motions(table: CsvTable) -> NDArray[np.intp] | None:
-    """Return the event or ground motion of each row; None if the table states neither."""
-    return motions_of(table) if table.has("event") or table.has("record") else None
 
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
@@ -390,13 +402,11 @@ def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> 
         Runs of the table.
     """
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
-    in_stripes = all(np.sum(stripe) >= _LEAST_STRIPE for stripe in stripes)
+    in_stripes = all(np.sum(stripe) >= _MIN_RUNS_PER_LEVEL for stripe in stripes)
     fit = request.fit or (STRIPES if in_stripes else CLOUD)
-    # Runs of a cloud have different intensities: each run would be a separate stripe.
+    # If the intensities of all runs differ, each run would be a separate stripe.
     if fit == STRIPES and not in_stripes:
-        raise UsageError(
-            f"{table.source}: the runs have no common intensity levels; use --fit cloud"
-        )
+        raise UsageError(f"{table.source}: {_NO_COMMON_LEVELS}")
     _check_thresholds(table, request)
     lost = int(np.sum(~runs.result))
     omitted = (
@@ -410,16 +420,17 @@ def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> 
         drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[used]
         im, collapsed, motion = runs.im[used], runs.collapsed[used], runs.motion[used]
         result = _cloud(table, request, im, drift, collapsed, runs.names, motion)
-        of_cloud = tuple(replace(item, failed=lost) for item in result.functions)
-        return replace(result, functions=of_cloud, warnings=(omitted,) * (lost > 0))
-    functions = [
-        _tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds
+        functions = tuple(replace(item, failed=lost) for item in result.functions)
+        return replace(result, functions=functions, warnings=(omitted,) if lost else ())
+    fitted = [
+        fit_at_threshold(drift, runs.names, partial(_fit_with_bounds, runs, drift))
+        for drift in request.thresholds
     ]
     biased = (
-        "which biases the fits; the fits with all of them counted as exceeding, and as not "
-        "exceeding, are the bounds"
+        "which biases the fits; the bounds are the fits that count all of these runs as exceeding, "
+        "or none of them"
     )
-    return FragilityResult.of(functions, *(f"{omitted}, {biased}",) * (lost > 0))
+    return FragilityResult.of(fitted, *((f"{omitted}, {biased}",) if lost else ()))
 
 
 @dataclass(frozen=True)
@@ -473,7 +484,8 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
         if request.measure is None and not any(
             table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION
         ):
-            # The table does not have this column; the message will name it.
+            # No unit of this measure is a column of the table. Reading the column below raises an
+            # error that names it.
             column, unit = f"{measure.column}{suffix('m/s^2')}", "m/s^2"
         else:
             column, unit = column_of(table, measure.column)
@@ -502,39 +514,39 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     return _Runs(im, levels_of(im), drift, collapsed, result, motion, (name, unit), rule)
 
 
-def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
+def _fit_with_bounds(runs: _Runs, threshold: float) -> Fragility:
     """Return the fit of the runs with a result, with bounds for the runs without a result."""
-    over = runs.collapsed | (runs.drift > threshold)
+    exceeds = runs.collapsed | (runs.drift > threshold)
     used = runs.result
-    (function,) = over_motions(lambda kept: [_stripes(runs, over, kept)], used, runs.motion)
+    (function,) = over_motions(lambda kept: [_stripes(runs, exceeds, kept)], used, runs.motion)
     assert isinstance(function, Fragility)
     function = function.beside_counts(
-        runs.im[used], over[used].astype(float), motion=runs.motion[used]
+        runs.im[used], exceeds[used].astype(float), motion=runs.motion[used]
     )
     lost = int(np.sum(~runs.result))
     # The bounds assume that all failed runs exceed the threshold, and that none of them does.
     if not lost:
         return function
-    every = np.ones_like(runs.result)
-    # If a fit is impossible, this bound is unknown.
+    all_runs = np.ones_like(runs.result)
+    # A fit can be impossible, for example if all runs exceed; then the bound is unknown.
     bounds: list[Fragility | None] = []
-    for counted in (over | ~runs.result, over & runs.result):
+    for counted in (exceeds | ~runs.result, exceeds & runs.result):
         try:
-            bounds.append(_stripes(runs, counted, every))
+            bounds.append(_stripes(runs, counted, all_runs))
         except AnalysisError:
             bounds.append(None)
     return replace(function, failed=lost, bounds=(bounds[0], bounds[1]))
 
 
-def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> Fragility:
-    """Return the fit of stripes; the intensity of a level is the geometric mean of its runs."""
-    places = [taken & (runs.level == level) for level in np.unique(runs.level[taken])]
-    # Intensities within a level differ by rounding errors only.
-    middle = [float(np.exp(np.mean(np.log(runs.im[place])))) for place in places]
+def _stripes(runs: _Runs, exceeds: NDArray[np.bool_], used: NDArray[np.bool_]) -> Fragility:
+    """Fit stripes to runs; `exceeds` marks runs above the threshold, `used` the runs to use."""
+    stripes = [used & (runs.level == level) for level in np.unique(runs.level[used])]
+    # Intensities within a level differ by rounding errors only. Their geometric mean is used.
+    intensities = [float(np.exp(np.mean(np.log(runs.im[stripe])))) for stripe in stripes]
     return fit_stripes(
-        middle,
-        [int(np.sum(over[place])) for place in places],
-        [int(np.sum(place)) for place in places],
+        intensities,
+        [int(np.sum(exceeds[stripe])) for stripe in stripes],
+        [int(np.sum(stripe)) for stripe in stripes],
     )
 
 
@@ -570,7 +582,7 @@ def _cloud(
     kept = edp >= low
     # It is unknown whether a demand censored below the threshold exceeds the threshold.
     known = [kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
-    beyond = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
+    exceeds = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
     censored = censored | (edp >= high)
     im_name, unit = names or (table.only("im_name"), table.only("unit"))
 
@@ -587,9 +599,9 @@ def _cloud(
     # Add counts of the runs for which exceedance of the threshold is known.
     counted = [
         function.beside_counts(
-            im[used], over[used], motion=None if motion is None else motion[used]
+            im[used], exceeding[used], motion=None if motion is None else motion[used]
         )
-        for function, used, over in zip(functions, known, beyond, strict=True)
+        for function, used, exceeding in zip(functions, known, exceeds, strict=True)
     ]
     return FragilityResult(tuple(fit.named(fit.threshold, im_name, unit) for fit in counted))
 
@@ -609,9 +621,11 @@ def _by_threshold(
                 f"{table.source}: has no column threshold, so at most one --threshold can be "
                 "specified"
             )
-        every = np.ones(len(table.rows), bool)
-        return [_tried(next(iter(request.thresholds), math.nan), names, lambda: fit(every))]
-    # Compare thresholds with a tolerance, because text rounds them.
+        all_rows = np.ones(len(table.rows), bool)
+        return [
+            fit_at_threshold(next(iter(request.thresholds), math.nan), names, lambda: fit(all_rows))
+        ]
+    # Compare thresholds with a tolerance, because numbers in a table are rounded.
     thresholds = np.array(table.numbers("threshold", empty=True))
     available = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
     if not available:
@@ -626,20 +640,8 @@ def _by_threshold(
             raise UsageError(
                 f"{table.source}: threshold {threshold:g} not found; its thresholds are {listed}"
             )
-        functions.append(_tried(threshold, names, partial(fit, rows)))
+        functions.append(fit_at_threshold(threshold, names, partial(fit, rows)))
     return functions
-
-
-def _tried(
-    threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
-) -> Fragility | AnalysisError:
-    """Return the function of a threshold, or the error that prevents it."""
-    try:
-        return fit().named(threshold, *names)
-    except AnalysisError as error:
-        return AnalysisError(
-            f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error)
-        )
 
 
 def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
@@ -670,7 +672,7 @@ class _Kind:
 _STRIPES = _Kind(("im", "collapses", "records"), (STRIPES,), _fit_stripes)
 _CAPACITIES = _Kind(("capacity",), (IDA,), _fit_capacities)
 _CLOUD = _Kind(("im", "edp"), (CLOUD,), _fit_cloud)
-_OF_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
+_STUDY_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
 
 
 # ---- Fragility functions of a campaign: one function for each building type (or building) and
@@ -682,8 +684,9 @@ _OF_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
 # with several thresholds that have this dispersion.
 
 _SAME_PERIOD = 1e-6  # relative difference; tables are written with at least six digits
-# Three points with mean 0 and variance 1; 20 points give losses that differ by less than 1 %
-_THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
+# Three equally likely points with mean 0 and variance 1, which represent a normal distribution.
+# With 20 points, losses differ by less than 1 %.
+_THREE_POINTS = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -744,7 +747,8 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     OutputError
         The store cannot be read.
     """
-    # States of the campaign depend on the type, whereas a threshold applies to all buildings.
+    # The damage states of a campaign depend on the building type, whereas a threshold would apply
+    # to all types.
     if request.thresholds and by == TYPE:
         raise UsageError(
             "functions by type use the damage states of the campaign: remove --threshold"
@@ -760,42 +764,43 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             f"{pluralize(len(medians), 'threshold')}: --states requires the same number of names, "
             f"got {len(names)}"
         )
-    of_all = DamageStates("drift_ratio", names, medians) if medians else None
+    requested_states = DamageStates("drift_ratio", names, medians) if medians else None
     # Read the store one time, building by building. The fits follow after it is closed.
     with open_existing(folder) as store:
         check_chunks(store)
-        if not (store.damage() or of_all):
+        if not (store.damage() or requested_states):
             remedy = "add `damage` to its file and run it again"
             more = ", or specify --threshold" if by == BUILDING else ""
             raise UsageError(f"{folder}: this campaign has no damage states; {remedy}{more}")
         intensities = RunIntensities(store, folder, measure, request.pair_demand)
-        # For ground motion fields, the correlated runs belong to an event, numbered as a sample.
+        # Correlated runs form one ground motion: the components of a recording, or, for ground
+        # motion fields, the runs of an event, which the store numbers as samples.
         rule = store.pair_rule()
         if request.pair_demand:
             rule = replace(rule, demand=request.pair_demand)
         motions = {} if store.events() else rule.recordings
-        gathered: dict[str, _Gathered] = {}
-        for of in building_damages(store, of_all):
-            name = of.type if by == TYPE else of.building
-            gathered.setdefault(name, _Gathered(of.states)).add(
-                of, intensities.of(of), motions, rule
+        groups: dict[str, _Gathered] = {}
+        for damage in building_damages(store, requested_states):
+            name = damage.type if by == TYPE else damage.building
+            groups.setdefault(name, _Gathered(damage.states)).add(
+                damage, intensities.of(damage), motions, rule
             )
-        of_types = {
-            name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)
+        runs_by_name = {
+            name: groups[name].runs(measure, intensities.unit) for name in sorted(groups)
         }
-    # An error message names type and state, and does not prevent other fits.
+    # A fit that is impossible is reported with its type and state; the other fits are returned.
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
         if isinstance(function, AnalysisError)
         else replace(
             function, type=name, state=state, modeling_dispersion=request.modeling_dispersion
         )
-        for name, runs in of_types.items()
+        for name, runs in runs_by_name.items()
         for state, function in zip(runs.states.states, _fitted(runs, request), strict=True)
     ]
-    lost = sum(runs.failed for runs in of_types.values())
-    warnings = (f"{folder}: omitted {pluralize(lost, 'run')} without a result",) * (lost > 0)
-    notes = (intensities.note,) * bool(intensities.note)
+    lost = sum(runs.failed for runs in runs_by_name.values())
+    warnings = (f"{folder}: omitted {pluralize(lost, 'run')} without a result",) if lost else ()
+    notes: tuple[str, ...] = (intensities.note,) if intensities.note else ()
     if rule.pairs and not request.pair_demand:
         notes += (rule.note(),)
     fitted = [
@@ -818,7 +823,7 @@ class _Gathered:
     motion: array[int] = field(default_factory=lambda: array("q"))
 
     def add(
-        self, of_runs: BuildingDamage, im: Array, motions: Mapping[int, int], rule: PairRule
+        self, building: BuildingDamage, im: Array, motions: Mapping[int, int], rule: PairRule
     ) -> None:
         """Add the runs of a building, or its ground motions if components of pairs are combined.
 
@@ -833,25 +838,27 @@ class _Gathered:
         rule : PairRule
             Rule by which the components of pairs are combined.
         """
-        of = by_motion(of_runs, rule)
-        if of is not of_runs:
-            im = im[[group[0] for group in places_of_motions(of_runs, rule)]]
-        taken = of.known & (im > 0.0)
-        fallen = np.isin(of.status, FALLEN)
+        damage = by_motion(building, rule)
+        # If components were combined, use the intensity of the first component of each pair.
+        if damage is not building:
+            im = im[[group[0] for group in places_of_motions(building, rule)]]
+        used = damage.known & (im > 0.0)
+        fallen = np.isin(damage.status, FALLEN)
         motion = np.array(
-            [motions[record] if motions else sample for record, _, sample in of.keys], np.int64
+            [motions[record] if motions else sample for record, _, sample in damage.keys], np.int64
         )
-        demand = np.where(fallen, of.states.medians[-1], of.demand)
+        demand = np.where(fallen, damage.states.medians[-1], damage.demand)
         columns = (
             (self.im, im),
             (self.demand, demand),
             (self.fallen, fallen.astype(np.int8)),
             (self.motion, motion),
         )
-        for kept, values in columns:
-            kept.frombytes(values[taken].tobytes())
-        self.failed += int(np.sum(~of.known))
-        self.periods = min(self.periods[0], of.period), max(self.periods[1], of.period)
+        for column, values in columns:
+            column.frombytes(values[used].tobytes())
+        self.failed += int(np.sum(~damage.known))
+        shortest, longest = self.periods
+        self.periods = min(shortest, damage.period), max(longest, damage.period)
 
     def runs(self, measure: RunMeasure, unit: str) -> TypeRuns:
         """Return all runs as arrays."""
@@ -873,19 +880,15 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
     # Stripes require enough ground motions at every level, for all buildings of a type together.
     level = levels_of(runs.im)
     motions_at_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])
-    stripes = motions_at_level.size > 1 and int(motions_at_level.min()) >= _LEAST_STRIPE
+    stripes = motions_at_level.size > 1 and int(motions_at_level.min()) >= _MIN_RUNS_PER_LEVEL
     if request.fit == STRIPES and not stripes:
-        raise UsageError(
-            "the runs have no common intensity levels; use --fit cloud or another --im"
-        )
+        raise UsageError(_NO_COMMON_LEVELS)
     chosen = request.fit or (STRIPES if stripes else CLOUD)
 
-    def fit(taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        return (
-            _type_stripes(runs, level, taken)
-            if chosen == STRIPES
-            else _type_cloud(runs, request, taken)
-        )
+    def fit(used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+        if chosen == STRIPES:
+            return _type_stripes(runs, level, used)
+        return _type_cloud(runs, request, used)
 
     functions = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
     return [
@@ -893,14 +896,14 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
         if isinstance(function, AnalysisError)
         else replace(
             function.named(median, runs.name, runs.unit), failed=runs.failed
-        ).beside_counts(runs.im, over, motion=runs.motion)
-        for function, median, over in zip(
-            functions, runs.states.medians, _beyond(runs).T, strict=True
+        ).beside_counts(runs.im, exceeds, motion=runs.motion)
+        for function, median, exceeds in zip(
+            functions, runs.states.medians, _exceedance_probabilities(runs).T, strict=True
         )
     ]
 
 
-def _beyond(runs: TypeRuns) -> Array:
+def _exceedance_probabilities(runs: TypeRuns) -> Array:
     """Return the probability that each run reaches or exceeds each state, shape (runs, states).
 
     The probability is 1 after a collapse.
@@ -909,17 +912,17 @@ def _beyond(runs: TypeRuns) -> Array:
 
 
 def _type_stripes(
-    runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]
+    runs: TypeRuns, level: NDArray[np.intp], used: NDArray[np.bool_]
 ) -> list[Fragility | AnalysisError]:
     """Fit each state to probabilities of exceedance at intensity levels."""
     # Renumber the levels that contain a selected run.
-    place = np.unique(level[taken], return_inverse=True)[1]
-    total = np.bincount(place).astype(float)
-    im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
+    level_number = np.unique(level[used], return_inverse=True)[1]
+    total = np.bincount(level_number).astype(float)
+    im = np.exp(np.bincount(level_number, np.log(runs.im[used])) / total)
     functions: list[Fragility | AnalysisError] = []
-    for row in _beyond(runs)[taken].T:
-        # Rounding errors of the sum of probabilities must not exceed the number of runs.
-        count = np.minimum(np.bincount(place, row), total)
+    for probabilities in _exceedance_probabilities(runs)[used].T:
+        # The sum of probabilities may exceed the number of runs by rounding errors.
+        count = np.minimum(np.bincount(level_number, probabilities), total)
         try:
             functions.append(fit_stripes(im, count, total))
         except AnalysisError as error:
@@ -928,7 +931,7 @@ def _type_stripes(
 
 
 def _type_cloud(
-    runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]
+    runs: TypeRuns, request: FragilityRequest, used: NDArray[np.bool_]
 ) -> list[Fragility | AnalysisError]:
     """Fit each state to a line through the demands.
 
@@ -940,21 +943,28 @@ def _type_cloud(
     """
     # A demand of zero has no logarithm, and demands below the range are elastic.
     low, high = request.edp_range
-    kept = taken & (runs.demand >= low) & (runs.demand > 0.0)
+    kept = used & (runs.demand >= low) & (runs.demand > 0.0)
     im, demand, fallen = runs.im[kept], np.minimum(runs.demand, high)[kept], runs.fallen[kept]
     lightest, heaviest = (
         (0.0, math.inf) if request.thresholds else (runs.states.medians[0], runs.states.medians[-1])
     )
     limited = fallen | (demand >= high)
-    seen = (
-        np.where(fallen[:, np.newaxis], 1.0, np.exp(runs.states.dispersion * _THREE))
+    # Dividing a threshold by a factor is equivalent to multiplying the demand by it: each demand is
+    # used three times, with factors that represent the dispersion of the thresholds.
+    scattered = (
+        np.where(fallen[:, np.newaxis], 1.0, np.exp(runs.states.dispersion * _THREE_POINTS))
         * demand[:, np.newaxis]
     )
-    above = limited[:, np.newaxis] | (seen >= heaviest)
-    im_of_seen, at_most = np.repeat(im, _THREE.size), np.minimum(seen, heaviest).ravel()
+    above = limited[:, np.newaxis] | (scattered >= heaviest)
+    repeated_im = np.repeat(im, _THREE_POINTS.size)
+    limited_demand = np.minimum(scattered, heaviest).ravel()
     try:
-        of_states = fit_cloud(
-            im_of_seen, at_most, runs.states.medians, above.ravel(), lower_threshold=lightest
+        functions = fit_cloud(
+            repeated_im,
+            limited_demand,
+            runs.states.medians,
+            above.ravel(),
+            lower_threshold=lightest,
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]
@@ -964,5 +974,5 @@ def _type_cloud(
     points: dict[str, Any] = {"im": im, "edp": demand, "censored": limited, "below": below}
     return [
         replace(function, cloud=function.cloud and replace(function.cloud, **points), **counts)
-        for function in of_states
+        for function in functions
     ]

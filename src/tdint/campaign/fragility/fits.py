@@ -19,7 +19,7 @@ adds ln Phi(z), a value known to be above adds ln Phi(-z).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,16 +33,16 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.number_parsing import LARGEST, abbreviate, pluralize
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 
-_ITERATIONS = 200
+_MAX_ITERATIONS = 200
 _CONVERGED = 1e-13
 """Tolerance of the Newton decrement, which is twice the distance of the log-likelihood from its
 maximum. The next decrement is about its square."""
 
-_SHORTEST = 1e-12
+_MIN_STEP_FRACTION = 1e-12
 """Smallest fraction of a Newton step that is tried. If it does not increase the likelihood, the
 maximum is at a 1 / sigma that is not positive."""
 
-_FLATTEST = 1e-12
+_MIN_CURVATURE_RATIO = 1e-12
 """Smallest ratio of the minimum to the maximum curvature, scaled to equal diagonals. Below it the
 maximum is not unique."""
 
@@ -86,7 +86,8 @@ class Observations:
 
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
         """Return gradient and Hessian of the log-likelihood, shapes (k,) and (k, k)."""
-        # Divide density by distribution in logarithms, because both underflow for large |z|.
+        # The derivatives contain phi(z) / Phi(z), the density divided by the distribution function.
+        # Compute the ratio from logarithms, because both functions underflow for large |z|.
         z = self.design @ parameters
         hazard_below, hazard_above = (
             np.exp(-0.5 * y * y - log_ndtr(y)) / math.sqrt(2.0 * math.pi) for y in (z, -z)
@@ -123,23 +124,25 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
     """
     parameters = np.asarray(start, float)
     value = observations.logarithm(parameters)
-    for _ in range(_ITERATIONS):
-        # Newton step of a concave function; a flat Hessian means that it has no maximum.
+    for _ in range(_MAX_ITERATIONS):
+        # The log-likelihood is concave, so that Newton's iteration converges to its maximum. If it
+        # has no curvature in some direction, it has no unique maximum.
         gradient, hessian = observations.derivatives(parameters)
         if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or _is_flat(hessian):
             return None
         step = np.linalg.solve(-hessian, gradient)
         decrement = float(gradient @ step)
-        # After the last step, rounding errors exceed the increase.
+        # The expected increase is below the tolerance. Add this last step without checking that the
+        # likelihood increases, because rounding errors would exceed the increase.
         if decrement <= _CONVERGED * max(1.0, abs(value)):
             return parameters + step, np.asarray(np.linalg.inv(-hessian), float)
         length = 1.0
-        # Halve a step that does not increase the likelihood, because it is too long.
-        while not (moved := observations.logarithm(parameters + length * step)) > value:
+        # A step that does not increase the likelihood is too long, and is halved.
+        while not (new_value := observations.logarithm(parameters + length * step)) > value:
             length *= 0.5
-            if length < _SHORTEST:
+            if length < _MIN_STEP_FRACTION:
                 return None
-        parameters, value = parameters + length * step, moved
+        parameters, value = parameters + length * step, new_value
     return None
 
 
@@ -153,15 +156,15 @@ def _is_flat(hessian: Array) -> bool:
         return True
     scale = 1.0 / np.sqrt(diagonal)
     curvatures = np.linalg.eigvalsh(-hessian * np.outer(scale, scale))
-    return bool(curvatures[0] <= _FLATTEST * curvatures[-1])
+    return bool(curvatures[0] <= _MIN_CURVATURE_RATIO * curvatures[-1])
 
 
 STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
 FITS = (STRIPES, IDA, CLOUD)
-_EQUAL = 1e-9  # dispersion; smaller values are rounding errors
+_MIN_DISPERSION = 1e-9  # smaller dispersions are rounding errors of equal capacities
 _MOST_NAMES = 10  # maximum number of names in a message
 # Number of standard deviations around the mean that contain 95 % of a normal distribution
-_TWO_SIDED = 1.959963984540054
+_NORMAL_95 = 1.959963984540054
 
 SAME_LEVEL = 1e-6
 """Relative difference of intensities below which they belong to one level."""
@@ -170,7 +173,7 @@ BINS = 6
 """Number of intensity bins in which exceedances are counted. Fewer bins would hide a bend; with
 more bins each bin contains few ground motions."""
 
-_APART = 3.0
+_REPORTED_DIFFERENCE = 3.0
 """Number of standard errors between function and count that is reported. With 80 bins (four types,
 four states) random scatter exceeds it in one of five studies."""
 
@@ -224,7 +227,7 @@ class Counted:
     @property
     def bound(self) -> Array:
         """Difference of function and count above which it is reported."""
-        return _APART * self.error + self.half
+        return _REPORTED_DIFFERENCE * self.error + self.half
 
 
 @dataclass(frozen=True)
@@ -370,13 +373,14 @@ class Fragility:
             Intensities in the unit of the function.
         """
         z, error = self._z(im)
-        return np.asarray(ndtr(z - _TWO_SIDED * error)), np.asarray(ndtr(z + _TWO_SIDED * error))
+        return np.asarray(ndtr(z - _NORMAL_95 * error)), np.asarray(ndtr(z + _NORMAL_95 * error))
 
     def _z(self, im: Array) -> tuple[Array, Array]:
         """Return z = ln(im / theta) / beta and its standard error (delta method), shape (k,)."""
         z = np.log(np.asarray(im) / self.theta) / self.beta
-        (of_theta, mixed), (_, of_beta) = self.covariance
-        return z, np.sqrt(np.maximum(of_theta + 2.0 * mixed * z + of_beta * z * z, 0.0)) / self.beta
+        (theta_variance, mixed), (_, beta_variance) = self.covariance
+        variance = theta_variance + 2.0 * mixed * z + beta_variance * z * z
+        return z, np.sqrt(np.maximum(variance, 0.0)) / self.beta
 
     def beside_counts(
         self,
@@ -400,10 +404,13 @@ class Fragility:
         """
         weight = np.ones(im.size) if runs is None else runs
         # Form bins with about equal numbers of runs. With few levels, each level is a bin.
+        # Otherwise the bin of a level follows from the fraction of all runs at lower levels.
         level = levels_of(im)
         total = np.bincount(level, weight)
-        middle = (np.cumsum(total) - 0.5 * total) / np.sum(total)
-        index = level if total.size <= BINS else np.floor(BINS * middle).astype(np.intp)[level]
+        fraction_below = (np.cumsum(total) - 0.5 * total) / np.sum(total)
+        index = (
+            level if total.size <= BINS else np.floor(BINS * fraction_below).astype(np.intp)[level]
+        )
         index = np.unique(index, return_inverse=True)[1]
         count = np.bincount(index, weight)
         center = np.exp(np.bincount(index, weight * np.log(im)) / count)
@@ -434,20 +441,20 @@ class Fragility:
         share : float
             Fraction of the runs that exceed the state.
         """
-        why = ""
+        reason = ""
         if share in (0.0, 1.0):
-            why = f"{'every' if share else 'no'} run exceeds"
+            reason = f"{'every' if share else 'no'} run exceeds"
         elif share < SELDOM or share > 1.0 - SELDOM:
             limit = 100.0 * (SELDOM if share < SELDOM else 1.0 - SELDOM)
-            why = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs exceed"
+            reason = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs exceed"
         elif not np.min(im) <= self.theta <= np.max(im):
-            why = (
+            reason = (
                 f"every intensity is {'below' if self.theta > np.max(im) else 'above'} the "
                 "median of"
             )
-        return (
-            replace(self, extrapolated=why, covariance=np.full((2, 2), math.nan)) if why else self
-        )
+        if not reason:
+            return self
+        return replace(self, extrapolated=reason, covariance=np.full((2, 2), math.nan))
 
     @property
     def threshold_text(self) -> str:
@@ -459,20 +466,22 @@ class Fragility:
     @property
     def exceeded(self) -> str:
         """Text that names the exceeded state of a type, or the threshold; empty if unknown."""
-        of_demand = f"threshold {self.threshold_text}" if self.threshold_text else ""
-        return f"{self.type}, {self.state}" if self.type else of_demand
+        threshold = f"threshold {self.threshold_text}" if self.threshold_text else ""
+        return f"{self.type}, {self.state}" if self.type else threshold
 
     @property
     def disagreement(self) -> str:
-        """Message about the largest difference of function and count; empty if it is random."""
+        """Message about the largest difference between the function and the counted fraction of
+        exceedances; empty if all differences can be explained by random scatter.
+        """
         counted = self.counted
-        if counted is None or not np.any(counted.apart > _APART):
+        if counted is None or not np.any(counted.apart > _REPORTED_DIFFERENCE):
             return ""
         worst = int(np.argmax(counted.apart))
-        about = f"{self.exceeded}: " if self.exceeded else ""
+        prefix = f"{self.exceeded}: " if self.exceeded else ""
         level = f"{self.im or 'im'} {counted.im[worst]:.3g} {self.unit}".rstrip()
         return (
-            f"{about}at {level} {100.0 * counted.share[worst]:.3g} % of "
+            f"{prefix}at {level} {100.0 * counted.share[worst]:.3g} % of "
             f"{pluralize(round(counted.runs[worst]), 'run')} exceed, the {self.fit} function gives "
             f"{100.0 * counted.fitted[worst]:.3g} %: the difference exceeds the random scatter"
         )
@@ -641,19 +650,19 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
     if x.ndim != 1 or above.shape != x.shape:
         raise UsageError("capacities and censored must be arrays of the same length")
     _check_positive(x, "capacities")
-    # A single exact capacity does not determine the dispersion, for any number of censored values.
+    # The dispersion cannot be estimated from one exact capacity, even with many censored ones.
     count = x.size - int(np.sum(above))
     if count < 2:
         raise AnalysisError(
-            f"{count or 'none'} of {x.size} capacities is not censored: median and dispersion "
-            "require at least two"
+            "an estimate of median and dispersion requires at least two capacities that are not "
+            f"censored, got {count} of {x.size}"
         )
     logarithms = np.log(x)
-    # Without censored capacities the estimate is explicit, with n - 1. Its errors are the errors of
-    # a normal sample.
+    # Without censored capacities, use the sample mean and the standard deviation (n - 1), and the
+    # known standard errors of these estimates for a normal distribution.
     if not above.any():
         beta = float(np.std(logarithms, ddof=1))
-        if not beta > _EQUAL:
+        if not beta > _MIN_DISPERSION:
             raise AnalysisError("all capacities are equal: the dispersion cannot be estimated")
         covariance = np.diag([beta**2 / x.size, beta**2 / (2.0 * x.size)])
         solution: tuple[float, float, Array] | None = (float(np.mean(logarithms)), beta, covariance)
@@ -727,16 +736,19 @@ def fit_cloud(
     intercept, slope, sigma, covariance = _line(
         np.log(x), np.log(np.where(below, lower_threshold, y)), above, below
     )
-    # Convert the covariance of the parameters of the likelihood by the delta method.
+    # The likelihood has the parameters g0 = b0 / sigma, g1 = b1 / sigma and 1 / sigma. Convert
+    # their covariance to the covariance of ln theta and beta = 1 / g1 by the delta method.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
     observed = {"runs": x.size, "motions": x.size, "censored": int(np.sum(above)), "cloud": points}
     g1, results = slope / sigma, []
     for threshold in thresholds:
         mean = (math.log(threshold) - intercept) / slope
         jacobian = np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / g1, 0.0]]) / g1
-        of_function = jacobian @ covariance @ jacobian.T
+        function_covariance = jacobian @ covariance @ jacobian.T
         results.append(
-            _function(CLOUD, mean, 1.0 / g1, of_function, threshold=float(threshold), **observed)
+            _function(
+                CLOUD, mean, 1.0 / g1, function_covariance, threshold=float(threshold), **observed
+            )
         )
     return results
 
@@ -761,12 +773,14 @@ def _line(
             "a cloud requires at least three different intensities with demands that are not "
             "censored"
         )
-    # Start from the least-squares line. Demands exactly on a line have no dispersion.
+    # Start from the least-squares line. If all demands are exactly on it, the dispersion is zero,
+    # and the likelihood has no maximum.
     slope, intercept = np.polyfit(x[exact], y[exact], 1)
     sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
     if not sigma > 1e-12 * float(np.ptp(y)):
         raise AnalysisError("all demands are on one line: the dispersion cannot be estimated")
-    # The slope between two limits can have either sign, so start from the line of all demands.
+    # With demands known only to be below a limit, the few exact demands may have a slope of either
+    # sign. Start from the line through all demands instead.
     if below.any():
         slope, intercept = np.polyfit(x, y, 1)
         sigma = float(np.sqrt(np.mean((y - intercept - slope * x) ** 2)))
@@ -803,7 +817,7 @@ def _function(
     AnalysisError
         The observations do not determine the median.
     """
-    half = _TWO_SIDED * math.sqrt(covariance[0, 0])  # half width of the 95 % interval
+    half = _NORMAL_95 * math.sqrt(covariance[0, 0])  # half width of the 95 % interval
     if not abs(logarithm) + half + beta < math.log(LARGEST):
         raise AnalysisError(
             f"the observations do not determine the median: exp({logarithm:.3g} +- {half:.3g}), "
@@ -826,6 +840,7 @@ def _lognormal(
     count : ndarray, shape (n,)
         Number of times that each observation was made.
     """
+    # Standardized logarithms avoid a nearly singular Hessian if all intensities are similar.
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
     observed = Observations(
@@ -845,6 +860,8 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
     The fraction is the middle of the step of the empirical distribution at that capacity.
     """
     order = np.lexsort((censored, capacity))
+    # `share` is the estimated fraction of records that have not exceeded yet; `survivors` is the
+    # number of records with a capacity at or above the present one.
     survivors, share, im, part = capacity.size, 1.0, [], []
     for index in order:
         if not censored[index]:
@@ -857,5 +874,19 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
 
 
 def _check_positive(values: Array, name: str) -> None:
-    if not np.all(np.isfinite(values) & (values > 0.0)):
-        raise UsageError(f"{name} must be positive numbers")
+    """Raise UsageError if a value is not a positive number."""
+    is_valid = np.isfinite(values) & (values > 0.0)
+    if not np.all(is_valid):
+        raise UsageError(f"{name} must be positive numbers, got {values[~is_valid][0]:g}")
+
+
+def fit_at_threshold(
+    threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
+) -> Fragility | AnalysisError:
+    """Return the function of a threshold, or the error that prevents it."""
+    try:
+        return fit().named(threshold, *names)
+    except AnalysisError as error:
+        return AnalysisError(
+            f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error)
+        )

@@ -20,7 +20,13 @@ from tdint.arrays import Array
 from tdint.campaign.batch import Run
 from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.fragility.runs import BuildingDamage, places_of_motions
-from tdint.campaign.intensity import AVERAGE, SPECTRAL, geometric_mean
+from tdint.campaign.intensity import (
+    AVERAGE,
+    SPECTRAL,
+    check_period,
+    geometric_mean,
+    unknown_measure,
+)
 from tdint.campaign.pairs import LARGER, SEPARATE, PairRule, recording_numbers
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import FILE, Store, open_existing
@@ -31,7 +37,7 @@ from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE
-from tdint.number_parsing import Grid, parse_grid, parse_ratio, pluralize
+from tdint.number_parsing import Grid, parse_grid, parse_ratio
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
 
 # ---- Intensity measures of the runs of a campaign: efficiency and sufficiency
@@ -124,23 +130,21 @@ def run_measure(text: str) -> RunMeasure:
     """
     name, _, parameters = text.strip().partition(":")
     # The name of the column is accepted also, for example d5_75 for d5-75.
-    of_motion = MEASURES_OF_MOTION.get(name.replace("_", "-"))
-    if of_motion and not parameters:
-        value = of_motion.of
-        head, unit, meaning = of_motion.head, of_motion.unit, of_motion.meaning
+    motion_measure = MEASURES_OF_MOTION.get(name.replace("_", "-"))
+    if motion_measure and not parameters:
+        compute = motion_measure.of
         return RunMeasure(
-            head,
-            unit,
-            meaning,
-            lambda record, period: value(record),
-            of_motion.power,
-            of_motion.name,
+            motion_measure.head,
+            motion_measure.unit,
+            motion_measure.meaning,
+            lambda record, period: compute(record),
+            motion_measure.power,
+            motion_measure.name,
         )
     parsers = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in parsers:
-        names = ", ".join((*MEASURES_OF_MOTION, *_FORMS))
         hint = did_you_mean(name, [*parsers, *MEASURES_OF_MOTION])
-        raise UsageError(f"unknown intensity measure {text!r}{hint} (known: {names})")
+        raise unknown_measure(text, (*MEASURES_OF_MOTION, *_FORMS), hint)
     try:
         return parsers[name](parameters)
     except (UsageError, ValueError) as error:
@@ -153,12 +157,11 @@ def _period(text: str) -> tuple[float | None, str, str]:
     if text in ("", FIRST):
         return None, "the first period of the building", "{}"
     value = float(text)
-    if not 0.0 < value < math.inf:
-        raise UsageError("the period must be a positive number")
+    check_period(value)
     return value, f"{value:g} s", f"{value:g}"
 
 
-def _named(*parts: object) -> str:
+def _column_name(*parts: object) -> str:
     """Return the name of a column: parts joined by _, with p for the decimal point."""
     return "_".join(
         f"{part:g}" if isinstance(part, float) else str(part) for part in parts
@@ -173,7 +176,7 @@ def _spectral(parameters: str) -> RunMeasure:
         return float(spectrum(record, np.array([period or first_period]), SA_DAMPING).psa[0])
 
     return RunMeasure(
-        _named("sa", period or "t1"),
+        _column_name("sa", period or "t1"),
         "m/s^2",
         f"Sa at {where}, 5 % damping",
         value,
@@ -186,8 +189,8 @@ def _average(parameters: str) -> RunMeasure:
     with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
     grid = parse_grid(with_count) if parameters else None
     if grid is not None and grid.count == 1:
-        raise UsageError("an average requires a first and a last period")
-    # The default range extends from periods of higher modes to periods of the damaged building.
+        raise UsageError(f"an average requires a first and a last period, got {parameters!r}")
+    # The default range contains the periods of higher modes and of the damaged building.
     where = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
     where = f"{grid.first:g} to {grid.last:g} s" if isinstance(grid, Grid) else where
 
@@ -195,7 +198,7 @@ def _average(parameters: str) -> RunMeasure:
         periods = grid.values() if grid else first_period * AVERAGE.values()
         return geometric_mean(spectrum(record, periods, SA_DAMPING).psa)
 
-    column = _named("sa_avg", grid.first, grid.last) if grid else "sa_avg_t1"
+    column = _column_name("sa_avg", grid.first, grid.last) if grid else "sa_avg_t1"
     called = f"sa-avg({grid.first:g}:{grid.last:g})" if grid else "sa-avg({})"
     return RunMeasure(
         column, "m/s^2", f"geometric mean of Sa from {where}, 5 % damping", value, called=called
@@ -207,14 +210,14 @@ def _inelastic(parameters: str) -> RunMeasure:
     seconds, _, text = parameters.partition(":")
     (period, where, symbol), strength = _period(seconds), parse_ratio(text)
     if not 0.0 < strength < math.inf:
-        raise UsageError("the strength (yield force over weight) must be positive")
+        raise UsageError(
+            f"the strength (yield force divided by weight) must be positive, got {text!r}"
+        )
 
     def value(record: Record, first_period: float) -> float:
-        return float(
-            constant_strength(record, np.array([period or first_period]), [strength], SA_DAMPING)[
-                0
-            ].sd[0]
-        )
+        periods = np.array([period or first_period])
+        (inelastic,) = constant_strength(record, periods, [strength], SA_DAMPING)
+        return float(inelastic.sd[0])
 
     meaning = (
         f"maximum displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at "
@@ -222,7 +225,7 @@ def _inelastic(parameters: str) -> RunMeasure:
     )
     called = f"sdi({symbol},{strength:g})"
     return RunMeasure(
-        _named("sdi", period or "t1", strength),
+        _column_name("sdi", period or "t1", strength),
         "m",
         f"{meaning} of its weight",
         value,
@@ -258,8 +261,8 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     names, records = store.buildings(), store.records()
     period = cache(lambda building: plan.buildings[building].subject().period)
 
-    # Measure a record one time at the scale 1. Measures that are not a power of the factor are
-    # computed at each scale.
+    # A measure that is proportional to a power of the scale factor is computed once for each
+    # record, and then multiplied. Other measures are computed for each scale factor.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
@@ -270,12 +273,12 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
             return measures[measure].of(plan.motions[motion].record, factor, first_period)
         return unscaled(measure, motion, first_period) * float(abs(factor) ** power)
 
-    # Runs of a building are contiguous, so that its period is computed one time.
-    keys = (
+    # The order keeps the runs of a building together, so that its period is computed one time.
+    query = (
         "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, "
         "sample"
     )
-    for building, motion, scale, sample in store.connection.execute(keys):
+    for building, motion, scale, sample in store.connection.execute(query):
         values = tuple(value(i, motion, scale, period(building)) for i in range(len(measures)))
         yield MeasuredRun(names[building][0], *records[motion][:2], scale, sample, values)
 
@@ -319,27 +322,32 @@ class RunIntensities:
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
         self._names = {number: keys[:2] for number, keys in records.items()}
-        # Pairs that were read as pairs always have one intensity. Pairs recognized by their names
-        # have one intensity if they count as one ground motion.
+        # If the components count as separate ground motions, only components that were read as a
+        # pair have a common intensity: the second component (`part` 2) has the number after the
+        # first. Otherwise components that were recognized as a pair by their names also have one.
         rule = store.pair_rule()
         if (pair_demand or rule.demand) == SEPARATE:
-            read = {number: number - (part > 1) for number, (*_, part) in records.items()}
-            rule = replace(rule, recordings=read)
+            first_components = {
+                number: number - (part > 1) for number, (*_, part) in records.items()
+            }
+            rule = replace(rule, recordings=first_components)
         self._pairs = replace(rule, demand=LARGER)
         settings = store.parameters()
-        # Runs that were scaled to levels of this measure have the values of the levels.
+        # If the campaign scaled the runs to levels of this measure, the levels are the intensities.
         name, period = settings.get("measure"), settings.get("period")
-        suffix_ = f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
-        is_levelled = (
+        period_text = (
+            f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
+        )
+        is_scaled_to_levels = (
             name is not None
             and settings.get("damping", SA_DAMPING) == SA_DAMPING
-            and measure.called.format(FIRST) == f"{name}{suffix_}"
+            and measure.called.format(FIRST) == f"{name}{period_text}"
             and (name != "sa-avg" or period == FIRST)
         )
-        self._levels = sorted(settings["levels"], key=abs) if is_levelled else []
+        self._levels = sorted(settings["levels"], key=abs) if is_scaled_to_levels else []
         self.unit = measure.unit
         column = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
-        self._own = None if self._levels else column
+        self._stored_name = None if self._levels else column
         self._rows: Iterator[tuple[int, list[str]]] = iter(())
         if not (self._levels or column):
             # Other measures are available only in the file of `tdint campaign --im`. Its rows are
@@ -348,7 +356,7 @@ class RunIntensities:
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
             column_name, unit = column_of(table, measure.column)
-            self._place, self._rows = table.header.index(column_name), iter(table.rows)
+            self._column_index, self._rows = table.header.index(column_name), iter(table.rows)
             si, self._factor = _UNITS[unit]
             self.unit = measure.unit or si
 
@@ -362,29 +370,30 @@ class RunIntensities:
             "components"
         )
 
-    def of(self, of: BuildingDamage) -> Array:
+    def of(self, building: BuildingDamage) -> Array:
         """Return the intensity of each run of a building, SI units; nan if it has no intensity."""
         if self._levels:
-            return np.array(self._levels)[of.rank]
+            return np.array(self._levels)[building.rank]
         values = np.array(
-            getattr(of, self._own) if self._own else [self._next(of, key) for key in of.keys], float
+            getattr(building, self._stored_name)
+            if self._stored_name
+            else [self._next(building, key) for key in building.keys],
+            float,
         )
-        for places in places_of_motions(of, self._pairs) if self._pairs.pairs else ():
-            if len(places) > 1:
-                values[places] = math.sqrt(float(np.prod(values[places])))
+        for components in places_of_motions(building, self._pairs) if self._pairs.pairs else ():
+            if len(components) > 1:
+                values[components] = math.sqrt(float(np.prod(values[components])))
         return values
 
-    def _next(self, of: BuildingDamage, key: Run) -> float:
+    def _next(self, building: BuildingDamage, key: Run) -> float:
         """Return the value of the next row of measures.csv, which must belong to this run."""
         line, row = next(self._rows, (0, []))
-        # Rows are in the order of the runs; another order means that the runs have changed.
-        keys = [of.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
+        # The rows are in the order of the runs, unless the campaign was run again after the table
+        # was written.
+        keys = [building.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
         if row[: len(_KEYS)] != keys:
-            raise ModelError(
-                f"{self._file}:{line}: row of {' '.join(keys)} not found; run `tdint campaign` "
-                "with --im again"
-            )
-        text = row[self._place] if self._place < len(row) else ""
+            raise _outdated_measures(f"{self._file}:{line}", keys)
+        text = row[self._column_index] if self._column_index < len(row) else ""
         return self._factor * float(text) if text else math.nan
 
 
@@ -400,7 +409,7 @@ _NEEDS = (
     "a table of characteristics has the column record and columns of numbers, such as magnitude "
     "and distance_km"
 )
-_LEAST = 3  # minimum number of runs for a line with a dispersion
+_MIN_RUNS = 3  # minimum number of runs for a line with a dispersion
 _SCALE = "ln scale"
 
 
@@ -488,24 +497,25 @@ def compare_measures(
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    # A collapse has no drift that can be used for a line.
-    stood = (status == DONE) & (drift > 0.0)
+    # Only buildings without collapse have a maximum drift that can be used for a line.
+    survived = (status == DONE) & (drift > 0.0)
     stated, events = _characteristics(table, characteristics)
     logarithms = {_SCALE: np.log(np.abs(table.numbers("scale"))), **stated}
     motions = events if events is not None else motions_of(table)
     # Remove characteristics that are equal for all runs.
     logarithms = {
-        name: values for name, values in logarithms.items() if np.unique(values[stood]).size > 1
+        name: values for name, values in logarithms.items() if np.unique(values[survived]).size > 1
     }
     fits = []
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
         im = of_pairs(table, np.array(table.numbers(column, empty=True)))
-        # Each measure uses its own runs, because a period may be too short for a few records.
-        taken = stood & (im > 0.0)
-        parts = {about: values[taken] for about, values in logarithms.items()}
-        fit = line(np.log(im[taken]), np.log(drift[taken]), parts, name, motions[taken])
-        fits.append(replace(fit, im=name, unit=unit, left_out=int(np.sum(~taken))))
+        # A measure may be unknown for some runs, for example Sa at a period that is too short for
+        # the record. Use all runs for which this measure is known.
+        used = survived & (im > 0.0)
+        characteristics_used = {about: values[used] for about, values in logarithms.items()}
+        fit = line(np.log(im[used]), np.log(drift[used]), characteristics_used, name, motions[used])
+        fits.append(replace(fit, im=name, unit=unit, left_out=int(np.sum(~used))))
     return sorted(fits, key=lambda compared: compared.beta)
 
 
@@ -530,16 +540,18 @@ def line(
         Ground motion of each run. Runs under the same ground motion are correlated; by default all
         runs are independent.
     """
-    # The import requires half a second, which other tables should not wait for.
+    # Imported here, because the import takes half a second and other fits do not need it.
     from scipy.stats import linregress
 
-    if x.size < _LEAST:
+    if x.size < _MIN_RUNS:
         raise AnalysisError(
-            f"{name}: {pluralize(x.size, 'completed run')}; a line with a dispersion requires "
-            f"at least {_LEAST}"
+            f"{name}: a line with a dispersion requires at least {_MIN_RUNS} completed runs, got "
+            f"{x.size}"
         )
     if np.ptp(x) == 0.0:
-        raise AnalysisError(f"{name}: is equal in all runs; a line requires different values")
+        raise AnalysisError(
+            f"{name}: the measure is equal in all runs; a line requires different values"
+        )
     # Beta is the standard deviation of the residuals, with two parameters estimated from the runs.
     fit = linregress(x, y)
     residual = y - (fit.intercept + fit.slope * x)
@@ -549,7 +561,11 @@ def line(
         if np.ptp(values) > 0.0:
             # A sufficient measure has residuals that do not depend on the characteristic.
             dependence = linregress(values, residual)
-            p_value = dependence.pvalue if motion is None else _clustered(values, residual, motion)
+            p_value = (
+                dependence.pvalue
+                if motion is None
+                else _clustered_p_value(values, residual, motion)
+            )
             dependences.append(Dependence(about, float(dependence.slope), float(p_value)))
     error = float(fit.stderr) if motion is None else _slope_error(x, y, motion)
     slope, r = float(fit.slope), float(fit.rvalue)
@@ -561,19 +577,19 @@ def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
     The result is nan for fewer than three clusters.
     """
-    place = np.unique(cluster, return_inverse=True)[1]
+    cluster_number = np.unique(cluster, return_inverse=True)[1]
     x, y = x - np.mean(x), y - np.mean(y)
     # The line without a cluster follows from the sums over all runs minus the sums of the cluster.
     sums = np.column_stack(
-        [np.bincount(place, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
+        [np.bincount(cluster_number, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
     )
-    count, of_x, of_y, of_xx, of_xy = (sums.sum(axis=0) - sums).T
+    count, sum_x, sum_y, sum_xx, sum_xy = (sums.sum(axis=0) - sums).T
     with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = (of_xy - of_x * of_y / count) / (of_xx - of_x**2 / count)
+        slopes = (sum_xy - sum_x * sum_y / count) / (sum_xx - sum_x**2 / count)
     return math.sqrt((slopes.size - 1) * float(np.var(slopes))) if slopes.size > 2 else math.nan
 
 
-def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
+def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     """Return the p-value of the slope of y over x for residuals correlated within clusters.
 
     The variance is a sum over clusters (Liang and Zeger 1986, Biometrika 73(1)), with the factor
@@ -581,7 +597,7 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     (Cameron and Miller 2015, Journal of Human Resources 50(2)). The result is nan for fewer than
     three clusters.
     """
-    names, place = np.unique(cluster, return_inverse=True)
+    names, cluster_number = np.unique(cluster, return_inverse=True)
     count, groups = x.size, names.size
     if groups < 3:
         return math.nan
@@ -589,7 +605,7 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     inverse = np.linalg.inv(design.T @ design)
     solution = inverse @ design.T @ y
     scores = design * (y - design @ solution)[:, np.newaxis]
-    sums = np.column_stack([np.bincount(place, column, groups) for column in scores.T])
+    sums = np.column_stack([np.bincount(cluster_number, column, groups) for column in scores.T])
     variance = (
         (inverse @ sums.T @ sums @ inverse)[1, 1]
         * groups
@@ -619,7 +635,7 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     if table.has("record"):
         names = list(motion_names(table.texts("record")))
     with _store_beside(table) as store:
-        # Without ground motion fields, a column `event` belongs to the inventory.
+        # Without ground motion fields, a column `event` is a column of the inventory, not an event.
         if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
         elif store is not None:
@@ -642,11 +658,11 @@ Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 _GROUPS = 30  # minimum number of groups of ground motions; errors are then known to 13 %
 # Maximum total number of runs in all fits before several ground motions form a group; several
 # seconds for a cloud
-_MOST_FITTED = 2_000_000
+_MAX_FITTED_RUNS = 2_000_000
 
 
 def over_motions(
-    fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None
+    fit: Fit, used: NDArray[np.bool_], motion: NDArray[np.intp] | None
 ) -> list[Fragility | AnalysisError]:
     """Fit functions with a jackknife covariance of ln theta and beta over ground motions.
 
@@ -665,17 +681,17 @@ def over_motions(
         Functions, or errors that prevent them. The covariance is nan if fewer than three groups
         permit a fit.
     """
-    functions = fit(of)
+    functions = fit(used)
     if motion is None:
         return functions
     # Form groups of ground motions of about equal size, in the order of their indices.
-    motions = np.unique(motion[of])
-    groups = min(motions.size, max(_GROUPS, _MOST_FITTED // max(int(np.sum(of)), 1)))
+    motions = np.unique(motion[used])
+    groups = min(motions.size, max(_GROUPS, _MAX_FITTED_RUNS // max(int(np.sum(used)), 1)))
     group = (np.searchsorted(motions, motion) * groups) // motions.size
     estimates: list[list[tuple[float, float]]] = [[] for _ in functions]
     for number in range(groups) if groups > 2 else ():
         try:
-            fitted = fit(of & (group != number))
+            fitted = fit(used & (group != number))
         except AnalysisError:
             continue
         for index, function in enumerate(fitted):
@@ -710,9 +726,9 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
         One of `tdint.campaign.pairs.PAIR_DEMANDS`; None for the rule of the store, otherwise the
         default.
     """
-    every = [[row] for row in range(len(table.rows))]
+    separate_rows = [[row] for row in range(len(table.rows))]
     if not table.has("record", "component"):
-        return PairRule(pair_demand or LARGER), every
+        return PairRule(pair_demand or LARGER), separate_rows
     names = list(zip(table.texts("record"), table.texts("component"), strict=True))
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     with _store_beside(table) as store:
@@ -721,7 +737,7 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     records = {number: (*name, directions.get(name, 0)) for name, number in numbers.items()}
     rule = PairRule(demand, recording_numbers(records))
     if rule.demand == SEPARATE or not rule.pairs:
-        return rule, every
+        return rule, separate_rows
 
     # Levels are defined by the intensity if the table contains it, otherwise by the rank of the
     # factors, because the factors of the components may differ.
@@ -729,16 +745,16 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     by_scale = "scale" if table.has("scale") else None
     column = "im" if table.has("im") else by_scale
     sizes = table.numbers(column, empty=True) if column else [1.0] * len(names)
-    of_records: dict[tuple[int, str], list[int]] = {}
+    rows_of_record: dict[tuple[int, str], list[int]] = {}
     for row, (name, sample) in enumerate(zip(names, samples, strict=True)):
-        of_records.setdefault((numbers[name], sample), []).append(row)
+        rows_of_record.setdefault((numbers[name], sample), []).append(row)
     groups: dict[tuple[int, str, object], list[int]] = {}
-    for (number, sample), rows in of_records.items():
+    for (number, sample), rows in rows_of_record.items():
         for rank, row in enumerate(sorted(rows, key=lambda index: abs(sizes[index]))):
             level = f"{sizes[row]:.6g}" if column == "im" else rank
             groups.setdefault((rule.motion(number), sample, level), []).append(row)
 
-    # Demands can be combined only at levels of both components.
+    # The demands of the two components can be combined only if both were run at the level.
     paired = {*rule.partners.values()}
     unpaired = [key for key, rows in groups.items() if key[0] in paired and len(rows) == 1]
     if unpaired and column == "im":
@@ -814,13 +830,18 @@ def with_measures(table: CsvTable) -> CsvTable:
     rows = []
     for key, (number, row) in zip(_keys(table), table.rows, strict=True):
         if key not in cells:
-            raise ModelError(
-                f"{file}: row of {' '.join(key)} not found; run `tdint campaign` with --im again"
-            )
+            raise _outdated_measures(str(file), key)
         rows.append((number, [*row, *(cells[key][column] for column in columns)]))
     names = tuple(others.header[column] for column in columns)
     return replace(
         table, header=(*table.header, *names), titles=(*table.titles, *names), rows=tuple(rows)
+    )
+
+
+def _outdated_measures(location: str, keys: Sequence[str]) -> ModelError:
+    """Return the error that a table of measures does not contain the row of a run."""
+    return ModelError(
+        f"{location}: row of {' '.join(keys)} not found; run `tdint campaign` with --im again"
     )
 
 
@@ -880,3 +901,8 @@ def _characteristics(
     return {
         name: np.array([values[key] for key in records_of_runs]) for name, values in by_name.items()
     }, events
+
+
+def stated_motions(table: CsvTable) -> NDArray[np.intp] | None:
+    """Return the event or ground motion of each row; None if the table states neither."""
+    return motions_of(table) if table.has("event") or table.has("record") else None

@@ -33,7 +33,7 @@ from tdint.csv_table import number as cell_number
 from tdint.model.damage_states import COST, DONE, FALLEN, NUMBER, DamageStates
 from tdint.model.definition import Model
 
-_MADE_OF = {
+_RUN_QUANTITIES = {
     "drift_ratio": "peak_drift_ratio",
     "roof_drift_ratio": "peak_roof_displacement",
     "residual_drift_ratio": "residual_drift_ratio",
@@ -42,7 +42,7 @@ _MADE_OF = {
 }
 """Quantity of the runs from which each demand is computed."""
 
-_COLUMNS = {one.name: one.column for one in RUN}
+_COLUMNS = {quantity.name: quantity.column for quantity in RUN}
 
 
 def stored_states(store: Store) -> dict[str, DamageStates]:
@@ -130,17 +130,18 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
     status : sequence of str
         Status at the end of each run.
     """
-    exceeded = exceedance(states, demand)
-    edges = np.column_stack([np.ones(demand.size), exceeded, np.zeros(demand.size)])
+    # The probability of a state is the probability of reaching it minus that of reaching the next
+    # state. The first outcome is no damage, the last ones are the types of collapse.
+    reaching = np.column_stack(
+        [np.ones(demand.size), exceedance(states, demand), np.zeros(demand.size)]
+    )
     result = np.zeros((demand.size, len(states.outcomes)))
-    result[:, : -len(FALLEN)] = edges[:, :-1] - edges[:, 1:]
-    for run, end in enumerate(status):
-        if end != DONE:
-            result[run] = (
-                [float(outcome == end) for outcome in states.outcomes]
-                if end in FALLEN
-                else math.nan
-            )
+    result[:, : -len(FALLEN)] = reaching[:, :-1] - reaching[:, 1:]
+    for run, run_status in enumerate(status):
+        if run_status in FALLEN:
+            result[run] = [float(outcome == run_status) for outcome in states.outcomes]
+        elif run_status != DONE:
+            result[run] = math.nan
     return result
 
 
@@ -161,33 +162,31 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
     ModelError
         The model lacks data from which the demand is computed.
     """
-    states, type_ = model.damage, own_type(model)
-    if states is None or type_ is None:
+    states, building_type = model.damage, own_type(model)
+    if states is None or building_type is None:
         return None
     (cells,) = demand_cells(stories)
-    demand, unknown = (
-        np.array([abs(cells[_MADE_OF[states.demand]])]) / type_.divisor,
-        np.array([math.nan]),
-    )
-    probability = probabilities(states, demand, [status])
-    keys, rank = [Run(0, 1.0, 0)], np.array([0])
+    demand = np.array([abs(cells[_RUN_QUANTITIES[states.demand]])]) / building_type.divisor
+    unknown = np.array([math.nan])  # intensities, which a single run does not need
     return BuildingDamage(
-        0,
-        model.name,
-        type_.type,
-        type_.period,
-        states,
-        keys,
-        rank,
-        [status],
-        demand,
-        probability,
-        unknown,
-        unknown,
+        number=0,
+        building=model.name,
+        type=building_type.type,
+        period=building_type.period,
+        states=states,
+        keys=[Run(0, 1.0, 0)],
+        rank=np.array([0]),
+        status=[status],
+        demand=demand,
+        probability=probabilities(states, demand, [status]),
+        sa=unknown,
+        pga=unknown,
     )
 
 
-def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterator[BuildingDamage]:
+def building_damages(
+    store: Store, common_states: DamageStates | None = None
+) -> Iterator[BuildingDamage]:
     """Yield the damage of each building of a store, in their order.
 
     Only one building is in memory at a time.
@@ -200,52 +199,51 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
         States of all buildings, by drift ratios, instead of their own states.
     """
     types = stored_states(store)
-    if not (types or of_all):
+    if not (types or common_states):
         return
     # All types have the same demand, so that a single column of the runs is read.
-    column = _COLUMNS[_MADE_OF[(of_all or next(iter(types.values()))).demand]]
-    names = store.buildings() if of_all else {}
+    column = _COLUMNS[_RUN_QUANTITIES[(common_states or next(iter(types.values()))).demand]]
+    names = store.buildings() if common_states else {}
     query = (
         f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM "
         "run_rows"
     )
     rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
-    # Rows are sorted by building, so that only one building is in memory.
-    for number, of_one in groupby(rows, key=itemgetter(0)):
-        runs = list(of_one)
-        # Thresholds of the maximum drift ratio require neither a type nor a divisor.
-        if of_all:
+    # The rows are sorted by building, so that the rows of one building at a time are read.
+    for number, rows_of_building in groupby(rows, key=itemgetter(0)):
+        runs = list(rows_of_building)
+        # Common states are thresholds of the maximum drift ratio, which does not depend on a type.
+        if common_states:
             building, divisor, period = names[number][0], 1.0, store.period(number) or math.nan
             name = building
         else:
             building, name, divisor, period = store.building_type(number)
-        states, status = of_all or types[name], [run[4] for run in runs]
+        states, status = common_states or types[name], [run[4] for run in runs]
         values, sa, pga = (np.array([run[column] for run in runs], float) for column in (5, 6, 7))
         demand = np.abs(values) / divisor
         keys = [Run(*run[1:4]) for run in runs]
-        # Levels are ranks of the factors, because each ground motion can have other factors.
+        # Each ground motion can have different scale factors. The level of a run is therefore the
+        # rank of its factor among the factors of its ground motion.
         ranks = level_ranks(keys)
-        rank, probability = (
-            np.array([ranks[key] for key in keys]),
-            probabilities(states, demand, status),
-        )
+        rank = np.array([ranks[key] for key in keys])
+        probability = probabilities(states, demand, status)
         yield BuildingDamage(
             number, building, name, period, states, keys, rank, status, demand, probability, sa, pga
         )
 
 
-def places_of_motions(of: BuildingDamage, rule: PairRule) -> list[list[int]]:
+def places_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
     """Return the indices of the runs of a building that count as one ground motion, by level.
 
     A pair has the runs of both components at a level, even if their factors differ.
     """
-    places: dict[tuple[int, int, int], list[int]] = {}
-    for index, (key, rank) in enumerate(zip(of.keys, of.rank.tolist(), strict=True)):
-        places.setdefault((rule.motion(key.motion), key.sample, rank), []).append(index)
-    return list(places.values())
+    indices: dict[tuple[int, int, int], list[int]] = {}
+    for index, (key, rank) in enumerate(zip(damage.keys, damage.rank.tolist(), strict=True)):
+        indices.setdefault((rule.motion(key.motion), key.sample, rank), []).append(index)
+    return list(indices.values())
 
 
-def by_motion(of: BuildingDamage, rule: PairRule) -> BuildingDamage:
+def by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
     """Return the damage of a building with one entry per ground motion instead of per run.
 
     The demand of a pair follows from the rule, and its damage follows from that demand. A pair is a
@@ -254,27 +252,27 @@ def by_motion(of: BuildingDamage, rule: PairRule) -> BuildingDamage:
     component.
     """
     if rule.demand == SEPARATE or not rule.pairs:
-        return of
-    groups = places_of_motions(of, rule)
+        return damage
+    groups = places_of_motions(damage, rule)
     firsts = [group[0] for group in groups]
-    demand = np.array([rule.combine(of.demand[group]) for group in groups])
+    demand = np.array([rule.combine(damage.demand[group]) for group in groups])
 
     # A failure has precedence over a collapse, as in profiles.
     status = []
     for group in groups:
-        ends = [of.status[index] for index in group]
-        failed = [end for end in ends if end not in (DONE, *FALLEN)]
-        fell = [end for end in ends if end in FALLEN]
-        status.append(next(iter([*failed, *fell]), DONE))
+        statuses = [damage.status[index] for index in group]
+        failed = [item for item in statuses if item not in (DONE, *FALLEN)]
+        collapsed = [item for item in statuses if item in FALLEN]
+        status.append(next(iter([*failed, *collapsed]), DONE))
     return replace(
-        of,
-        keys=[of.keys[index] for index in firsts],
-        rank=of.rank[firsts],
+        damage,
+        keys=[damage.keys[index] for index in firsts],
+        rank=damage.rank[firsts],
         status=status,
         demand=demand,
-        probability=probabilities(of.states, demand, status),
-        sa=of.sa[firsts],
-        pga=of.pga[firsts],
+        probability=probabilities(damage.states, demand, status),
+        sa=damage.sa[firsts],
+        pga=damage.pga[firsts],
     )
 
 
@@ -363,7 +361,7 @@ class _Group:
 
     def add(
         self,
-        of: BuildingDamage,
+        damage: BuildingDamage,
         chosen: NDArray[np.bool_],
         motions: NDArray[np.intp],
         value: float = math.nan,
@@ -384,28 +382,31 @@ class _Group:
         number : float
             Number of identical buildings.
         """
-        counted = chosen & of.known
+        counted = chosen & damage.known
         self.buildings += 1
         self.runs += int(np.sum(chosen))
         self.failed += int(np.sum(chosen & ~counted))
-        ones, loss = np.ones(len(of.keys)), (of.loss, of.squared_loss) if of.states.losses else ()
-        rows = np.column_stack([ones, of.probability, *loss])
+        has_losses, has_cost = bool(damage.states.losses), not math.isnan(value)
+        loss = (damage.loss, damage.squared_loss) if has_losses else ()
+        rows = np.column_stack([np.ones(len(damage.keys)), damage.probability, *loss])
         for motion in np.unique(motions[counted]).tolist():
             added = rows[counted & (motions == motion)].sum(axis=0)
             self._sums[motion] = self._sums[motion] + added if motion in self._sums else added
-            # Each run has an equal part of the cost of the building.
-            if of.states.losses and value == value:
+            # The cost of the building is divided equally among its runs. `added[0]` is the number
+            # of runs under this ground motion, `added[-2]` the sum of their loss ratios.
+            if has_losses and has_cost:
                 share = value / float(np.sum(counted)) * added[[0, -2]]
                 self._money[motion] = (
                     self._money[motion] + share if motion in self._money else share
                 )
-        # Accumulate the variance of the loss, which is due to the runs and the thresholds.
-        if of.states.losses and counted.any() and number > 0.0:
-            mean = float(of.loss[counted].mean())
-            deviation = math.sqrt(max(float(of.squared_loss[counted].mean()) - mean**2, 0.0))
-            for sums, worth in zip(self._scatter, (value, float(np.sum(counted))), strict=True):
-                if worth == worth:
-                    sums += (worth * deviation) ** 2 / number, worth * deviation
+        # Accumulate the variance of the loss, which is due to the runs and the thresholds, with the
+        # cost as weight and with the number of runs as weight.
+        if has_losses and counted.any() and number > 0.0:
+            mean = float(damage.loss[counted].mean())
+            deviation = math.sqrt(max(float(damage.squared_loss[counted].mean()) - mean**2, 0.0))
+            for sums, weight in zip(self._scatter, (value, float(np.sum(counted))), strict=True):
+                if not math.isnan(weight):
+                    sums += (weight * deviation) ** 2 / number, weight * deviation
 
     def damage(
         self, name: str, building: str, event: str, level: float, part: str = ""
@@ -422,8 +423,8 @@ class _Group:
             Entry of the column of the inventory.
         """
         count = len(self.states.outcomes)
-        # The sums have one row per ground motion, because runs under a ground motion are
-        # correlated.
+        # The sums have one row per ground motion, because the jackknife omits one ground motion at
+        # a time: runs under the same ground motion are correlated.
         sums = np.array(list(self._sums.values()))
         mean = _mean(sums) if len(sums) else Mean(*np.full((2, count), math.nan))
         probability = Mean(mean.value[:count], mean.error[:count])
@@ -496,10 +497,10 @@ def group_damages(
         group of all buildings. By default the groups are the types.
     """
     rule, levels, events = store.pair_rule(), level_values(store), ["", *store.events()]
-    of_types: dict[tuple[str, int, int], _Group] = {}
+    groups: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]
 
-    # The name of a row is the type, or the entry of the requested column.
+    # The name of a group is the building type, or the entry of the column `by` of the inventory.
     def result(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
         name, event, rank = key
         level = levels[rank] if levels else rank + 1.0
@@ -507,27 +508,29 @@ def group_damages(
             "" if by is not None else name, building, events[event], level, name if by else ""
         )
 
-    for of_runs in building_damages(store):
-        of = by_motion(of_runs, rule)
+    for run_damage in building_damages(store):
+        damage = by_motion(run_damage, rule)
         cells = (
-            dict(zip(columns, store.carried(of.number), strict=False))
+            dict(zip(columns, store.carried(damage.number), strict=False))
             if COST in columns or by
             else {}
         )
         # A row of an inventory can represent several buildings, each with this cost.
-        number_alike = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
-        value = cell_number(cells.get(COST, "")) * number_alike
-        name = of.type if by is None else cells.get(by.lower(), "")
-        motions = np.array([rule.recordings[record] for record, _, _ in of.keys])
-        event = np.array([sample if len(events) > 1 else 0 for _, _, sample in of.keys])
-        # Results of a building are complete now; groups of several buildings are summed.
-        for number, rank in sorted(set(zip(event.tolist(), of.rank.tolist(), strict=True))):
-            chosen, key = (of.rank == rank) & (event == number), (name, number, rank)
-            group = (
-                _Group(of.states) if by_building else of_types.setdefault(key, _Group(of.states))
-            )
-            group.add(of, chosen, motions, value, number_alike)
+        represented = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
+        value = cell_number(cells.get(COST, "")) * represented
+        name = damage.type if by is None else cells.get(by.lower(), "")
+        motions = np.array([rule.recordings[record] for record, _, _ in damage.keys])
+        event = np.array([sample if len(events) > 1 else 0 for _, _, sample in damage.keys])
+        # A group of a single building is complete after this building. Groups of several buildings
+        # are complete after all buildings.
+        for number, rank in sorted(set(zip(event.tolist(), damage.rank.tolist(), strict=True))):
+            chosen, key = (damage.rank == rank) & (event == number), (name, number, rank)
             if by_building:
-                yield result(group, of.building, key)
-    for key in sorted(of_types):
-        yield result(of_types[key], "", key)
+                group = _Group(damage.states)
+            else:
+                group = groups.setdefault(key, _Group(damage.states))
+            group.add(damage, chosen, motions, value, represented)
+            if by_building:
+                yield result(group, damage.building, key)
+    for key in sorted(groups):
+        yield result(groups[key], "", key)

@@ -36,7 +36,8 @@ from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.modes import solve_modes
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
-_WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with one row per class"
+_THRESHOLD_SOURCES = "hazus, capacity (the rules of the capacity curves), or a CSV file with one "
+"row per class"
 _THRESHOLDS, _LOSSES = (
     Either((sections.THRESHOLDS, Words())),
     Either((sections.ByState(sections.LOSS), Words())),
@@ -48,12 +49,20 @@ DAMAGE = Keys(
     (
         sections.DEMAND,
         Key("states", _NAMES, f"names of the states, from the lightest; {', '.join(STATES)}"),
-        Key("thresholds", _THRESHOLDS, f"median demand of each state; or {_WHERE}", needed=True),
+        Key(
+            "thresholds",
+            _THRESHOLDS,
+            f"median demand of each state; or {_THRESHOLD_SOURCES}",
+            needed=True,
+        ),
         sections.DISPERSION,
         Key("losses", _LOSSES, "loss ratio in each state; or a CSV file by class"),
     )
 )
-_OF_RULES = {HAZUS: ("roof_drift_ratio", "drift_ratio"), CAPACITY: ("spectral_displacement",)}
+_DEMANDS_OF_RULES = {
+    HAZUS: ("roof_drift_ratio", "drift_ratio"),
+    CAPACITY: ("spectral_displacement",),
+}
 """Possible demands of these thresholds; the first demand is the default."""
 
 _SUFFIXES = {
@@ -102,8 +111,8 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
     `rules` are the rules of an inventory.
     """
     section = value.section(DAMAGE) if value else None
-    advice = f"specify the demand of each state, {_WHERE}"
-    thresholds = section.need("thresholds", advice) if section else None
+    remedy = f"specify the demand of each state, {_THRESHOLD_SOURCES}"
+    thresholds = section.need("thresholds", remedy) if section else None
     if section is None or thresholds is None:
         return None
     if not thresholds.is_mapping:
@@ -132,12 +141,15 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
         Rules of the inventory.
     """
     source = thresholds.text()
-    # Published thresholds apply to the types of certain rules.
-    needed = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
-    if needed and rules != needed:
-        thresholds.fault(f"{source} provides thresholds for inventories with the rules {needed}")
+    # Published thresholds apply only to buildings that were derived by these rules.
+    required_rules = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
+    if required_rules and rules != required_rules:
+        thresholds.fault(
+            f"the thresholds {source} can only be used with an inventory with the rules "
+            f"{required_rules}; specify the thresholds of each state"
+        )
         return None
-    demand = section.read("demand", _OF_RULES.get(source or "", ("",))[0])
+    demand = section.read("demand", _DEMANDS_OF_RULES.get(source or "", ("",))[0])
     states = _names(section)
     if source is None or demand is None or states is None:
         return None
@@ -146,26 +158,26 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
         section.need("demand", f"specify one of {', '.join(DEMANDS)}")
         return None
     # Published thresholds have four states and are available for some demands only.
-    if needed and (demand not in _OF_RULES[source] or len(states) != len(STATES)):
-        available = " or ".join(_OF_RULES[source])
+    if required_rules and (demand not in _DEMANDS_OF_RULES[source] or len(states) != len(STATES)):
+        available = " or ".join(_DEMANDS_OF_RULES[source])
         section.value.fault(
-            f"the thresholds {source} have {len(STATES)} states, by {available}; remove other "
-            "states and demands"
+            f"the thresholds {source} are available for the states {', '.join(STATES)} and the "
+            f"demand {available}; remove other states and demands"
         )
         return None
     # Hazus specifies a dispersion; for capacity curves the user must specify it.
     beta = section.read("dispersion")
     if source == CAPACITY and not section.has("dispersion"):
         section.need("dispersion", "specify 0 for exact thresholds")
-    # Losses are equal for all classes in the campaign file, or depend on the class in a table.
-    stated = section.get("losses")
-    of_all = stated if stated and stated.is_mapping else None
-    losses = sections.read_losses(of_all, states)
-    file = stated.file() if stated and not of_all else None
+    # Losses in the campaign file apply to all classes. Losses in a table depend on the class.
+    entry = section.get("losses")
+    common_losses = entry if entry and entry.is_mapping else None
+    losses = sections.read_losses(common_losses, states)
+    file = entry.file() if entry and not common_losses else None
     if losses is None:
         return None
     dispersion = HAZUS_DISPERSION if source == HAZUS and beta is None else beta
-    source = source if needed else thresholds.file() or source
+    source = source if required_rules else thresholds.file() or source
     return DamageWishes(
         demand, states, source=source, dispersion=dispersion, losses=losses, loss_file=file
     )
@@ -210,12 +222,14 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
     columns = {state: state for state in request.states}
     if table.has(sections.COLLAPSE):
         columns[sections.COLLAPSE] = sections.COLLAPSE
-    rows = _of_classes(table, columns)
+    rows = _values_by_class(table, columns)
     for name, values in rows.items():
-        if not all(map(sections.LOSS.allow, values.values())):
-            raise ModelError(
-                f"{request.loss_file}: class {name}: a loss ratio must be a number from 0 to 1"
-            )
+        for column, value in values.items():
+            if not sections.LOSS.allow(value):
+                raise ModelError(
+                    f"{request.loss_file}: class {name}: the loss ratio {column} must be a number "
+                    f"from 0 to 1, got {value:g}"
+                )
     losses = {name: sections.losses_of(values, request.states) for name, values in rows.items()}
     return ClassDamage(states, losses)
 
@@ -243,7 +257,7 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
     # If the campaign file specifies no dispersion, each class must specify it.
     if request.dispersion is None:
         table.need(*columns.values(), "beta")
-    rows = _of_classes(
+    rows = _values_by_class(
         table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})}
     )
     by_class = {}
@@ -260,14 +274,15 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
     return by_class
 
 
-def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
+def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
     """Return the values of each class that has values, by the keys of their columns."""
     table.need("class", *columns.values())
     cells = {key: list(table.lines(column)) for key, column in columns.items()}
     by_class: dict[str, dict[str, float]] = {}
     for row, name in enumerate(table.texts("class", empty=False)):
         texts = {key: lines[row] for key, lines in cells.items()}
-        # A class has one row per point of its curve; a single row must contain the values.
+        # In a file of capacity curves a class has a row for each point of its curve. Only one of
+        # these rows must contain the values of the class.
         if not any(text for _, text in texts.values()):
             continue
         values = {}
@@ -276,7 +291,7 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
             if math.isnan(values[key]) or values[key] < 0.0:
                 problem = number_error(text, "zero or a positive number") if text else "is missing"
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {problem}")
-        # Repeated values must be equal, because no row has precedence.
+        # If several rows contain values, they must be equal.
         if by_class.setdefault(name, values) != values:
             raise ModelError(
                 f"{table.source}:{line}: class {name} has different values in a row above"
@@ -340,10 +355,10 @@ def damage_of(
     models = models_of(buildings)
     if request is None and not any(model.damage for model in models):
         return None
-    # The states of a type are determined one time, for its first building.
-    types: dict[str, DamageStates] = {}
-    of_buildings: list[BuildingType] = []
-    # Buildings of an inventory that differ only by location and size are built one time.
+    types: dict[str, DamageStates] = {}  # the states of a type are those of its first building
+    building_types: list[BuildingType] = []
+    # Buildings of an inventory that differ only by location and size have the same properties. They
+    # are computed for the first of these buildings; `firsts` is its index for each building.
     firsts: Sequence[int] = range(len(buildings))
     if isinstance(buildings, RowBuildings) and not (
         buildings.rules.stiffness or buildings.rules.damping
@@ -351,7 +366,7 @@ def damage_of(
         firsts = buildings.rows.alike
     for index, first in enumerate(firsts):
         if first < index:
-            of_buildings.append(of_buildings[first])
+            building_types.append(building_types[first])
             continue
         building = buildings[index]
         if isinstance(building, RowBuilding):
@@ -361,24 +376,25 @@ def damage_of(
             if rules.stiffness or rules.damping or building.row.changes:
                 divisor_and_period = _of_model(building.subject().model, states.demand)
             else:
-                sized = (
+                # The results do not depend on the size of the building; any size can be used.
+                unit_size = (
                     replace(facts, mass=UNIT_MASS)
                     if isinstance(facts, CapacityFacts)
                     else replace(facts, area=1.0)
                 )
                 divisor_and_period = _divisor_and_period(
-                    RULES[rules.name](sized, None).stories, states.demand, ""
+                    RULES[rules.name](unit_size, None).stories, states.demand, ""
                 )
         else:
             model = building.made.model
             name = model.name
             states = types.get(name) or (
-                _states(request, classes, name) if request else _own(model, models)
+                _states(request, classes, name) if request else _model_states(model, models)
             )
             divisor_and_period = _of_model(model, states.demand)
         types[name] = states
-        of_buildings.append(BuildingType(name, *divisor_and_period))
-    return Damage(types, of_buildings)
+        building_types.append(BuildingType(name, *divisor_and_period))
+    return Damage(types, building_types)
 
 
 def type_of(facts: BuildingFacts | CapacityFacts) -> str:
@@ -431,10 +447,15 @@ def _states(
     elif name in classes.states:
         states = classes.states[name]
     else:
-        raise ModelError(f"{request.source}: damage thresholds of the class {name!r} not found")
+        raise ModelError(
+            f"{request.source}: damage thresholds of the class {name!r} not found; "
+            "add a row for the class"
+        )
     # Loss ratios can be in another file than thresholds, by class.
     if request.loss_file and name not in classes.losses:
-        raise ModelError(f"{request.loss_file}: losses of the class {name!r} not found")
+        raise ModelError(
+            f"{request.loss_file}: losses of the class {name!r} not found; add a row for the class"
+        )
     return replace(states, losses=classes.losses[name]) if request.loss_file else states
 
 
@@ -449,7 +470,7 @@ def _hazus_medians(facts: Any) -> tuple[float, ...]:
     )
 
 
-def _own(model: Model, models: Sequence[Model]) -> DamageStates:
+def _model_states(model: Model, models: Sequence[Model]) -> DamageStates:
     """Return the states of a model, which must match the other models in names and demand."""
     # Functions and losses are summed over models, so the states and the demand must be the same.
     first = next(candidate.damage for candidate in models if candidate.damage)
@@ -504,9 +525,9 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
         np.array([story.stiffness for story in stories]),
         links,
     )
-    per = {
+    divisors = {
         "": 1.0,
         "height": math.fsum(filter(None, heights)),
         "participation": float(modes.participation[0]),
     }
-    return per[DEMANDS[demand].per], float(2.0 * math.pi / modes.omega[0])
+    return divisors[DEMANDS[demand].per], float(2.0 * math.pi / modes.omega[0])

@@ -23,8 +23,8 @@ from tdint.files import INPUT_DIGESTS, STDIN
 from tdint.ground_motion.choice import (
     AS_STATED,
     BASELINES,
-    MOST_CORNERS,
-    MOST_LINES,
+    MAX_FILTER_ORDER,
+    MAX_SKIPPED_LINES,
     Processing,
     RecordChoice,
     TextLayout,
@@ -92,14 +92,14 @@ PROCESSING = (
     Key("pad", Words(parse_pad), "zeros before and after: SECONDS or BEFORE:AFTER"),
     Key("highpass", POSITIVE, "corner frequency, Hz"),
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
-    Key("filter_order", Whole(1, MOST_CORNERS), "order of the filters"),
+    Key("filter_order", Whole(1, MAX_FILTER_ORDER), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
 )
 
 LAYOUT = (
     Key("step", POSITIVE, "sampling interval of a text table that does not contain it, s"),
     Key("column", Words(), "column of a text table: its name, or its number from 1"),
-    Key("skip_lines", Whole(0, MOST_LINES), "lines before the numbers"),
+    Key("skip_lines", Whole(0, MAX_SKIPPED_LINES), "lines before the numbers"),
 )
 
 

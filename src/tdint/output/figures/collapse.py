@@ -17,7 +17,7 @@ from tdint.campaign.ida import IdaStudy
 from tdint.campaign.ida_curve import IdaCurve, fractiles
 from tdint.campaign.intensity import GEOMETRIC_MEAN, PAIRS, MotionIntensity, SpectralIntensity
 from tdint.campaign.pairs import SEPARATE, motions_text
-from tdint.campaign.scaling import LEAST_PART, Scaling, suite_spectra
+from tdint.campaign.scaling import MIN_AVERAGE_RATIO, Scaling, suite_spectra
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import Record
 from tdint.number_parsing import number_text, pluralize
@@ -240,7 +240,7 @@ def _draw_aim(
         if scaling.least is not None:
             axes.plot(
                 target.periods,
-                LEAST_PART * psa,
+                MIN_AVERAGE_RATIO * psa,
                 color=red,
                 linestyle=DASHES[2],
                 zorder=5,

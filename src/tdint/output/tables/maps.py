@@ -381,7 +381,7 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
     feature |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
     for demand, place in zip(_DEMANDS, _PLACES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
-        cells = [[runs[key][place] for key in keys] for keys in level.stood]
+        cells = [[runs[key][place] for key in keys] for keys in level.completed]
         values = [
             float(combine(np.abs(of_motion), level.pair_demand)) / factor
             for of_motion in cells
