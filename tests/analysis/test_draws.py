@@ -191,7 +191,7 @@ def test_a_draw_that_collapses_is_told_as_alone():
             r"stories\[2\]\.law\.hardning.*did you mean 'law\.hardening'",
         ),
         ({"stories[4].mass": [1.0]}, "has 3 stories"),
-        ({"storeys[2].mass": [1.0]}, "no parameter"),
+        ({"storeys[2].mass": [1.0]}, "unknown parameter"),
         ({"stories[2].mas": [1.0]}, r"did you mean 'stories\[2\]\.mass'"),
         ({"stories[2].law.hardening": [0.1, 1.0]}, "between 0 and 1"),
         ({"stories.mass": [1e5, -1e5]}, "positive"),
@@ -204,7 +204,7 @@ def test_a_draw_that_collapses_is_told_as_alone():
         ({"damping": []}, "0 of damping"),
         ({"record.scale": [0.0]}, "other than zero"),
         ({"stories[1].law.coefficients[1]": [1.0]}, "law.coefficients"),
-        ({3: [1.0]}, "no parameter"),
+        ({3: [1.0]}, "unknown parameter"),
         (5, "vary"),
     ],
 )

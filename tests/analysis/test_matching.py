@@ -266,7 +266,9 @@ def test_targets_for_several_damping_ratios(tmp_path):
     table.write_text("damping,period_s,sa_g\n.02,.1,1\n.02,1,2\n.05,.1,.5\n.05,1,1\n")
     two, five = read_targets(str(table), (0.02, 0.05))
     np.testing.assert_allclose(two.psa, 2.0 * five.psa)
-    with pytest.raises(ModelError, match=r"damping ratio 0\.03; it has 0\.02, 0\.05"):
+    with pytest.raises(
+        ModelError, match=r"damping ratio 0\.03 not found; the file contains 0\.02, 0\.05"
+    ):
         read_targets(str(table), (0.03,))
 
 

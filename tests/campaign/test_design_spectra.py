@@ -108,7 +108,7 @@ def test_ec8_beyond_four_seconds(damping):
         ("asce7:sds=1,sd1=0.6", "asce7 requires tl"),
         ("ASCE7:sds=1,sd1=x,tl=8", "sd1 must be a positive number, got 'x'"),
         ("asce7:sds=1,sd1=0.5,tl=0.5", "tl must be longer than TS = sd1/sds = 0.5 s"),
-        ("asce7:sds=1,sds=2,sd1=0.6,tl=8", "sds is given twice"),
+        ("asce7:sds=1,sds=2,sd1=0.6,tl=8", "sds is specified twice"),
         (
             "asce7:sds=9.80665,sd1=5.9,tl=8",
             "sds must be at most 5 g, got 9.80665; if it is in m/s^2, use 1",

@@ -290,8 +290,8 @@ def test_targets_that_are_read(tmp_path):
             "period_s,sa_g\n1,2\n0.5,2\n",
             r"3: the periods of a spectrum must be 0 or positive, and increase, got 0\.5 s",
         ),
-        ("period_s,sa_g\n-1,2\n0.5,2\n", "2: period -1 s"),
-        ("period_s,sa_g\n0,2\n0.5,2\n", "at least two periods"),
+        ("period_s,sa_g\n-1,2\n0.5,2\n", "t.csv:2: the periods"),
+        ("period_s,sa_g\n0,2\n0.5,2\n", "at least two positive periods"),
         ("period_s,sa_g\n1,0\n2,1\n", "2: sa_g must be a positive number, got '0'"),
     ],
 )

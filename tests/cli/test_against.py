@@ -70,7 +70,7 @@ def test_units_are_those_of_the_columns_name(spectra, tdint, header, name, facto
 def test_interpolation_only_if_said(spectra, tdint):
     """A power of the period is straight in logarithms."""
     published = publish("period_s,sd_m\n0.1,0.01\n0.4,0.16\n")
-    tdint.refused("period 0.2 s not found", *OPTIONS, *published, "--period", "0.2")
+    tdint.refused("no period 0.2 s", *OPTIONS, *published, "--period", "0.2")
     said = (*OPTIONS, *published, "--against-interpolation", "log-log", "--period")
     (row,) = rows(tdint(*said, "0.2").stdout)
     assert float(row["published_sd_m"]) == pytest.approx(0.04, rel=1e-11)
@@ -103,14 +103,19 @@ def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
         ),
         ("f_hz,psa_g\n1,1\n2,1\n", (), 4, "no column of periods"),
         ("period_s,psa\n1,1\n2,1\n", (), 4, "must end with its units (psa_g)"),
-        ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "has units of a displacement"),
+        ("period_s,psa_cm\n1,1\n2,1\n", (), 4, "units of another quantity (displacement)"),
         ("period_s,values_g\n1,1\n2,1\n", (), 4, "no column of a spectrum"),
         ("period_s,psa_g,sd_cm\n1,1,1\n2,1,1\n", (), 2, "--against-column: psa_g, sd_cm"),
         ("period_s,psa_g\n1,1\n1,1\n", (), 4, "the period 1 s occurs twice"),
         ("period_s,psa_g\n-1,1\n1,1\n", (), 4, "must not be negative"),
         ("period_s,psa_g\n0,1\n1,-1\n", (), 4, "must not be negative"),
-        ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is no finite number"),
-        ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: 3 cells, its first line names 2 columns"),
+        ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is not a finite number"),
+        (
+            "period_s,psa_g\n1,1,2\n2,1\n",
+            (),
+            4,
+            "line 2: the row has 3 cells, the header 2 columns",
+        ),
         (
             "period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n",
             (),

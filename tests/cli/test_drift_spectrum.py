@@ -46,7 +46,7 @@ def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
             "the number of stories must be from 1 to 1000, got 4339",
         ),
         (["--stories", "0"], "--stories"),
-        (["--stories", "1001"], "a building of 1001 stories"),
+        (["--stories", "1001"], "from 1 to 1000, got 1001"),
         (["--stories", "3", "--story-height", "3"], "--stories cannot be used with --story-height"),
         (["--story-height", "nan"], "--story-height"),
         (["--beam", "--stories", "3"], "--beam has no stories"),

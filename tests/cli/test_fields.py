@@ -395,7 +395,7 @@ def test_faults_of_a_table_all_at_once(region: Path, tdint: Command) -> None:
     said = (
         "3: factor must not be zero",
         "4: event is missing",
-        "5: site 'north' is not in",
+        "5: site 'north' not found in sites.csv",
         "6: event 'M7-1' at site",
     )
     told = [line.partition("fields.csv:")[2] for line in result.stderr.splitlines()]

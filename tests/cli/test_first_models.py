@@ -115,7 +115,7 @@ BAD_CURVES = {
 @pytest.mark.parametrize(
     ("line", "code", "message"),
     [
-        ("--weights 4000 --from-pushover few.csv", 3, "4 points at least"),
+        ("--weights 4000 --from-pushover few.csv", 3, "at least 4 points"),
         ("--weights 4000 --from-pushover second.csv", 3, "story"),
         ("--weights 4000 --from-pushover units.csv", 3, "drift_m"),
         ("--motion saw:pga=1g", 2, "artificial ground motion 'saw' not found"),
@@ -125,7 +125,7 @@ BAD_CURVES = {
             2,
             "frequency must be a positive number",
         ),
-        ("--motion sine:frequency=1", 2, "sine needs duration, pga"),
+        ("--motion sine:frequency=1", 2, "sine requires duration, pga"),
         ("--motion pulse:period=1,velocity=1,pga=2g", 2, "pulse has no parameter 'pga'"),
         ("--weights 1,2y", 2, "2y"),
         ("--weights 0x3", 2, "0x3"),

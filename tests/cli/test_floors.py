@@ -80,7 +80,7 @@ def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
             ["--floor-spectra", "3", "-o", "out"],
             "floor '3' not found; floors must be numbers from 1 to 2",
         ),
-        (["--floor-spectra", "top", "-o", "out"], "the last of them is the roof"),
+        (["--floor-spectra", "top", "-o", "out"], "floor 'top' not found"),
         (["--floor-spectra", "roof"], "--floor-spectra requires -o DIR"),
         (["--export-floors", "mseed"], "--export-floors requires -o DIR"),
     ],

@@ -126,7 +126,7 @@ def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
         (several, 1e6),
         ((*single, "--output-units", "kip,in"), kip_in),
     ):
-        told = f": story 1 {weight / unit:.4g} of {stiffness / unit:.4g}"
+        told = f": story 1: {weight / unit:.4g} of {stiffness / unit:.4g}"
         assert told in tdint("run", "falls.yaml", *words).stderr, words
     Path("stands.yaml").write_text(text % 0.07)
     assert "P-delta reduces" not in tdint("run", "stands.yaml", *single).stderr

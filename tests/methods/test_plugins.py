@@ -215,7 +215,7 @@ def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
         "law": {"type": "skewed", "strength": 3e5},
     }
     tangent, energy = check_law(tdint.load_model({"stories": [story]}), 1)
-    assert "energy differs" in energy
+    assert "dissipated energy differ" in energy
     assert "the tangent is not the slope of the force" in tangent
 
 

@@ -219,11 +219,14 @@ def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) ->
 
 def test_the_warnings_of_a_study_are_one_line_for_the_same_of_several_models() -> None:
     """And of many the first ones, with the number of the others."""
-    light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")
-    usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
+    light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]\ndamping: 5%")
+    usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ndamping: 5%")
     models = [replace(light, source="a.yaml"), replace(light, source="b.yaml"), usual]
     (line,) = on_plausibility((model, assemble(model)) for model in models)
     assert line.startswith("a.yaml and 1 more: mass of a floor 200 kg in story 1, usual: ")
-    varied = [load(f"stories: [{{mass: {200 + n}, height: 3, stiffness: 4e4}}]") for n in range(14)]
+    varied = [
+        load(f"stories: [{{mass: {200 + n}, height: 3, stiffness: 4e4}}]\ndamping: 5%")
+        for n in range(14)
+    ]
     lines = on_plausibility((model, assemble(model)) for model in varied)
     assert len(lines) == 11 and lines[-1].startswith("4 more warnings on the buildings")

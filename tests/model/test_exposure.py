@@ -179,7 +179,7 @@ def test_rules_by_structural_type_and_a_model_without_costs() -> None:
         (in_xml().replace("exposureModel", "fragilityModel"), "must contain an exposureModel, got"),
         (in_xml().replace("</nrml>", ""), "invalid XML"),
         ('<!DOCTYPE x [<!ENTITY y "z">]>' + in_xml().partition("\n")[2], "document type"),
-        (in_csv("none.csv"), "none.csv: no such file"),
+        (in_csv("none.csv"), "none.csv: file not found"),
         (TABLE, "e.xml:1: column structural can be the cost of one building or of all buildings"),
         (TABLE.replace(",number,structural", ",storeys,x"), "e.xml:1: no column number"),
     ],

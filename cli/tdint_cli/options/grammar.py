@@ -837,7 +837,7 @@ class Command(HelpAsData):
         named = {
             name: item
             for item in self.params
-            for name in (*item.opts, (item.metavar or "").strip("[]."))
+            for name in (*item.opts, (item.metavar or "").partition(" ")[0].strip("[]."))
         }
         for option in self.params:
             needs = getattr(option, "needs", "")
@@ -938,7 +938,7 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
         name = (
             parameter.opts[-1]
             if isinstance(parameter, click.Option)
-            else (parameter.metavar or "").strip("[].")
+            else (parameter.metavar or "").partition(" ")[0].strip("[].")
         )
         if parameter.secondary_opts and not context.params[parameter.name]:
             name = parameter.secondary_opts[-1]  # --no-cache

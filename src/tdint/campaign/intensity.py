@@ -136,7 +136,7 @@ def without_levels(name: str) -> str:
 
 
 def levelled() -> tuple[str, ...]:
-    """Return the names of the measures to whose levels motions can be scaled."""
+    """Return the names of the measures with levels that motions can be scaled to."""
     return (*(name for name, measure in MEASURES.items() if not measure.without_levels), *SPECTRAL)
 
 

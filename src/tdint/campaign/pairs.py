@@ -129,7 +129,7 @@ class PairRule:
 
     @property
     def pairs(self) -> int:
-        """Number of pairs among the records."""
+        """Number of pairs in the records."""
         return sum(number != first for number, first in self.recordings.items())
 
     @property

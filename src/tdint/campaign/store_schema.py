@@ -42,9 +42,8 @@ class UntrustedStoreError(OutputError):
 
     def __init__(self, name: str, reason: str) -> None:
         super().__init__(
-            f"{name}: cannot be trusted: {reason}; is it a store of tdint? Specify another "
-            "directory "
-            "with -o, or --overwrite to start again"
+            f"{name}: the file is not a valid campaign store: {reason}; specify another directory "
+            "with -o, or --overwrite to replace it"
         )
 
 

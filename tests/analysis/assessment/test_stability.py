@@ -238,5 +238,5 @@ def test_declared_limits_are_the_measured_ones():
         assert false_limit(integrator, critical_step(integrator)) == ""
     explicit, implicit = parse("central-difference"), parse("newmark-average")
     assert "limit omega dt = 2, but the measured limit is 1.9" in false_limit(explicit, 1.9)
-    assert "the measured limit is none up to 10000" in false_limit(explicit, math.inf)
+    assert "the measured limit is no limit up to 10000" in false_limit(explicit, math.inf)
     assert "limit omega dt = inf, but the measured limit is 3.5" in false_limit(implicit, 3.5)

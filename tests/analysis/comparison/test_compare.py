@@ -660,6 +660,6 @@ def test_of_many_floors_those_that_agree_least_are_drawn_and_all_below(made):
         assert np.max(np.abs(roof.recorded)) == np.max(np.abs(roof.recorded[within]))
         of_floor = event.spectra(periods, 0.05)[event.floors.index(floor)]
         for line, values in zip(
-            spectrum.lines, (of_floor.recorded, of_floor.computed), strict=True
+            spectrum.lines[:2], (of_floor.recorded, of_floor.computed), strict=True
         ):
             np.testing.assert_allclose(line.get_ydata() * 9.80665, values, rtol=1e-12)

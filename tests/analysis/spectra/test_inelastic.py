@@ -232,7 +232,7 @@ def test_a_steep_rise_is_followed():
 
 
 def test_a_ductility_that_is_never_reached_is_an_error():
-    with pytest.raises(AnalysisError, match="no strength gives the ductility 3"):
+    with pytest.raises(AnalysisError, match="no strength leads to the ductility 3"):
         largest_ratio(lambda _: 1.5, 3.0)
 
 

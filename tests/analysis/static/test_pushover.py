@@ -166,7 +166,7 @@ class Staircase(_Story):
 
 @pytest.mark.parametrize("force", [*np.arange(-60.0, 60.0, 1.7), math.pi, -3.0 * math.pi])
 def test_a_share_is_found_whatever_the_tangents_say(force):
-    found = Staircase().carrying(force)
+    found = Staircase().drift_at_force(force)
     assert found is not None
     assert found + 0.99 * math.sin(found) == pytest.approx(force, abs=1e-8)
 

@@ -602,7 +602,7 @@ class Case:
         ----------
         steps : Steps
             Time steps of the run.
-        marched : BatchResult
+        batch : BatchResult
             Results of the batch.
         i : int
             Index of the run in the batch.
@@ -632,7 +632,7 @@ class Case:
         ----------
         steps : Steps
             Time steps of the run.
-        marched : BatchResult
+        batch : BatchResult
             Results of the batch.
         i : int
             Index of the run in the batch.

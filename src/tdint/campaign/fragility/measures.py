@@ -904,5 +904,5 @@ def _characteristics(
 
 
 def stated_motions(table: CsvTable) -> NDArray[np.intp] | None:
-    """Return the event or ground motion of each row; None if the table states neither."""
+    """Return the event or ground motion of each row; None if the table has no such column."""
     return motions_of(table) if table.has("event") or table.has("record") else None

@@ -68,7 +68,7 @@ class BuildingDamage:
     keys : list of Run
         Record, factor and sample of each run.
     rank : ndarray of int, shape (runs,)
-        Index of the level among the levels of the ground motion, from 0.
+        Index of the level in the sequence of the levels of the ground motion, from 0.
     status : list of str
         Status at the end of each run.
     demand : ndarray, shape (runs,)
