@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from python_reference import GROUPS, PLUGIN_PAGE, link_mentions, reference_pages
 import tdint
 from tdint.methods.catalogue import catalogue, parse, references_of
 from tdint.methods.method import Integrator
+from tdint.units import suffix
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.grammar import GENERAL, ORDER, Command
 
@@ -41,6 +42,8 @@ ROOT = Path(__file__).parents[1]
 SETTINGS = ROOT / ".github" / "site.yml"
 ASSETS = (ROOT / ".github" / "site.css", ROOT / ".github" / "copy.js")
 METHODS = "src/tdint/methods"
+UNITS = ("m", "m/s", "m/s^2", "s", "Hz", "kg", "N", "N/m", "N*m", "J", "degree")
+"""Units in names of columns."""
 
 PICTURES = {".png", ".svg", ".pdf"}
 _LANGUAGES = {".yaml": "yaml", ".py": "python"}
@@ -49,13 +52,24 @@ _CHECKOUT = re.compile(r"<!-- checkout -->.*?<!-- end: checkout -->\n", re.DOTAL
 _FIRST_RUN = """
 ## Install
 
-Install tdint in a virtual environment:
+Install tdint in a virtual environment{source}:
 
 ```sh
 python3 -m venv .venv && . .venv/bin/activate
 {install}
 ```
 """
+_COPY = """
+The tutorials and the example models use files of the repository:
+
+```sh
+git clone {repository}
+```
+"""
+_PICTURE = re.compile(r"^!\[[^]]*\]\([^)]*\)\n\n", re.MULTILINE)
+_CAPTION = "`tdint run --plot` plots the response, here of a yielding six-story frame:\n\n"
+_COLUMNS = re.compile(r"<!-- generated: columns -->\n(.*?)<!-- end: columns -->\n", re.DOTALL)
+_COLUMN = re.compile(r"`([^`]+)`(?: \((.*?)\))?(?:, (?=`)|$)")
 _COEFFICIENTS = re.compile(r"^# Coefficients.*\n((?:[A-Z]\w* = \d+.*\n)+)", re.MULTILINE)
 
 STEPS = np.geomspace(1e-3, 1e3, 400)
@@ -91,7 +105,7 @@ def sections_of(text: str) -> list[str]:
 
 
 def page_of_file(name: str) -> str:
-    """Return the page of a path in the repository: its text, its picture, or a README's page."""
+    """Return the page of a path in the repository: its text, its figure, or a README's page."""
     file = ROOT / name
     if file.is_dir():
         return posixpath.join(name, "README.md")
@@ -135,14 +149,68 @@ def with_links_to_reference(page: str, text: str) -> str:
     return "".join(parts)
 
 
-def home(text: str) -> str:
-    """Return the first page with an installation that needs no checkout.
+def columns_as_tables(text: str) -> str:
+    """Return the README of the commands with a heading and a table for each table of columns.
 
-    Without a repository in `pyproject.toml`, [tool.tdint], tdint is installed from a copy of it.
+    Each table states units and meanings of columns.
+    """
+
+    def tabled(match: re.Match[str]) -> str:
+        return "\n".join(map(_column_table, match[1].strip().splitlines())) + "\n"
+
+    return _COLUMNS.sub(tabled, text)
+
+
+def _column_table(line: str) -> str:
+    """Return the section of a line, "- **table**: `column` (meaning), `column`, ..."."""
+    name, _, text = line.removeprefix("- **").partition("**: ")
+    columns = _COLUMN.findall(text)
+    if not columns:
+        return f"### {name}\n\nThe columns are {text}.\n"
+    rows = [
+        f"| `{column}` | {column_unit(column)} | {meaning.replace('|', chr(92) + '|')} |"
+        for column, meaning in columns
+        if meaning
+    ]
+    parts = [f"### {name}\n"]
+    if rows:
+        parts += ["| column | unit | meaning |\n|---|---|---|\n" + "\n".join(rows) + "\n"]
+    if others := [f"`{column}`" for column, meaning in columns if not meaning]:
+        parts += [f"Described above: {', '.join(others)}.\n"]
+    return "\n".join(parts)
+
+
+def column_unit(column: str) -> str:
+    """Return the unit that a column name ends with; empty for texts and dimensionless numbers."""
+    name = column.removesuffix("_error")
+    units = sorted(UNITS, key=lambda unit: len(suffix(unit)), reverse=True)
+    return next((unit for unit in units if name.endswith(suffix(unit))), "")
+
+
+def is_published() -> bool:
+    """Return True if this version was released, and is therefore on the package index."""
+    return bool(re.search(r"^date-released:", (ROOT / "CITATION.cff").read_text("utf-8"), re.M))
+
+
+def home(text: str) -> str:
+    """Return the first page with an installation that needs no checkout, above the figure.
+
+    A released version is installed from the package index. Otherwise it is installed from the
+    repository in `pyproject.toml`, [tool.tdint], or from a copy of it if the address is empty.
     """
     repository = addresses()["repository"]
-    install = f"pip install git+{repository}" if repository else "pip install PATH/OF/TDINT"
-    text = _CHECKOUT.sub(lambda _: _FIRST_RUN.format(install=install), text)
+    install, source = "pip install PATH/OF/TDINT", ", from a copy of its repository"
+    if is_published():
+        install, source = "pip install tdint", ""
+    elif repository:
+        install, source = f"pip install git+{repository}", ", from its repository"
+    lines = _FIRST_RUN.format(install=install, source=source)
+    if repository:
+        lines += _COPY.format(repository=repository)
+    picture = _PICTURE.search(text)
+    assert picture is not None
+    text = _CHECKOUT.sub(lambda _: lines, _PICTURE.sub("", text, count=1))
+    text = text.replace("## Quick start", f"{_CAPTION}{picture[0]}## Quick start", 1)
     return text.replace(
         "In an empty directory, with `.venv/bin` on your `PATH`:", "In an empty directory:"
     )
@@ -288,15 +356,40 @@ def pages() -> dict[str, str]:
     files = [name for name in sorted(led) if (ROOT / name).is_file() and is_shown(ROOT / name)]
     texts["README.md"] = home(texts["README.md"])
     texts[f"{METHODS}/README.md"] = with_links_to_methods(texts[f"{METHODS}/README.md"])
-    texts["cli/README.md"] = with_links_to_commands(texts["cli/README.md"])
+    texts["cli/README.md"] = columns_as_tables(with_links_to_commands(texts["cli/README.md"]))
     layout = yaml.safe_load(SETTINGS.read_text("utf-8"))["pages"]
     found = assemble(texts, layout, page_of_file)
     found = {page: with_links_to_reference(page, text) for page, text in found.items()}
-    found |= reference_pages()
+    found |= reference_pages(addresses()["repository"])
     found |= {f"cli/{name}.md": command_page(name) for name in COMMANDS}
     found |= {f"{METHODS}/{name}.md": method_page(name) for name in catalogue()}
     found |= {f"{name}.md": shown(name) for name in files}
-    return {page: narrow_blocks(text) for page, text in found.items()}
+    repository = addresses()["repository"]
+    return {
+        page: narrow_blocks(text) + edit_links(source_files(page, layout), repository)
+        for page, text in found.items()
+    }
+
+
+def source_files(page: str, layout: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the files that contain the text of a page; none for the reference."""
+    if page in layout:
+        return list(dict.fromkeys(name.partition("#")[0] for name in layout[page]["sections"]))
+    folder, name = posixpath.split(page.removesuffix(".md"))
+    if (ROOT / page).is_file():
+        return [page]
+    if folder == "cli" and name in COMMANDS:
+        return [f"cli/tdint_cli/commands/{COMMANDS[name][0]}.py"]
+    if folder == METHODS and name in catalogue():
+        module = parse(name).method.family.step.function.__module__
+        return [f"src/{module.replace('.', '/')}.py"]
+    return [posixpath.join(folder, name)] if (ROOT / folder / name).is_file() else []
+
+
+def edit_links(files: Iterable[str], repository: str) -> str:
+    """Return a line with a link for editing each file; empty without a repository."""
+    links_to = [f"[`{file}`]({repository}/edit/main/{file})" for file in files]
+    return f"\nEdit: {', '.join(links_to)}\n" if repository and links_to else ""
 
 
 def pictures() -> list[str]:
@@ -325,7 +418,6 @@ def settings(names: Iterable[str]) -> dict[str, Any]:
     place = addresses()
     if place["repository"]:
         found["repo_url"] = place["repository"]
-        found["edit_uri"] = "edit/main/"
     if place["site"]:
         found["site_url"] = f"{place['site']}/"
 

@@ -11,10 +11,14 @@ import inspect
 import re
 import textwrap
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import tdint
 import tdint.plugin
+from tdint.tabular import Tabular
+
+ROOT = Path(__file__).parents[1]
 
 FOLDER = "src/reference"
 """Directory of the pages in the sources of the site."""
@@ -47,6 +51,9 @@ GROUPS = {
 `tdint.campaign.scaling` is on the page of records."""
 
 PLUGIN_PAGE = "plug-ins"
+TABLE_PAGE = "results"
+"""Page of the members that all results with a table share."""
+
 _SECTION = re.compile(r"^([A-Z]\w+(?: \w+)?)\n-{3,}\n", re.MULTILINE)
 _ENTRIES = {"Parameters", "Attributes", "Returns", "Yields", "Raises", "Warns", "Methods"}
 _MENTION = re.compile(r"(?<!\[)`tdint\.(\w+)(?:\([^`]*\))?`(?!\])")
@@ -72,19 +79,27 @@ def public_object(name: str) -> Any:
     return tdint.__getattr__(name)
 
 
-def reference_pages() -> dict[str, str]:
-    """Return the Markdown of all reference pages by their paths in the sources of the site."""
+def reference_pages(repository: str = "") -> dict[str, str]:
+    """Return the Markdown of all reference pages by their paths in the sources of the site.
+
+    With the address of a repository, the module of each name links to its file.
+    """
     pages = {}
     homes = public_names()
     for page, (title, _) in GROUPS.items():
         names = [name for name, home in homes.items() if home == page]
-        parts = [f"# Python reference: {title}", _index(names)]
-        parts += [_entry("tdint", name, public_object(name)) for name in names]
+        names.sort(key=lambda name: inspect.isclass(public_object(name)))
+        parts = [f"# Python API reference: {title}", _index(names)]
+        parts += [_entry("tdint", name, public_object(name), repository) for name in names]
+        if page == TABLE_PAGE:
+            parts += [_tables()]
         pages[f"{FOLDER}/{page}.md"] = "\n\n".join(parts) + "\n"
     names = [name for name in dir(tdint.plugin) if name in tdint.plugin.HOMES]
-    parts = ["# Python reference: plug-ins", _prose(inspect.getdoc(tdint.plugin) or "")]
+    parts = ["# Python API reference: plug-ins", _prose(inspect.getdoc(tdint.plugin) or "")]
     parts += [_index(names)]
-    parts += [_entry("tdint.plugin", name, getattr(tdint.plugin, name)) for name in names]
+    parts += [
+        _entry("tdint.plugin", name, getattr(tdint.plugin, name), repository) for name in names
+    ]
     pages[f"{FOLDER}/{PLUGIN_PAGE}.md"] = "\n\n".join(parts) + "\n"
     return pages
 
@@ -126,8 +141,20 @@ def _index(names: list[str]) -> str:
     return ", ".join(f"[`{name}`](#{anchor(name)})" for name in names)
 
 
-def _entry(package: str, name: str, thing: Any) -> str:
-    """Return the section of one public name: signature, docstring, members of a class, source."""
+def _entry(package: str, name: str, thing: Any, repository: str) -> str:
+    """Return the section of a public name: signature, docstring, members of a class, source.
+
+    Parameters
+    ----------
+    package : str
+        Package that contains the name.
+    name : str
+        Public name.
+    thing : object
+        Function, class or constant of this name.
+    repository : str
+        Address of the repository, or "".
+    """
     parts = [f"## {package}.{name} {{ #{anchor(name)} }}"]
     if callable(thing):
         parts.append(_signature(f"{package}.{name}", thing))
@@ -137,13 +164,42 @@ def _entry(package: str, name: str, thing: Any) -> str:
         parts.append(_docstring(inspect.getdoc(thing) or ""))
     if inspect.isclass(thing):
         parts += [_member(name, member, value) for member, value in _members(thing)]
-    parts.append(f"Defined in `{_module_of(thing)}`.")
+        if issubclass(thing, Tabular):
+            parts.append(f"Also: {_shared_members(thing)}, see [tables]({TABLE_PAGE}.md#tables).")
+    parts.append(f"Defined in {_source(_module_of(thing), repository)}.")
     return "\n\n".join(filter(None, parts))
 
 
+def _source(module: str, repository: str) -> str:
+    """Return the name of a module, with a link to its file if the repository has an address."""
+    path = f"src/{module.replace('.', '/')}"
+    file = f"{path}.py" if (ROOT / f"{path}.py").is_file() else f"{path}/__init__.py"
+    return f"[`{module}`]({repository}/blob/main/{file})" if repository else f"`{module}`"
+
+
+def _tables() -> str:
+    """Return the section of the members that all results with a table share."""
+    parts = ["## Tables { #tables }", "Each result that is a table has the following members."]
+    parts += [_member("Tabular", member, value) for member, value in _members(Tabular)]
+    return "\n\n".join(parts)
+
+
+def _shared_members(kind: type) -> str:
+    """Return the names of the members that a result inherits from `Tabular`."""
+    names = [name for name, value in _members(Tabular) if getattr(kind, name) is value]
+    return ", ".join(f"`{name}`" for name in names)
+
+
 def _members(kind: type) -> Iterator[tuple[str, Any]]:
-    """Yield the documented public methods and properties that classes of tdint define."""
-    homes = [base for base in kind.__mro__ if base.__module__.startswith("tdint")]
+    """Yield the documented public methods and properties that classes of tdint define.
+
+    Members that a result inherits from `Tabular` are described by `_tables`.
+    """
+    homes = [
+        base
+        for base in kind.__mro__
+        if base.__module__.startswith("tdint") and (base is not Tabular or kind is Tabular)
+    ]
     for member in sorted({name for base in homes for name in vars(base)}):
         value = getattr(kind, member)
         is_documented = callable(value) or isinstance(value, property | functools.cached_property)
@@ -166,6 +222,8 @@ def _signature(name: str, function: Callable[..., Any]) -> str:
     except (TypeError, ValueError):
         return ""
     # Annotations are strings here; without this they would be printed in quotation marks.
+    if inspect.isclass(function):
+        signature = signature.replace(return_annotation=inspect.Signature.empty)
     line = name + re.sub(r"'([^']*)'(?=[,)= ]|$)", r"\1", str(signature))
     if len(line) > 80:
         parts = [str(parameter) for parameter in signature.parameters.values()]

@@ -58,7 +58,7 @@ def test_each_section_of_a_readme_is_on_one_page_of_the_site(maker, pages):
         name = path.relative_to(readmes.ROOT).as_posix()
         for section in maker.sections_of(path.read_text("utf-8")):
             text = bare(section).lstrip("# ")
-            if text.startswith(("The methods", "Quick start")):  # the site changes these
+            if text.startswith(("The methods", "Quick start", "Columns")):  # the site changes these
                 continue
             found = [page for page, content in whole.items() if text in content]
             assert len(found) == 1 or (name == "README.md" and found), (name, text[:40], found)
@@ -144,13 +144,50 @@ def test_short_lines_of_commands_mean_the_same(maker):
 def test_the_first_page_installs_without_a_checkout(maker, pages, monkeypatch):
     assert "pip install PATH/OF/TDINT\n" in pages["README.md"]
     assert "pip install -q ." not in pages["README.md"]
+    parts = ["## Install", "pip install", "requires Python", "![Histories", "tdint init"]
+    text = (readmes.ROOT / "README.md").read_text("utf-8")
     place = {"repository": "https://example.org/tdint", "site": "https://example.org/pages"}
     monkeypatch.setattr(maker, "addresses", lambda: place)
-    text = (readmes.ROOT / "README.md").read_text("utf-8")
+    for first in (pages["README.md"], maker.home(text)):
+        places = [first.index(part) for part in parts]
+        assert places == sorted(places)
+        assert first.count("![Histories") == 1
     assert "pip install git+https://example.org/tdint\n" in maker.home(text)
+    assert "git clone https://example.org/tdint\n" in maker.home(text)
+    monkeypatch.setattr(maker, "is_published", lambda: True)
+    assert "pip install tdint\n" in maker.home(text)
     found = maker.settings(pages)
     assert found["repo_url"] == place["repository"]
     assert found["site_url"] == f"{place['site']}/"
+
+
+def test_each_page_has_links_for_editing_its_files(maker, monkeypatch):
+    """Without a repository there are none; with one, each leads to a file that exists."""
+    place = {"repository": "https://example.org/tdint", "site": ""}
+    monkeypatch.setattr(maker, "addresses", lambda: place)
+    found = maker.pages()
+    link = re.compile(r"\(https://example\.org/tdint/(?:edit|blob)/main/([^)]+)\)")
+    for page, text in found.items():
+        files = link.findall(text)
+        assert files, page
+        assert all((readmes.ROOT / file).is_file() for file in files), page
+    edited = {page: link.findall(text.rpartition("\nEdit: ")[2]) for page, text in found.items()}
+    assert edited["guide/first-run.md"] == ["README.md", "cli/README.md"]
+    assert edited["cli/run.md"] == ["cli/tdint_cli/commands/run.py"]
+    assert edited["src/tdint/methods/impulse4.md"] == ["src/tdint/methods/impulse4.py"]
+    assert edited["configs/kaikoura-frame.yaml.md"] == ["configs/kaikoura-frame.yaml"]
+
+
+def test_the_page_of_columns_has_the_unit_and_meaning_of_each(pages):
+    rows = re.findall(r"^\| `(.+)` \| (\S*) \| (.*) \|$", pages["cli/columns.md"], re.MULTILINE)
+    listed = {column: unit for column, unit, _ in rows}
+    meanings = {(column, meaning) for column, _, meaning in rows}
+    for table, group in readmes.columns().items():
+        assert f"\n### {table}\n" in pages["cli/columns.md"]
+        for column in group:
+            unit = "" if column.unit in ("1", "text") else column.unit
+            assert listed[column.name] == unit, column.name
+            assert (column.name, column.meaning) in meanings or not column.meaning
 
 
 def test_the_reference_has_each_public_name_with_its_parameters(pages):
@@ -317,10 +354,33 @@ def test_lists_are_lists_and_every_page_is_found(site, pages):
             "response spectr",
         ),
         *("record selection", "maximum direction", "percentile", "Rayleigh", "damping ratio"),
-        "tdint.run",
+        *("tdint.run", "getting started", "AT2", "choose a time-integration method"),
     ],
 )
 def test_the_search_finds_the_terms_of_the_field(site, term):
     """The search index contains the term in a text, so the search leads to its page."""
     index = json.loads((site / "search.json").read_text("utf-8"))
     assert term.lower() in json.dumps(index).lower()
+
+
+@pytest.mark.parametrize(
+    ("term", "place"),
+    [
+        ("API", "src/reference/"),
+        ("AT2", "guide/own-building/"),
+        ("tdint.run", "src/reference/runs/"),
+        ("which method", "guide/method-and-step/"),
+        ("getting started", "guide/first-run/"),
+        ("columns", "cli/columns/"),
+    ],
+)
+def test_a_heading_or_the_beginning_of_its_page_has_the_term(site, term, place):
+    """The search ranks titles first; the beginning of a page is an entry of its own."""
+    items = json.loads((site / "search.json").read_text("utf-8"))["items"]
+    found = [
+        item["location"]
+        for item in items
+        if term.lower() in item["title"].lower()
+        or (item["level"] == 1 and term.lower() in item["text"].lower())
+    ]
+    assert any(one.startswith(place) for one in found), found
