@@ -76,8 +76,10 @@ def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
     ("collapses", "keeps"),
     [
         ((0, 1, 4), False),  # 5 of 60 collapse: less than a tenth
+        ((0, 1, 5), True),  # 6 of 60, exactly a tenth
         ((1, 2, 5), True),  # 8 of 60; the median lies beyond the levels even so
         ((14, 18, 20), True),  # 52 of 60
+        ((15, 19, 20), True),  # 54 of 60, exactly nine tenths
         ((16, 19, 20), False),  # 55 of 60
     ],
 )
