@@ -1,27 +1,34 @@
 """Mutants of the compiled kernels: does a test fail if one operator or number is changed?
 
-    python tests/mutants/kernels.py [--seed N] [--count N] [--journal FILE] [--hours H]
-        [--only TEXT] [--interpreted]
+    python tests/mutants/kernels.py [--seed N] [--count N] [--journal FILE] [--kernels DIR]
+        [--hours H] [--least PERCENT] [--only TEXT] [--interpreted]
 
 A sample of all operators and numbers in the kernel modules is changed, one at a time, in a copy of
 the package (`mutant` of tests/benchmarks/mutants.py). Each mutant is tried in two stages:
 
 1. The tests of the kernels run with TDINT_KERNELS=python. The loops are then Python functions, and
    no mutant has to be compiled.
-2. For a mutant that survives, the loops are compiled into a cache of its own, and the tests of the
-   methods run.
+2. For a mutant that survives, the changed loops are compiled, and the tests of the methods run. The
+   compiled loops are in a cache of their own: a copy of the directory --kernels, which contains the
+   loops of the unchanged sources. The cache of the user is neither read nor changed.
+
+Before the first mutant, all these tests must pass with unchanged sources.
 
 The journal has one JSON line per mutant (module, line, old and new source line, result, test that
-failed, seconds). A second call with the same journal continues after its last line. At the end the
-script prints the table of the survivors.
+failed, seconds, hashes of the module and of the tests). A second call with the same journal
+continues after its last line. It tries a mutant again if its module has changed, and a survivor
+also if the tests have changed, or if it has been tried in the first stage only.
 
-First result (2026-11-24, seed 1, --interpreted): the first stage killed 19 of the first 33 mutants.
-The second stage and the other 167 mutants have not been run, and the survivors have not been
-examined.
+tests/mutants/survivors.csv contains the reasons of examined survivors. Those with the reason
+"equivalent" do not change any result by more than rounding; they are not counted. At the end the
+script prints a table of the survivors. Its exit code is 1 if fewer than --least percent of the
+other mutants are killed.
 """
 
 import argparse
 import ast
+import csv
+import hashlib
 import json
 import os
 import random
@@ -52,6 +59,9 @@ FIRST = {
     "stories/path": ["tests/kernels/test_path.py"],
     "stories/branches": ["tests/kernels/test_branches.py"],
     "time_loop/observer": ["tests/kernels/test_peaks_between_steps.py"],
+    "time_loop/ground": ["tests/kernels/test_oscillators_and_loads.py"],
+    "oscillators/between_steps": ["tests/kernels/test_oscillators_and_loads.py"],
+    "oscillators/bilinear": ["tests/kernels/test_oscillators_and_loads.py"],
 }
 """Tests of a module, which run before the other tests of the kernels."""
 
@@ -60,6 +70,7 @@ INTERPRETED = [
     "tests/kernels/test_path.py",
     "tests/kernels/test_branches.py",
     "tests/kernels/test_tridiagonal.py",
+    "tests/kernels/test_oscillators_and_loads.py",
     "tests/kernels/test_peaks_between_steps.py",
     "tests/kernels/test_softening_and_pinching.py",
     "tests/kernels/test_multilinear_pinching.py",
@@ -77,6 +88,10 @@ COMPILED = [
 ]
 SECONDS = {"interpreted": 600.0, "compiled": 2400.0}
 """Time limits of the stages, s. A mutant that loops forever is counted as killed."""
+
+REASONS = Path(__file__).with_name("survivors.csv")
+"""Examined survivors: module, old and new source line, reason."""
+EQUIVALENT = "equivalent"
 
 
 def modules() -> list[Path]:
@@ -98,8 +113,19 @@ def changed_line(module: Path, text: str) -> tuple[str, str]:
     return "", ""
 
 
-def stage(package: Path, tests: list[str], interpreted: bool) -> tuple[bool, str]:
+def stage(package: Path, tests: list[str], interpreted: bool, cache: Path) -> tuple[bool, str]:
     """Run tests with a changed package.
+
+    Parameters
+    ----------
+    package : Path
+        Directory that contains the package `tdint`.
+    tests : list of str
+        Files and directories of tests.
+    interpreted : bool
+        Do not compile loops.
+    cache : Path
+        Directory of the compiled loops.
 
     Returns
     -------
@@ -111,7 +137,7 @@ def stage(package: Path, tests: list[str], interpreted: bool) -> tuple[bool, str
         "PYTHONPATH": str(package),
         "PYTHONDONTWRITEBYTECODE": "1",
         "OPENBLAS_NUM_THREADS": "1",
-        "TDINT_CACHE_DIR": str(package / "cache"),
+        "TDINT_CACHE_DIR": str(cache),
         "TDINT_COMPILE": "wait",
     }
     environment.pop("TDINT_KERNELS", None)
@@ -130,68 +156,182 @@ def stage(package: Path, tests: list[str], interpreted: bool) -> tuple[bool, str
     return done.returncode != 0, failed.group(1) if failed else ""
 
 
-def tried(module: Path, place: int, compiled: bool) -> dict[str, object]:
-    """Try a mutant and return its line of the journal."""
+def hash_of_tests() -> str:
+    """Return a hash of the tests of both stages."""
+    hash_value = hashlib.sha256()
+    for name in (*INTERPRETED, *COMPILED):
+        path = ROOT / name
+        for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
+            hash_value.update(file.read_bytes())
+    return hash_value.hexdigest()[:12]
+
+
+def hash_of(module: Path) -> str:
+    """Return a hash of the text of a module."""
+    return hashlib.sha256(module.read_bytes()).hexdigest()[:12]
+
+
+def name_of(module: Path) -> str:
+    """Return the name of a module in the journal."""
+    return module.relative_to(KERNELS).with_suffix("").as_posix()
+
+
+def require_passing_tests(kernels: Path | None) -> None:
+    """Stop the script if a test fails with unchanged sources.
+
+    Parameters
+    ----------
+    kernels : Path or None
+        Directory of the compiled loops of the unchanged sources, which are compiled if necessary;
+        None to check only the first stage.
+    """
+    failed, by = stage(ROOT / "src", INTERPRETED, True, Path(tempfile.gettempdir()))
+    if not failed and kernels is not None:
+        failed, by = stage(ROOT / "src", COMPILED, False, kernels)
+    if failed:
+        sys.exit(f"tests must pass with unchanged sources, but one fails: {by or 'no test ran'}")
+
+
+def tried(module: Path, place: int, kernels: Path | None) -> dict[str, object]:
+    """Try a mutant and return its line of the journal.
+
+    Parameters
+    ----------
+    module : Path
+        Module that is changed.
+    place : int
+        Number of the changed node.
+    kernels : Path or None
+        Directory of the compiled loops of the unchanged sources; None to omit the second stage.
+    """
     began = time.monotonic()
     line, text = mutant(module.read_text("utf-8"), place)
     old, new = changed_line(module, text)
-    name = module.relative_to(KERNELS).with_suffix("").as_posix()
-    first = FIRST.get(name, [])
+    first = FIRST.get(name_of(module), [])
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder)
+        cache = package / "cache"
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / "src" / "tdint", package / "tdint", ignore=ignored)
         (package / "tdint" / module.relative_to(ROOT / "src" / "tdint")).write_text(text, "utf-8")
         others = [test for test in INTERPRETED if test not in first]
-        killed, by = stage(package, [*first, *others], interpreted=True)
-        if not killed and compiled:
-            killed, by = stage(package, COMPILED, interpreted=False)
+        killed, by = stage(package, [*first, *others], True, cache)
+        if not killed and kernels is not None:
+            shutil.copytree(kernels, cache, dirs_exist_ok=True)
+            killed, by = stage(package, COMPILED, False, cache)
     return {
-        "module": name,
+        "module": name_of(module),
         "place": place,
         "line": line,
         "old": old,
         "new": new,
         "killed": killed,
         "by": by,
-        "compiled": compiled,
+        "compiled": kernels is not None,
         "seconds": round(time.monotonic() - began, 1),
+        "source": hash_of(module),
+        "tests": hash_of_tests(),
     }
 
 
-def main() -> None:
+def still_valid(row: dict[str, object], module: Path, tests: str, compiled: bool) -> bool:
+    """Return True if a mutant of the journal need not be tried again.
+
+    Parameters
+    ----------
+    row : dict
+        Line of the journal.
+    module : Path
+        Changed module.
+    tests : str
+        Result of `hash_of_tests`.
+    compiled : bool
+        The second stage is not omitted.
+    """
+    if row.get("source") != hash_of(module):
+        return False
+    return bool(row["killed"]) or (
+        row.get("tests") == tests and (bool(row["compiled"]) or not compiled)
+    )
+
+
+def report(rows: list[dict[str, object]], remaining: int, least: float) -> int:
+    """Print the table of survivors and return the exit code.
+
+    Parameters
+    ----------
+    rows : list of dict
+        Lines of the journal.
+    remaining : int
+        Number of mutants that have not been tried.
+    least : float
+        Smallest allowed percentage of killed mutants.
+    """
+    with REASONS.open(encoding="utf-8", newline="") as file:
+        reasons = {(one["module"], one["old"], one["new"]): one for one in csv.DictReader(file)}
+    print("| module | line | source | mutant | reason |\n|---|---|---|---|---|")
+    equivalent, survivors = 0, [row for row in rows if not row["killed"]]
+    for row in survivors:
+        known = reasons.get((str(row["module"]), str(row["old"]), str(row["new"])), {})
+        reason = known.get("reason", "not examined")
+        equivalent += reason == EQUIVALENT
+        explanation = ": ".join(filter(None, (reason, known.get("explanation"))))
+        source = f"`{row['old']}` | `{row['new']}`"
+        print(f"| {row['module']} | {row['line']} | {source} | {explanation} |")
+    killed, counted = len(rows) - len(survivors), len(rows) - equivalent
+    percent = 100.0 * killed / counted if counted else 100.0
+    print(
+        f"{len(rows)} mutants, {remaining} not tried: {killed} killed, {len(survivors)} survived, "
+        f"of which {equivalent} are equivalent; {percent:.1f} % of {counted} killed, "
+        f"at least {least:g} % required"
+    )
+    return int(percent < least)
+
+
+def parsed() -> argparse.Namespace:
+    """Return the options of the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--journal", type=Path, default=Path("mutants.jsonl"))
+    parser.add_argument(
+        "--kernels", type=Path, default=Path("mutants-kernels"), help="loops of unchanged sources"
+    )
     parser.add_argument("--hours", type=float, default=5.0, help="start no mutant after this time")
+    parser.add_argument("--least", type=float, default=0.0, help="percentage that must be killed")
     parser.add_argument("--only", default="", help="part of the name of the modules")
     parser.add_argument(
         "--interpreted", action="store_true", help="omit the second stage, which compiles"
     )
-    given = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    given = parsed()
     end = time.monotonic() + 3600.0 * given.hours
     every = [one for one in candidates() if given.only in one[0].as_posix()]
     chosen = random.Random(given.seed).sample(every, min(given.count, len(every)))
     lines = given.journal.read_text("utf-8").splitlines() if given.journal.exists() else []
-    done = [json.loads(line) for line in lines]
-    known = {(row["module"], row["place"]) for row in done}
+    journal = {(row["module"], row["place"]): row for row in map(json.loads, lines)}
+    kernels = None if given.interpreted else given.kernels.resolve()
+    tests, rows, passing = hash_of_tests(), [], False
     for module, place in chosen:
-        name = module.relative_to(KERNELS).with_suffix("").as_posix()
-        if (name, place) in known or time.monotonic() > end:
-            continue
-        row = tried(module, place, not given.interpreted)
-        done.append(row)
-        with given.journal.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
-        print(f"{'killed' if row['killed'] else 'survives'}: {name}:{row['line']}", flush=True)
-    survivors = [row for row in done if not row["killed"]]
-    print("| module | line | source | mutant |\n|---|---|---|---|")
-    for row in survivors:
-        print(f"| {row['module']} | {row['line']} | `{row['old']}` | `{row['new']}` |")
-    print(f"{len(done) - len(survivors)} of {len(done)} killed")
+        row = journal.get((name_of(module), place))
+        if row is None or not still_valid(row, module, tests, kernels is not None):
+            if time.monotonic() > end:
+                continue
+            if not passing:
+                require_passing_tests(kernels)
+                passing = True
+            row = tried(module, place, kernels)
+            with given.journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+            result = "killed" if row["killed"] else "survives"
+            print(f"{result}: {row['module']}:{row['line']}", flush=True)
+        rows.append(row)
+    sys.exit(report(rows, len(chosen) - len(rows), given.least))
 
 
 if __name__ == "__main__":
