@@ -267,6 +267,14 @@ def bilinear_reference(ground, dt, omega, xi, hardening, limit):
     return peak, u - (hardening * k * u + z) / k, events
 
 
+@pytest.mark.parametrize("at_right", [1.0, -1.0])
+def test_a_level_that_is_reached_at_the_start_is_found_there(at_right):
+    """The displacement u = at_right t crosses 0 at t = 0, and any other level at its quotient."""
+    series = np.array([0.0, at_right, 0.0, 0.0])
+    assert bilinear._root(series, 4, 0, 0.0, 0.0, 0.5) == 0.0
+    assert bilinear._root(series, 4, 0, 0.3 * at_right, 0.0, 0.5) == pytest.approx(0.3, rel=1e-15)
+
+
 @pytest.mark.parametrize(
     ("omega", "xi", "hardening", "limit"),
     [(9.0, 0.05, 0.0, 0.002), (9.0, 0.02, 0.2, 0.003), (70.0, 0.05, 0.05, 1e-4)],

@@ -86,7 +86,7 @@ COMPILED = [
     "tests/methods/test_every_method.py",
     "tests/analysis/spectra",
 ]
-SECONDS = {"interpreted": 600.0, "compiled": 2400.0}
+SECONDS = {"interpreted": 600.0, "compiled": 1800.0}
 """Time limits of the stages, s. A mutant that loops forever is counted as killed."""
 
 REASONS = Path(__file__).with_name("survivors.csv")
