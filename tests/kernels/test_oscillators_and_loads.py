@@ -8,13 +8,21 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from step_checks import RAYLEIGH, building, matrices
 from tdint.kernels import layout as rows
 from tdint.kernels.linear_terms import force_value, internal_forces
-from tdint.kernels.oscillators import bilinear
-from tdint.kernels.oscillators.between_steps import TERMS, Vibration, largest_between, terms
+from tdint.kernels.oscillators import bilinear, elastic, extremes
+from tdint.kernels.oscillators.between_steps import (
+    A11,
+    B10,
+    TERMS,
+    Vibration,
+    largest_between,
+    terms,
+)
 from tdint.kernels.peaks_between_steps import _add_floor_forces
 from tdint.kernels.stepping import Span
 from tdint.kernels.stories.branches import NONE, first_event
@@ -288,3 +296,67 @@ def test_a_bilinear_oscillator_agrees_with_dop853(omega, xi, hardening, limit):
     assert 5 < count <= events
     assert results[bilinear.LARGEST] == pytest.approx(peak, rel=1e-8)
     assert results[bilinear.RESIDUAL] == pytest.approx(residual, rel=1e-6, abs=1e-9)
+
+
+def transition(by_u, by_v, h):
+    """Matrices A and B of the step y1 = A y0 - B (g0, g1) of an oscillator with the state y =
+    (u, v), from the exponential of the system with the ground acceleration and its slope."""
+    system = np.zeros((4, 4))
+    system[0, 1], system[1] = 1.0, (-by_u, -by_v, -1.0, 0.0)
+    system[2, 3] = 1.0
+    step = expm(system * h)
+    of_start, of_slope = step[:2, 2], step[:2, 3] / h
+    return step[:2, :2], -np.column_stack([of_start - of_slope, of_slope])
+
+
+@pytest.mark.parametrize("components", [1, 2])
+def test_extremes_of_oscillators_agree_with_fine_steps(components):
+    """Each local maximum of the pseudo-acceleration, or of its radius in the plane, above a level:
+    50 exact steps in the place of one."""
+    dt, parts, fine = 0.02, np.array([8.0, 4.0]), 50
+    samples = np.random.default_rng(71).normal(size=(components, 60))
+    by_u, by_v = np.array([40.0, 11.0]) ** 2, 2.0 * np.array([0.05, 0.2]) * [40.0, 11.0]
+    oscillators = np.zeros((elastic.COEFFICIENTS, 2))
+    oscillators[elastic.BY_DISPLACEMENT], oscillators[elastic.BY_VELOCITY] = by_u, by_v
+    level, expected = np.zeros(2), []
+    for i in range(2):
+        a, b = transition(by_u[i], by_v[i], dt / parts[i])
+        for k in range(2):
+            oscillators[[A11 + 4 * k, A11 + 4 * k + 1], i] = a[k]
+            oscillators[[B10 + 4 * k, B10 + 4 * k + 1], i] = b[k]
+        count = int(parts[i]) * fine
+        a, b = transition(by_u[i], by_v[i], dt / count)
+        times = np.arange(59 * count + 1) * dt / count
+        ground = np.array([np.interp(times, dt * np.arange(60), one) for one in samples])
+        state, motion = np.zeros((2, components)), [np.zeros(components)]
+        for k in range(times.size - 1):
+            state = a @ state - b @ ground[:, k : k + 2].T
+            motion.append(state[0])
+        size = by_u[i] * np.linalg.norm(motion, axis=1)
+        level[i] = 0.3 * np.max(size)
+        for k in range(1, size.size - 1):
+            if size[k - 1] < size[k] >= size[k + 1] and size[k] > level[i]:
+                expected.append((i, times[k], size[k]))
+    capacity = 200
+    stored, largest = np.zeros((2 + components, capacity)), np.zeros((2, 2))
+    kernel = extremes.extremes if components == 1 else extremes.radii
+    given = samples[0] if components == 1 else samples
+    count = kernel.compiled(given, dt, parts, oscillators, level, stored, largest)
+    found = [
+        (
+            stored[extremes.OSCILLATOR, k],
+            stored[extremes.TIME, k],
+            math.hypot(*stored[extremes.VALUE :, k]),
+        )
+        for k in range(count)
+    ]
+    assert count == len(expected) > 10
+    owners, times, sizes = np.transpose(found)
+    assert owners.tolist() == [one[0] for one in expected]
+    # The time of the maximum radius is interpolated linearly in steps of up to dt / 4.
+    close = dt / 200.0 if components == 1 else dt / 25.0
+    assert times == pytest.approx([one[1] for one in expected], abs=close)
+    assert sizes == pytest.approx([one[2] for one in expected], rel=1e-4)
+    for i in range(2):
+        assert largest[0, i] == np.max(sizes[owners == i])
+        assert sizes[int(largest[1, i])] == largest[0, i]
