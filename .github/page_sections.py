@@ -71,7 +71,12 @@ def assemble(
         title = f"# {entry['title']}\n\n{entry['purpose'].strip()}\n\n"
         pages[page] = [("", Section(1, anchor_of(entry["title"]), title))]
         for reference in entry["sections"]:
-            pages[page] += _promoted(reference, sections, homes, page)
+            shown = {(name, section.anchor) for name, section in pages[page]}
+            pages[page] += [
+                (name, section)
+                for name, section in _promoted(reference, sections, homes, page)
+                if (name, section.anchor) not in shown
+            ]
     for name, found in sections.items():
         kept = [one for one in found if homes[name, one.anchor] == name]
         if name not in layout and (len(kept) > 1 or len(found) == 1):
