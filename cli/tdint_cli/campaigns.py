@@ -419,12 +419,12 @@ def carry_out(
             unmet = profiles.tell()
     # A building without a motion is omitted and reported in the same way as an unreadable record.
     far: list[TdintError] = []
-    if plan.far:
+    if too_far := plan.too_far_from_sites:
         many = (
-            f"{pluralize(len(plan.far), 'building')} skipped: farther from every site than "
+            f"{pluralize(len(too_far), 'building')} skipped: farther from every site than "
             "max_distance of the records"
         )
-        far = [RecordError(f"{many}, such as {plan.far[0]}")]
+        far = [RecordError(f"{many}, such as {too_far[0]}")]
     if plan.failures or unmet or far:
         raise Failures([*plan.failures, *far, *unmet])
 

@@ -368,6 +368,6 @@ def test_a_mainshock_has_the_component_of_the_record_or_one_for_all():
     assert Mainshock((east,), (0.01,)).before(record) is east
     with pytest.raises(
         UsageError,
-        match=r"no component HNZ to precede 0\.m.*available components: HNE, HNN; select one",
+        match=r"no component HNZ for the aftershock 0\.m.*components: HNE, HNN; select one",
     ):
         Mainshock((east, north), (0.01,)).before(replace(record, component="HNZ"))

@@ -47,7 +47,7 @@ def test_fragility_in_other_units(folder, tdint, text, name, arguments):
 
 def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
     tdint.refused(
-        "add a column unit to the table",
+        "add a column `unit` to the table",
         "fragility",
         CONFIGS / "stripes.csv",
         "--output-units",

@@ -127,14 +127,14 @@ LINES = r"""
 damping: 5
     2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got '5'; did you mean 5%?
 damping: {}
-    2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got a mapping without either
+    2:10: damping: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got a mapping without any of the keys rayleigh, modal
 damping: {raileigh: 3}
     2:11: damping.raileigh: unknown key; did you mean 'rayleigh'?
     2:21: damping.raileigh: <rayleigh>, got '3'
 damping: {modal: 0.05, rayleigh: {mass: 0, stiffness: 0}}
     2:10: damping: give either rayleigh or modal, not both
 damping: {rayleigh: {}}
-    2:21: damping.rayleigh: <rayleigh>, got a mapping without either
+    2:21: damping.rayleigh: <rayleigh>, got a mapping without any of the keys ratio, modes, mass, stiffness
 damping: {rayleigh: {ratio: 0.05}}
     2:21: damping.rayleigh.modes: is missing; give a list of two modes
 damping: {rayleigh: {ratio: -0.1, modes: [2, 2]}}

@@ -288,7 +288,10 @@ def _check(request: Request) -> BuildingRequest:
     if request.steps and request.halvings is not None:
         raise UsageError("--halvings cannot be used with --dt; omit one of them")
     if request.stories and peers():
-        raise UsageError("PEERS of a plug-in cannot be used with --stories; omit --stories")
+        raise UsageError(
+            "the plug-in defines other programs for comparison (PEERS), which cannot be used with "
+            "--stories; omit --stories"
+        )
     building = request.of(request.models[0], request.records[0] if request.records else None)
     check_motion(building)
     return building
@@ -308,7 +311,10 @@ def _chart_many(request: Request) -> None:
             f"{', '.join(PEAKS)}"
         )
     if peers():
-        raise UsageError("PEERS of a plug-in require one building under one record")
+        raise UsageError(
+            "the plug-in defines other programs for comparison (PEERS), which require one building "
+            "under one record; specify one model and one record"
+        )
     from tdint.analysis.chart.profiles import METHODS, measure_all
     from tdint.output.summary import field_summary
 
@@ -498,7 +504,9 @@ def _chart(
 
 
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
-    """Return the cheapest method and time step for each error of `LIMITS`.
+    """Return, for each limit of `LIMITS`, the cheapest method and time step whose error of the kind
+    --target-error is below the limit. Each advice also contains the error of the peak drifts that
+    `tdint run` would estimate for this method and time step.
 
     Parameters
     ----------
@@ -514,15 +522,16 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
     from tdint.output.summary import Advice
 
     advice = []
-    ours = [point for point in chart.points if not math.isnan(point.dt)]
+    # Methods that choose their time steps (dt is NaN) cannot be recommended with a time step.
+    with_dt = [point for point in chart.points if not math.isnan(point.dt)]
     for limit in LIMITS:
-        best = cheapest(ours, request.target_error, limit)
+        best = cheapest(with_dt, request.target_error, limit)
         if best is None:
             advice.append(Advice(limit, None, None, math.nan))
             continue
-        other = alternative(ours, request.target_error, limit, best)
-        told = problem.told(parse(best.method), problem.steps(best.dt))
-        advice.append(Advice(limit, best, other, told))
+        other = alternative(with_dt, request.target_error, limit, best)
+        estimated_error = problem.told(parse(best.method), problem.steps(best.dt))
+        advice.append(Advice(limit, best, other, estimated_error))
     return advice
 
 

@@ -178,13 +178,15 @@ def command(request: IdaRequest) -> None:
     converge is repeated with half the time step, up to three times. If it still has no result, it
     counts neither as survival nor as collapse.
 
-    With --after and --damage, the tables have a column damage, which is 0 for the intact building;
-    `tdint fragility` fits a function for each value. Drifts are the maximum drifts during the
-    aftershock, measured from the undeformed building.
+    With --after RECORD and --damage, a mainshock first damages the building: it is scaled such that
+    the building reaches each drift ratio of --damage. The ground motions are then aftershocks. The
+    tables have a column damage, which is 0 for the intact building; `tdint fragility` fits a
+    function for each value. Drifts are the maximum drifts during the aftershock, measured from the
+    undeformed building.
 
     CSV of the capacities on standard output, or with -o in a directory: one row per record and
-    drift threshold; the collapse drift is the last threshold. The same call continues an
-    interrupted analysis; --overwrite starts again.
+    drift threshold; the collapse drift is the last threshold. With -o, the same call
+    continues an interrupted analysis; --overwrite starts again.
     """
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
@@ -205,6 +207,7 @@ def command(request: IdaRequest) -> None:
         (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
     )
     measure = measure_at(request.im, request.damping, period)
+    # The maximum must have a unit of the same quantity as the intensity measure, which is in SI.
     largest = request.max_im
     if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
         raise UsageError(
@@ -459,10 +462,10 @@ def _doubts(study: IdaStudy, precision: float) -> list[str]:
     precision : float
         Maximum ratio of the upper to the lower limit of a capacity, minus 1, without a warning.
     """
-    runs, doubts = [run for curve in study.curves for run in curve.runs], []
+    runs, warnings = [run for curve in study.curves for run in curve.runs], []
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
-        doubts.append(
+        warnings.append(
             f"{lost} of {len(runs)} runs have no result, not even with a smaller time step; "
             "they count neither as survival nor as collapse"
         )
@@ -472,17 +475,17 @@ def _doubts(study: IdaStudy, precision: float) -> list[str]:
         for capacity in capacities
     )
     if wide:
-        doubts.append(
+        warnings.append(
             f"{wide} of {len(capacities)} capacities are known less precisely than "
             f"{100.0 * precision:g} % (--precision)"
         )
     off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
     if off:
-        doubts.append(
+        warnings.append(
             f"the energy balance error of {off} of {len(runs)} runs exceeds 1 %; use a smaller "
             "time step (--dt)"
         )
-    return doubts
+    return warnings
 
 
 def _median(study: IdaStudy) -> str:

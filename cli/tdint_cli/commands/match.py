@@ -118,11 +118,12 @@ def command(request: MatchRequest) -> None:
 
     RECORD is a file, or a directory (all records in it). All horizontal components are matched
     unless --component selects one; with --pairs, the two components are matched together. Each
-    ground motion is first scaled by a constant factor, which gives its scaled seed. Small wavelets
-    are then added to the strong part, such that the maximum response at each period equals the
-    target. The table lists the misfit over 1000 periods, and compares the intensity measures of the
-    matched motion with the scaled seed. If matching would increase the misfit, the scaled seed is
-    written unchanged.
+    ground motion is first scaled by a constant factor (the scaled seed). Small wavelets are then
+    added to the strong part, such that the maximum response at each period equals the target. With
+    --suite mean, only the mean spectrum of the ground motions is matched to the target. The table
+    lists the misfit over 1000 periods, and compares the intensity measures of the matched motion
+    with the scaled seed. If matching would increase the misfit, the scaled seed is written
+    unchanged.
     """
     from tdint.analysis.matching import match_suite
     from tdint.analysis.spectra.target import read_targets
@@ -142,7 +143,7 @@ def command(request: MatchRequest) -> None:
     )
     files = [folder / name for name in motion_file_names(suite.motions, request.format)]
     check_outputs(files, overwrite=request.overwrite)
-    wishes: dict[str, Any] = {"periods": request.range, "damping": request.damping}
+    matching_options: dict[str, Any] = {"periods": request.range, "damping": request.damping}
     with progress_bar(to_terminal=False) as show_progress:
         if request.suite == "mean":
             matches = match_suite(
@@ -150,10 +151,10 @@ def command(request: MatchRequest) -> None:
                 targets,
                 factors=factors.of_motions(suite.motions) if factors else None,
                 progress=lambda done, total: show_progress("matching", done / total),
-                **wishes,
+                **matching_options,
             )
         else:
-            matches = _match_each(suite.motions, targets, wishes, show_progress)
+            matches = _match_each(suite.motions, targets, matching_options, show_progress)
     table = tables.spectra.match_table(matches)
 
     def summarize() -> dict[str, Any]:
@@ -180,7 +181,7 @@ def command(request: MatchRequest) -> None:
     note(*notes)
     outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
     for matched in matches:
-        say(repr(matched)[1:-1] + ".")
+        say(repr(matched)[1:-1] + ".")  # The representation is a sentence in angle brackets.
         for spectrum in matched.by_damping:
             warn(*_misfit_warning(spectrum, request.max_misfit))
         warn(*_change_warnings(matched))
@@ -191,24 +192,24 @@ def command(request: MatchRequest) -> None:
     if request.suite == "mean":
         for number, target in enumerate(targets):
             say(_of_mean([matched.by_damping[number] for matched in matches], target))
-    beyond = [
+    above_max_misfit = [
         f"{one.seed.source} {one.seed.component}"
         for one in matches
         if any(spectrum.largest_misfit > request.max_misfit for spectrum in one.by_damping)
     ]
     if suite.failures:
         raise Failures(suite.failures)
-    if request.require and beyond:
+    if request.require and above_max_misfit:
         raise AnalysisError(
-            f"the misfit exceeds {100.0 * request.max_misfit:g} %: {', '.join(beyond)}; use "
-            "another record, or a narrower --range"
+            f"the misfit exceeds {100.0 * request.max_misfit:g} %: "
+            f"{', '.join(above_max_misfit)}; use another record, or a narrower --range"
         )
 
 
 def _match_each(
     motions: Sequence[GroundMotion],
     targets: Sequence[TargetSpectrum],
-    wishes: dict[str, Any],
+    matching_options: dict[str, Any],
     show_progress: Progress,
 ) -> list[Match]:
     """Match each motion to the same targets.
@@ -219,7 +220,7 @@ def _match_each(
         Seeds.
     targets : sequence of TargetSpectrum
         Target for each damping ratio.
-    wishes : dict
+    matching_options : dict
         Keyword arguments `periods` and `damping` of `tdint.match`.
     show_progress : callable
         Receives a label and the completed fraction of the work.
@@ -232,7 +233,7 @@ def _match_each(
         def show(done: int, total: int) -> None:
             show_progress(f"motion {number + 1}/{count}", (number + done / total) / count)
 
-        return match(motion, targets, progress=show, **wishes)
+        return match(motion, targets, progress=show, **matching_options)
 
     return [match_motion(number, motion) for number, motion in enumerate(motions)]
 
@@ -252,11 +253,11 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     after, before = (
         np.array([getattr(matched, name) for matched in matches]) for name in ("psa", "seed_psa")
     )
-    off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
+    misfit = np.abs(np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0)
     text = (
         f"At {100.0 * matches[0].damping:g} % damping the mean spectrum of "
         f"{pluralize(len(matches), 'ground motion')} differs from the target by at most "
-        f"{100.0 * np.max(np.abs(off)):.2g} %, on average by {100.0 * np.mean(np.abs(off)):.2g} %"
+        f"{100.0 * np.max(misfit):.2g} %, on average by {100.0 * np.mean(misfit):.2g} %"
     )
     # The scatter is defined for two or more motions.
     if len(matches) < 2:
@@ -282,9 +283,9 @@ def _misfit_warning(matched: Match, within: float) -> list[str]:
 def _change_warnings(matched: Match) -> list[str]:
     """Return the warnings about a large change or a large ground displacement of a match."""
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
-    doubts = []
+    warnings = []
     if matched.change > _WHOLE:
-        doubts.append(
+        warnings.append(
             f"{subject}: the added wavelets are {matched.change:.2g} times as large as the "
             "ground motion itself; choose a record with a more similar spectrum"
         )
@@ -292,8 +293,8 @@ def _change_warnings(matched: Match) -> list[str]:
         after, before = part.measures
         if after.pgd > _TWICE * before.pgd:
             subject = f"{part.seed.source} {part.seed.component}".rstrip()
-            doubts.append(
+            warnings.append(
                 f"{subject}: matching increases the peak ground displacement to "
                 f"{after.pgd / before.pgd:.2g} times its initial value"
             )
-    return doubts
+    return warnings

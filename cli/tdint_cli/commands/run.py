@@ -481,26 +481,33 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
         digests : mapping of Path to str
             SHA-256 of each written file.
         """
-        beside = [
-            {"file": file.name, "sha256": sha} for file, sha in digests.items() if file in every
+        written_here = [
+            {"file": file.name, "sha256": sha}
+            for file, sha in digests.items()
+            if file in possible_files
         ]
-        return options.output.summary_bytes(content | {"files": beside}, request.units_shown, UNITS)
+        return options.output.summary_bytes(
+            content | {"files": written_here}, request.units_shown, UNITS
+        )
 
-    every = request.in_folder(ALL_FILES)
+    possible_files = request.in_folder(ALL_FILES)
     earlier = {
         folder / name: sha
         for name, sha in listed_files(folder / SUMMARY).items()
-        if folder / name in every
+        if folder / name in possible_files
     }
     write_files(files, overwrite=request.overwrite, stale=earlier, last=(folder / SUMMARY, summary))
-    if left := [
-        file.name for file in every if file not in files and file.name != SUMMARY and is_there(file)
+    if changed := [
+        file.name
+        for file in possible_files
+        if file not in files and file.name != SUMMARY and is_there(file)
     ]:
-        note(f"{folder}: {', '.join(left)}: changed since an earlier run wrote it; not removed")
+        note(f"{folder}: {', '.join(changed)}: changed since an earlier run wrote it; not removed")
 
 
 def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
-    """Return the summary of a run; on a report page in percent, and without the computing time.
+    """Return the summary of a run as text. On a report page, drift ratios are in percent and the
+    computing time is omitted.
 
     Parameters
     ----------
@@ -521,8 +528,11 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         motion = (
             f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
         )
-    clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
-    cost = "" if page else f"{1e6 * response.solver_time / response.steps:.3g} us per step{clock}, "
+    # Name the clock if it does not measure the processor time of this thread.
+    clock = system.clock()
+    clock_text = "" if clock == "thread_time" else f" of {system.CLOCKS[clock]}"
+    microseconds = 1e6 * response.solver_time / response.steps
+    cost = "" if page else f"{microseconds:.3g} us per step{clock_text}, "
     lines = [
         f"{response.model.name}: {pluralize(len(response.model.stories), 'story')}, {motion}.",
         f"{response.method}: {pluralize(response.steps, 'step')} of {response.dt:.6g} s, "
@@ -532,12 +542,13 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     # Each event of a sequence with its residual drift; drift ratios if stories have heights
     for number, shock in enumerate(response.events, start=1):
         largest = demands(shock.stories)
-        drift, left = largest.drift, largest.residual_drift_ratio
-        worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
-        if left.place is not None:
-            worst = f"ratio {largest.drift_ratio.value:.4g} in story {largest.drift_ratio.place}"
-            after = f", residual {left.value:.3g}"
-        lines.append(f"Event {number}, from {shock.start:.6g} s: maximum drift {worst}{after}.")
+        drift, ratio, residual = largest.drift, largest.drift_ratio, largest.residual_drift_ratio
+        drift_text = f"{units.text(drift.value, 'm')} in story {drift.place}"
+        if residual.place is not None:
+            drift_text = (
+                f"ratio {ratio.value:.4g} in story {ratio.place}, residual {residual.value:.3g}"
+            )
+        lines.append(f"Event {number}, from {shock.start:.6g} s: maximum drift {drift_text}.")
     if response.model.damage:
         lines.append(_damage(response, units))
     if response.time_at_rest is not None:
@@ -554,9 +565,9 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
             f"{check.drift_story}), {source}."
         )
         # Report the more accurate peaks only if they differ in the printed digits.
-        nearer = check.corrected and _largest(response.model, check.corrected, units, page)
-        if nearer and nearer != _largest(response.model, response.stories, units, page):
-            lines.append(f"In that run: maximum {nearer}.")
+        corrected = check.corrected and _largest(response.model, check.corrected, units, page)
+        if corrected and corrected != _largest(response.model, response.stories, units, page):
+            lines.append(f"In that run: maximum {corrected}.")
     return "\n".join(lines)
 
 

@@ -429,11 +429,15 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
 
 @dataclass(frozen=True)
 class _Part:
-    """Contents of the store of a part of a campaign."""
+    """Contents of the store of a part of a campaign: a directory with some of its runs, such as
+    those of a shard.
+
+    `identity` contains the values that must be equal in all parts of a campaign.
+    """
 
     folder: Path
     name: str
-    about: dict[str, str]
+    identity: dict[str, str]
     runs: int
     shards: list[str]
     chunks: dict[int, int]
@@ -445,12 +449,14 @@ def _part(folder: Path, store: Store) -> _Part:
     with schema.sqlite_errors_reported(store.name):
         damaged = schema.damaged_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
-        about = {key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")}
-        about["inventory files"] = json.dumps(store.inventory_files())
+        identity = {
+            key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")
+        }
+        identity["inventory files"] = json.dumps(store.inventory_files())
         runs = int(store.meta("runs"))
     # Corrupt chunks count as missing, because they are not copied.
     sound = {number: count for number, count in chunks.items() if number not in damaged}
-    return _Part(folder, store.name, about, runs, store.shards(), sound, len(damaged))
+    return _Part(folder, store.name, identity, runs, store.shards(), sound, len(damaged))
 
 
 def _reopened(part: _Part) -> Store:
@@ -459,14 +465,15 @@ def _reopened(part: _Part) -> Store:
 
 
 def _check_same(part: _Part, other: _Part) -> None:
-    """Raise UsageError if two parts belong to different campaigns."""
-    if part.about == other.about:
+    """Raise UsageError, with the differences, if two parts belong to different campaigns."""
+    if part.identity == other.identity:
         return
-    has_new_inventory = part.about["inventory files"] != other.about["inventory files"]
-    if all(part.about[key] == other.about[key] for key in ("fingerprint", "chunks")):
-        # The runs are the same, but tables and skipped rows may differ.
+    has_new_inventory = part.identity["inventory files"] != other.identity["inventory files"]
+    if all(part.identity[key] == other.identity[key] for key in ("fingerprint", "chunks")):
+        # The runs are the same. The parts still cannot be merged, because the inventory or the
+        # section damage, with which the tables are written, differ.
         lines = "\n".join([INVENTORY_CHANGED] * has_new_inventory)
-        if any(part.about[key] != other.about[key] for key in ("inventory", "damage")):
+        if any(part.identity[key] != other.identity[key] for key in ("inventory", "damage")):
             lines = (
                 "the columns of the inventory or the section damage differ; run `tdint campaign` "
                 f"again for each shard\n{lines}"
@@ -488,7 +495,7 @@ def _describe_missing(parts: Sequence[_Part]) -> str:
     """Return the number of runs that are missing from all stores of a campaign, and their shards;
     an empty text if no runs are missing."""
     stored = {number: runs for part in parts for number, runs in part.chunks.items()}
-    missing = sorted(set(range(int(parts[0].about["chunks"]))) - set(stored))
+    missing = sorted(set(range(int(parts[0].identity["chunks"]))) - set(stored))
     if not missing:
         return ""
     total = parts[0].runs

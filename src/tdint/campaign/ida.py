@@ -315,7 +315,12 @@ def ida(
     collapse_drift = subject.model.collapse_drift
     # Curves are in the order of the work items: all records of a state, then of the next state.
     curves = [
-        IdaCurve(record, runs, collapse_drift, *((state.drift, state.left) if state else ()))
+        IdaCurve(
+            record,
+            runs,
+            collapse_drift,
+            *((state.drift, state.residual_drift_ratio) if state else ()),
+        )
         for (_, record, state), runs in zip(ordered, runs_of_works, strict=True)
     ]
     # The collapse drift is always the last threshold.
@@ -413,7 +418,7 @@ class _Work:
         """
         # A drift threshold must exceed the residual drift of the mainshock. Otherwise it is
         # exceeded before the record starts.
-        residual_drift = damaged_state.left if damaged_state else 0.0
+        residual_drift = damaged_state.residual_drift_ratio if damaged_state else 0.0
         elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
         # The first level is below yield in the first mode, so that the curve starts elastic.
         levels = LevelSearch(

@@ -386,13 +386,13 @@ class PairCurve(IdaCurve):
             IdaRun(im, math.nan, DONE, drift)
             for im, drift in zip(levels, drifts.tolist(), strict=True)
         )
-        left = float(combine(np.array([part.left for part in parts]), demand))
+        residual = float(combine(np.array([part.left for part in parts]), demand))
         return cls(
             first.record,
             tuple(runs),
             first.collapse_drift,
             first.damage,
-            left,
+            residual,
             parts=parts,
             demand=demand,
         )
@@ -433,13 +433,14 @@ def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
 
 
 def fractiles(
-    curves: Sequence[IdaCurve], drift_ratios: Array, parts: Sequence[float] = (0.16, 0.5, 0.84)
+    curves: Sequence[IdaCurve], drift_ratios: Array, fractions: Sequence[float] = (0.16, 0.5, 0.84)
 ) -> Array:
-    """Return fractiles over the records of the intensity at each drift ratio, shape (len(parts),
-    k).
+    """Return, for each drift ratio, the fractiles of the intensity over the records, shape
+    (len(fractions), k).
 
-    A fractile is NaN if it depends on censored capacities. Between two records it is interpolated
-    linearly in the logarithm.
+    Records without a run below collapse are omitted. A fractile between two records is interpolated
+    linearly in the logarithm; it is NaN if one of them is censored (infinite intensity), unknown
+    (NaN), or zero.
 
     Parameters
     ----------
@@ -447,22 +448,20 @@ def fractiles(
         Curve of each record.
     drift_ratios : ndarray, shape (k,)
         Drift ratios.
-    parts : sequence of float
+    fractions : sequence of float
         Fractions of the fractiles; by default 16 %, 50 % and 84 %.
     """
     used = [curve for curve in curves if curve.stable]
-    result = np.full((len(parts), drift_ratios.size), math.nan)
+    result = np.full((len(fractions), drift_ratios.size), math.nan)
     if not used:
         return result
     ranked = np.sort([curve.intensity_at(drift_ratios) for curve in used], axis=0)
-    for row, part in zip(result, parts, strict=True):
-        position = part * (len(used) - 1)
+    for row, fraction in zip(result, fractions, strict=True):
+        position = fraction * (len(used) - 1)
         low, high = ranked[math.floor(position)], ranked[math.ceil(position)]
-        is_finite = np.isfinite(low) & np.isfinite(high)
-        is_finite &= low > 0.0
-        row[is_finite] = low[is_finite] * (high[is_finite] / low[is_finite]) ** (
-            position - math.floor(position)
-        )
+        can_interpolate = np.isfinite(low) & np.isfinite(high) & (low > 0.0)
+        below, above = low[can_interpolate], high[can_interpolate]
+        row[can_interpolate] = below * (above / below) ** (position - math.floor(position))
     return result
 
 
@@ -513,8 +512,9 @@ class Mainshock:
                 return main
         names = ", ".join(main.component for main in self.records)
         raise UsageError(
-            f"{self.records[0].source}: no component {record.component or '(unnamed)'} to precede "
-            f"{record.name}; available components: {names}; select one with --component"
+            f"{self.records[0].source}: the mainshock has no component "
+            f"{record.component or '(unnamed)'} for the aftershock {record.name}; available "
+            f"components: {names}; select one with --component"
         )
 
 
@@ -528,7 +528,7 @@ class DamagedState:
         Scaled mainshock.
     drift : float
         Drift ratio to which the mainshock is scaled.
-    left : float
+    residual_drift_ratio : float
         Maximum residual drift ratio.
     rest : float
         Time from the last sample of the mainshock until free vibration has decayed, s.
@@ -536,7 +536,7 @@ class DamagedState:
 
     record: Record
     drift: float
-    left: float
+    residual_drift_ratio: float
     rest: float
 
 

@@ -85,7 +85,7 @@ class Inputs:
         Damage states and loss ratios by building class, if specified by files.
     faults : tuple of ModelError
         Errors of the rows of the inventory that were skipped.
-    far : tuple of ModelFault
+    too_far_from_sites : tuple of ModelFault
         Rows of the inventory that were skipped because they are too far from all sites.
     """
 
@@ -96,7 +96,7 @@ class Inputs:
     factors: FactorTable | None = None
     damage: ClassDamage = field(default_factory=ClassDamage)
     faults: tuple[ModelError, ...] = ()
-    far: tuple[ModelFault, ...] = ()
+    too_far_from_sites: tuple[ModelFault, ...] = ()
 
 
 def read_inputs(campaign: CampaignFile) -> Inputs:

@@ -85,7 +85,7 @@ class Plan:
         Definition of the damage states, if any.
     inventory : tuple of str
         Files of the inventory, if the campaign has one.
-    far : tuple of ModelFault
+    too_far_from_sites : tuple of ModelFault
         Rows of the inventory that were skipped because they are too far from all sites.
     outputs : tuple of str or None
         Tables to write; None: all tables.
@@ -111,7 +111,7 @@ class Plan:
     notes: tuple[str, ...] = ()
     damage: Damage | None = None
     inventory: tuple[str, ...] = ()
-    far: tuple[ModelFault, ...] = ()
+    too_far_from_sites: tuple[ModelFault, ...] = ()
     outputs: tuple[str, ...] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
     factors: str = ""
@@ -126,9 +126,10 @@ class Plan:
 
     @property
     def unused(self) -> list[tuple[str, str]]:
-        """Inputs that could not be used: `record` or `building`, and the reason."""
+        """Inputs that could not be used, as pairs: the kind, `record` or `building`, and the
+        reasons. Errors in the same line of a file are one pair."""
         reasons_of: dict[tuple[str, str], list[str]] = {
-            ("building", str(fault)): [str(fault)] for fault in self.far
+            ("building", str(fault)): [str(fault)] for fault in self.too_far_from_sites
         }
         for error in self.failures:
             if not isinstance(error, ModelError):
@@ -383,7 +384,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         levels=levels,
         settings=campaign.settings,
         failures=(*motions.failures, *inputs.faults),
-        far=inputs.far,
+        too_far_from_sites=inputs.too_far_from_sites,
         outputs=campaign.outputs,
         style=(
             campaign.style,
@@ -406,8 +407,10 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    """Return the buildings with their methods: the method of the campaign, of the model, or the
-    default, which adds a note.
+    """Return the buildings, each with its method.
+
+    The method is that of the campaign; if it has none, that of the model; otherwise the default,
+    which a note reports.
 
     Parameters
     ----------
@@ -419,18 +422,19 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
         Notes for the user; notes are appended.
     """
     inventory, analysis = campaign.buildings, campaign.analysis
-    # All buildings of an inventory are derived by the same rules.
+    # All buildings of an inventory are derived by the same rules. Errors of the rules are reported
+    # at the key of the sweep, because a sweep may have changed their parameters.
     if isinstance(inventory, InventoryFile):
         with (campaign.sweep or ParameterSweep()).reported_at_key():
             if analysis.method is None:
                 notes.append(f"no method is specified; using {DEFAULT_METHOD}")
             scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
-            common = (
+            analysis_settings = (
                 analysis.method or DEFAULT_METHOD,
                 analysis.collapse_drift or _COLLAPSE_DRIFT,
                 bool(analysis.p_delta),
             )
-            rules = Rules(inventory.rules, *scatter, *common)
+            rules = Rules(inventory.rules, *scatter, *analysis_settings)
             assert inputs.rows is not None
             return RowBuildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:

@@ -107,7 +107,7 @@ class SuiteLevel:
     level : float
         Value of the intensity measure, SI units; if motions have several individual factors, number
         of the factor, from 1; NaN if `scale` is sufficient.
-    stood : list of list of Run
+    completed : list of list of Run
         Completed runs of each motion, two for a pair.
     pairs : int
         Number of motions that are pairs of components, including collapsed and failed runs.
@@ -358,13 +358,20 @@ def profiles(store: Store) -> Iterator[Profile]:
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
-    """Return the text of a level: `scale 2`, `sa(T1) 2.94 m/s^2`, or `level 2` for individual
-    factors of the motions.
+    """Return the text of an intensity level.
+
+    The text is `scale 2` if all motions have the same factor. Otherwise it is the intensity measure
+    and its value, such as `sa(T1) 2.94 m/s^2`, or the number of the level, `level 2`, if each
+    motion has its own factors. It is empty if both `scale` and `level` are unknown.
 
     Parameters
     ----------
-    scale, level, measure
-        As in `SuiteLevel`.
+    scale : float
+        Factor of all motions; NaN if they have different factors.
+    level : float
+        Value of the intensity measure, or number of the level; NaN if there is neither.
+    measure : tuple of (str, str)
+        Name and unit of the intensity measure; `level` without a unit for numbered levels.
     """
     if not math.isnan(scale):
         return f"scale {scale:g}"
@@ -382,7 +389,7 @@ class SuiteRules:
         Rule for pairs.
     values : sequence of float
         Values of the levels of an intensity measure; empty without a measure.
-    several : bool
+    has_several_levels : bool
         True if there are several levels (`has_levels`).
     measure : tuple of str
         Name and unit of the levels.

@@ -671,7 +671,8 @@ def _levels(section: Section) -> MeasureLevels | None:
     items = levels.items("a list of values with their unit", empty) if levels else None
     if name is None:
         return None
-    # Each level has a unit in the file; its quantity depends on the measure.
+    # The levels in the file have a unit. The accepted units depend on the intensity measure, for
+    # example units of acceleration for sa.
     unit = measure_at(name, damping, 1.0).unit
     quantity = next(
         (name for name, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration"

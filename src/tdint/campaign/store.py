@@ -386,16 +386,19 @@ class Store:
         OutputError
             The disk is full, the file is corrupt, or another process is writing.
         """
+        # The fields of `done.rows` are in the order of `ROW_TABLES`: runs, stories and events of
+        # sequences. `plain` converts their values to those that SQLite returns.
         by_table = zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
         rows = [table.plain(table_rows) for table, table_rows in by_table]
+        run_count, story_count = len(rows[0]), len(rows[1])
         number, seconds = done.number, float(done.seconds)
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             for table, table_rows in zip(schema.ROW_TABLES, rows, strict=True):
                 table.insert(self.connection, table_rows, number)
             values = (
                 number,
-                len(rows[0]),
-                len(rows[1]),
+                run_count,
+                story_count,
                 seconds,
                 schema.chunk_digest(number, seconds, *rows),
             )

@@ -260,7 +260,8 @@ def assemble(model: Model) -> Building:
         story.dashpot for story in stories
     ]
     for i, story in enumerate(stories):
-        # The exponents apply to the squared drift rate, which is never negative.
+        # Dashpot force c v (v^2 + v0^2)^POWER with the drift rate v: the power applies to a squared
+        # rate, which is never negative, so POWER is half of the exponent minus 1.
         if (dashpot := story.power_dashpot) is not None:
             linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
             linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)

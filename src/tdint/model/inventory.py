@@ -780,7 +780,8 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
         f"name: {json.dumps(name, ensure_ascii=False)}",
         "stories:",
     ]
-    # Numbers have all digits, so that the file defines exactly the building of the rules.
+    # Write numbers with all significant digits (repr), so that the model file defines exactly the
+    # building that is derived by the rules.
     for story in building.stories:
         if isinstance(building, DerivedBuilding):
             values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)

@@ -99,7 +99,8 @@ class _PathPoint(NamedTuple):
 
 
 def verify_declaration(law: DriftLaw, where: str) -> None:
-    """Verify at registration that a law declares its branches and its curvature.
+    """Verify at registration that a law with branches (`switch`) declares `kinked`, and that a law
+    with curved branches declares `curved`.
 
     Parameters
     ----------
@@ -125,6 +126,8 @@ def verify_declaration(law: DriftLaw, where: str) -> None:
             "its branch; add `switch` and `enter`, or declare only `curved=True`"
         )
     if functions.switch is None and not law.curved:
+        # A law without branches that is not declared curved must be linear. Compute its force for
+        # several sets of parameters (columns), and report the first difference.
         for column in _sampled_columns(law):
             for fault in _sampled_faults(law, column):
                 raise UsageError(f"{where}: {fault}")

@@ -185,10 +185,12 @@ class _Flow:
         if _PAGE - self.down >= height:
             return ""
         self.blank = max(self.blank, _PAGE - self.down)
-        # A break before a chapter that begins a page is certain, wherever the page ends.
-        sure, self.down = self.since < _SURE or math.isinf(height), 0.0
-        self.since = 0.0 if sure else self.since
-        return ' class="n"' if sure else ""
+        # The heights are estimates, so the position is unknown far from the last known page break.
+        # A chapter that must begin a new page (infinite height) does not depend on the estimate.
+        is_known = self.since < _SURE or math.isinf(height)
+        self.down = 0.0
+        self.since = 0.0 if is_known else self.since
+        return ' class="n"' if is_known else ""
 
     def heading(self, title: str, part: Part = "", *, fresh: bool = False) -> None:
         """Add the heading of a chapter; it remains on the page of the content that follows.

@@ -178,6 +178,7 @@ def _medians(study: IdaStudy) -> list[str]:
 
 def _fractile_table(study: IdaStudy) -> Table:
     """Return fractiles of the capacities for each drift ratio and state of damage."""
+    # The state of damage is a column only if the study has several.
     unit, several = study.measure.unit, len(study.states) > 1
     columns = (*(("state",) * several), "drift_ratio", "fractile_16", "median", "fractile_84")
     columns = (*columns, "motions", "censored")
@@ -312,20 +313,31 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
         True to list the state of the building before the motion.
     """
     unit = functions[0].unit or "1"
-    total = any(function.modeling_dispersion for function in functions)
-    typed = any(function.type for function in functions)
+    # A column that is multiplied by a flag is present only if the flag is true.
+    has_total_beta = any(function.modeling_dispersion for function in functions)
+    has_types = any(function.type for function in functions)
     # The number of runs is a column only if ground motions have several runs.
-    repeated = any(function.motions and function.runs != function.motions for function in functions)
-    numbers = ("theta", "theta_low", "theta_high", "beta", "beta_low", "beta_high")
-    columns = (*(("type", "damage_state") * typed), *(("state",) * damaged), "threshold", *numbers)
-    columns = (*columns, *(("total_beta",) * total), "motions", *(("runs",) * repeated), "censored")
+    has_several_runs = any(
+        function.motions and function.runs != function.motions for function in functions
+    )
+    parameters = ("theta", "theta_low", "theta_high", "beta", "beta_low", "beta_high")
+    columns = (
+        *(("type", "damage_state") * has_types),
+        *(("state",) * damaged),
+        "threshold",
+        *parameters,
+        *(("total_beta",) * has_total_beta),
+        "motions",
+        *(("runs",) * has_several_runs),
+        "censored",
+    )
     rows: list[tuple[Cell, ...]] = []
     for function in functions:
         factor = math.exp(_TWO_SIDED * function.theta_error)
         half = _TWO_SIDED * function.beta_error
         rows.append(
             (
-                *((function.type, function.state) * typed),
+                *((function.type, function.state) * has_types),
                 *((_state(function.damage),) * damaged),
                 function.threshold_text,
                 function.theta,
@@ -334,15 +346,16 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
                 function.beta,
                 max(function.beta - half, 0.0),
                 function.beta + half,
-                *((function.beta_total,) * total),
+                *((function.beta_total,) * has_total_beta),
                 function.motions or function.runs,
-                *((function.runs,) * repeated),
+                *((function.runs,) * has_several_runs),
                 function.censored,
             )
         )
-    meanings = {name: {"meaning": "", "unit": unit} for name in numbers[:3]}
-    counts = (*numbers[3:], "total_beta", "motions", "runs", "censored")
-    return Table(columns, rows, meanings | {name: {"meaning": "", "unit": "1"} for name in counts})
+    meanings = {name: {"meaning": "", "unit": unit} for name in parameters[:3]}
+    dimensionless = (*parameters[3:], "total_beta", "motions", "runs", "censored")
+    meanings |= {name: {"meaning": "", "unit": "1"} for name in dimensionless}
+    return Table(columns, rows, meanings)
 
 
 def fragility_page(

@@ -517,8 +517,8 @@ class Fragility:
         si = next((si for si, units in quantities.items() if self.unit in units), "")
         if not si:
             raise UsageError(
-                f"output units require intensities with a known unit, got {self.unit!r}; add a "
-                "column unit to the table"
+                "output units cannot be used, because the unit of the intensities is unknown, got "
+                f"{self.unit!r}; add a column `unit` to the table, with a unit such as m/s^2"
             )
         unit, value = units.unit(si)
         factor = quantities[si][self.unit] / value

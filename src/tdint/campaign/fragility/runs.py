@@ -371,7 +371,7 @@ class _Group:
 
         Parameters
         ----------
-        of : BuildingDamage
+        damage : BuildingDamage
             Damage of the building after each run.
         chosen : ndarray of bool, shape (runs,)
             Runs at the level.
@@ -399,8 +399,9 @@ class _Group:
                 self._money[motion] = (
                     self._money[motion] + share if motion in self._money else share
                 )
-        # Accumulate the variance of the loss, which is due to the runs and the thresholds, with the
-        # cost as weight and with the number of runs as weight.
+        # Add the variance and the standard deviation of the loss, which result from the scatter of
+        # the runs and of the damage thresholds, twice: weighted with the cost for the loss, and
+        # with the number of runs for the loss ratio.
         if has_losses and counted.any() and number > 0.0:
             mean = float(damage.loss[counted].mean())
             deviation = math.sqrt(max(float(damage.squared_loss[counted].mean()) - mean**2, 0.0))

@@ -227,7 +227,8 @@ def _places(
             entry.fault(f"there is no {place} {name}; {place} numbers are from 1 to {count}")
             return []
         chosen = [i for i in range(first - 1, last) if applies[i]]
-        # A range may include isolators, to which drift ratios do not apply; a number must not.
+        # Stories of a range to which the quantity does not apply, such as isolators for drift
+        # ratios, are skipped; the quantity must apply to a single story.
         if not chosen:
             entry.fault(f"{place} {name}: {_NOT_APPLICABLE[quantity]}")
         return chosen

@@ -526,7 +526,8 @@ class Value:
             self.fault(f"give either {' or '.join(map(' and '.join, alternatives))}, not both")
             return None
         if kind.ways and not any(section.mentions(*keys) for keys in kind.ways):
-            self.fault(f"must be {kind.what}, got a mapping without either")
+            names = ", ".join(name for keys in kind.ways for name in keys)
+            self.fault(f"must be {kind.what}, got a mapping without any of the keys {names}")
         # Entries of an incomplete mapping are also converted, so that their errors are reported.
         required = (key.name for key in kind.declared if key.needed)
         needed = {*alternatives[0]} if alternatives else {*required}

@@ -647,7 +647,8 @@ def rotated_picture(
         Target spectrum.
     """
     units = units.in_figures
-    # A line is a percentile or the geometric mean of a ground motion at a damping ratio.
+    # Each line shows one ground motion at one damping ratio: a percentile over the horizontal
+    # directions (RotD), or the geometric mean of the two components.
     lines: list[Any] = []
     for spectrum in spectra:
         motion = spectrum.motion

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import chain
@@ -233,6 +234,7 @@ def type_table(store: Store) -> Table:
 
 
 def _type_rows(store: Store) -> Iterator[list[Any]]:
+    """Return the rows of damage-types.csv: one per type, event, level and damage state."""
     demand = _pair_demand(store)
     return (
         [
@@ -276,6 +278,7 @@ def loss_table(store: Store) -> Table:
 
 
 def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
+    """Return the rows of losses.csv in the order that `write_losses` describes."""
     costs, demand = has_costs(store), _pair_demand(store)
     # The total over all types is meaningful if there are costs, or for comparison with its parts.
     groups = chain(
@@ -362,25 +365,28 @@ _HOW = (
 )
 
 
-def _exceeding(loss: float, means: Array, deviations: Array, most: Array) -> Array:
-    """Return the probability that losses with beta distributions reach a loss.
+def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> Array:
+    """Return the probability that each of several losses, which have beta distributions between 0
+    and `maxima`, reaches or exceeds `loss`.
 
     Parameters
     ----------
     loss : float
-        Loss that is reached or exceeded.
+        Loss to be reached or exceeded.
     means, deviations : ndarray, shape (k,)
         Means and standard deviations of the losses.
-    most : ndarray, shape (k,)
+    maxima : ndarray, shape (k,)
         Maximum losses, the upper bounds of the distributions.
     """
-    mean, part = means / most, loss / most
-    # The variance is limited to its maximum at these means. Without scatter, the loss is the mean.
-    variance = np.minimum((deviations / most) ** 2, (1.0 - 1e-9) * mean * (1.0 - mean))
-    sharp = variance <= 1e-12 * mean**2
-    weight = mean * (1.0 - mean) / np.where(sharp, 1.0, variance) - 1.0
-    a, b = (np.where(sharp, 1.0, weight * share) for share in (mean, 1.0 - mean))
-    return np.asarray(np.where(sharp, means >= loss, 1.0 - betainc(a, b, np.minimum(part, 1.0))))
+    mean, relative_loss = means / maxima, loss / maxima
+    # A beta distribution with this mean has a variance below mean (1 - mean).
+    variance = np.minimum((deviations / maxima) ** 2, (1.0 - 1e-9) * mean * (1.0 - mean))
+    # A loss without scatter is equal to its mean.
+    is_certain = variance <= 1e-12 * mean**2
+    a_plus_b = mean * (1.0 - mean) / np.where(is_certain, 1.0, variance) - 1.0
+    a, b = (np.where(is_certain, 1.0, a_plus_b * fraction) for fraction in (mean, 1.0 - mean))
+    probability = 1.0 - betainc(a, b, np.minimum(relative_loss, 1.0))
+    return np.asarray(np.where(is_certain, means >= loss, probability))
 
 
 def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
@@ -397,13 +403,13 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
         curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
         for of in groups:
             lost = float((of.money if costs else of.loss).value[0])
-            if lost == lost:
+            if not math.isnan(lost):
                 curves.setdefault((of.part, of.level), []).append((lost, of))
         for (part, level), events in curves.items():
             events.sort(key=lambda event: -event[0])
             rate = np.array([rates[of.event] for _, of in events])
             means = np.array([lost for lost, _ in events])
-            most = np.array(
+            maxima = np.array(
                 [
                     (of.value if costs else 1.0) * (max(of.states.outcome_losses) or 1.0)
                     for _, of in events
@@ -415,7 +421,10 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
                     float(
                         rate
                         @ _exceeding(
-                            lost, means, np.array([other.scatter[way] for _, other in events]), most
+                            lost,
+                            means,
+                            np.array([other.scatter[way] for _, other in events]),
+                            maxima,
                         )
                     )
                     for way in (0, 1)
@@ -431,13 +440,15 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
 
 def _pair_demand(store: Store) -> tuple[str, ...]:
     """Return the cell that states how pairs are counted, if there are pairs."""
-    stated = store.pair_rule().stated
-    return (stated,) * bool(stated)
+    pair_demand = store.pair_rule().stated
+    return (pair_demand,) if pair_demand else ()
 
 
 def _counts(of: TypeDamage) -> tuple[int, ...]:
+    """Return the cells of the columns `COUNTS`."""
     return of.buildings, of.runs, of.failed
 
 
 def _event(of: TypeDamage) -> tuple[str, ...]:
+    """Return the cell of the event; empty if the campaign has no events."""
     return (cell_text(of.event),) if of.event else ()

@@ -108,6 +108,7 @@ def check_events(store: Store, chosen: Collection[str]) -> None:
 
 
 def _features(store: Store, units: OutputUnits, chosen: Collection[str]) -> Iterator[Feature]:
+    """Yield the feature of each building, event and level, as in `write_geojson`."""
     from tdint.campaign.batch import Run
     from tdint.campaign.profiles import SuiteRules
 
@@ -145,23 +146,23 @@ def _features(store: Store, units: OutputUnits, chosen: Collection[str]) -> Iter
         position = _position(cells[longitude], cells[latitude])
         geometry = {"type": "Point", "coordinates": position} if position else None
         value = _value_of(dict(zip(titles, cells, strict=False))) if costs else math.nan
-        every = sorted({key.sample for key in runs}) if events else [0]
+        building_events = sorted({key.sample for key in runs}) if events else [0]
         annual = _annual_losses(damage, rates, events) if damage and rates else {}
-        for event in every:
+        for event in building_events:
             if chosen and events[event - 1] not in chosen:
                 continue
             head: Feature = {"building": buildings[number][0]} | (
                 {"event": events[event - 1]} if events else {}
             )
             # Without events, all runs belong to event 0.
-            mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
+            runs_of_event = {key: row for key, row in runs.items() if event in (0, key.sample)}
             for rank, level in enumerate(
-                rules.levels({key: row[_STATUS] for key, row in mine.items()})
+                rules.levels({key: row[_STATUS] for key, row in runs_of_event.items()})
             ):
                 results = _damage(damage, rank, event) if damage else {}
                 results |= _losses(results, value, annual, rank, event)
                 results |= {"pair_demand": level.pair_demand} if level.pair_demand else {}
-                feature = head | _of_level(level, mine, units) | results | carried
+                feature = head | _of_level(level, runs_of_event, units) | results | carried
                 yield {"type": "Feature", "geometry": geometry, "properties": feature}
 
 
@@ -190,9 +191,12 @@ def _annual_losses(
     losses: dict[tuple[int, int], list[float]] = {}
     known = zip(damage.rank.tolist(), damage.keys, damage.loss.tolist(), strict=True)
     for rank, key, loss in known:
-        if loss == loss:
+        if not math.isnan(loss):
             losses.setdefault((rank, key.sample), []).append(loss)
-    return {key: rates[events[key[1] - 1]] * math.fsum(of) / len(of) for key, of in losses.items()}
+    return {
+        (rank, event): rates[events[event - 1]] * math.fsum(ratios) / len(ratios)
+        for (rank, event), ratios in losses.items()
+    }
 
 
 def _losses(
@@ -213,19 +217,20 @@ def _losses(
     """
     if LOSS.name not in results:
         return {}
+    # Without costs, annual losses are fractions of the value of the building.
     ratio, feature, unit = results[LOSS.name], Feature(), 1.0
-    if value == value:
+    if not math.isnan(value):
         unit = value
         feature = {
             _VALUE: digits(value),
             _LOSS: None if ratio is None else digits(value * ratio),
         }
     if annual:
-        mine = annual.get((rank, event))
-        every = math.fsum(of for (level, _), of in annual.items() if level == rank)
+        by_event = annual.get((rank, event))
+        over_events = math.fsum(loss for (level, _), loss in annual.items() if level == rank)
         feature |= {
-            _ANNUAL: None if mine is None else digits(unit * mine),
-            _AVERAGE: digits(unit * every),
+            _ANNUAL: None if by_event is None else digits(unit * by_event),
+            _AVERAGE: digits(unit * over_events),
         }
     return feature
 
@@ -269,67 +274,84 @@ def write_districts(
 def _districts(
     store: Store, by: str, polygons: Mapping[str, Feature] | None, chosen: Collection[str]
 ) -> Iterator[Feature]:
-    places, rates, costs = _places_of_parts(store, by), store.rates(), has_costs(store)
+    """Yield a feature for each district (value of the column `by`), event and level.
+
+    The properties are the numbers of buildings and runs, the mean loss, and with event rates the
+    annual loss due to the event and the average annual loss of the district over all events.
+
+    Parameters
+    ----------
+    store, by, polygons
+        As in `write_districts`.
+    chosen : collection of str
+        Events to write; all if empty.
+    """
+    positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
     groups = list(group_damages(store, by=by))
-    stated = store.pair_rule().stated
+    pair_demand = store.pair_rule().stated
 
-    # The average annual loss of a district is the sum over all events, also those not written.
-    def lost(of: TypeDamage) -> float:
-        return float((of.money if costs else of.loss).value[0])
-
-    annual: dict[tuple[str, float], list[float]] = {}
-    for of in groups:
-        if rates and lost(of) == lost(of):
-            annual.setdefault((of.part, of.level), []).append(rates[of.event] * lost(of))
+    def mean_loss(group: TypeDamage) -> float:
+        """Return the mean loss of a group; without costs the mean loss ratio."""
+        return float((group.money if costs else group.loss).value[0])
 
     def cell(value: float) -> float | None:
-        return digits(value) if value == value else None
+        return None if math.isnan(value) else digits(value)
 
-    for of in groups:
-        if chosen and of.event not in chosen:
+    # The average annual loss of a district is the sum over all events, also those not written.
+    annual: dict[tuple[str, float], list[float]] = {}
+    for group in groups:
+        if rates and not math.isnan(mean_loss(group)):
+            annual.setdefault((group.part, group.level), []).append(
+                rates[group.event] * mean_loss(group)
+            )
+    for group in groups:
+        if chosen and group.event not in chosen:
             continue
-        feature: Feature = {by: of.part} | ({"event": of.event} if of.event else {})
-        feature |= {"level": digits(of.level), "buildings": of.buildings, "runs": of.runs}
-        feature |= {"failed": of.failed, LOSS.name: cell(float(of.loss.value[0]))}
+        feature: Feature = {by: group.part} | ({"event": group.event} if group.event else {})
+        feature |= {"level": digits(group.level), "buildings": group.buildings, "runs": group.runs}
+        feature |= {"failed": group.failed, LOSS.name: cell(float(group.loss.value[0]))}
         if costs:
-            feature |= {_VALUE: cell(of.value), _LOSS: cell(float(of.money.value[0]))}
-            feature[f"{_LOSS}_error"] = cell(float(of.money.error[0]))
+            feature |= {_VALUE: cell(group.value), _LOSS: cell(float(group.money.value[0]))}
+            feature[f"{_LOSS}_error"] = cell(float(group.money.error[0]))
         if rates:
-            every = annual.get((of.part, of.level), [])
+            losses_of_events = annual.get((group.part, group.level), [])
             feature |= {
-                _ANNUAL: cell(rates[of.event] * lost(of)),
-                _AVERAGE: cell(math.fsum(every) if every else math.nan),
+                _ANNUAL: cell(rates[group.event] * mean_loss(group)),
+                _AVERAGE: cell(math.fsum(losses_of_events) if losses_of_events else math.nan),
             }
-        feature |= {"pair_demand": stated} if stated else {}
-        points = places.get(of.part, [])
+        feature |= {"pair_demand": pair_demand} if pair_demand else {}
+        points = positions.get(group.part, [])
         geometry: Feature | None = {"type": "MultiPoint", "coordinates": points} if points else None
-        geometry = geometry if polygons is None else polygons.get(of.part)
+        geometry = geometry if polygons is None else polygons.get(group.part)
         yield {"type": "Feature", "geometry": geometry, "properties": feature}
 
 
-def _places_of_parts(store: Store, by: str) -> dict[str, list[list[float]]]:
+def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]]:
     """Return the positions of the buildings with each value of a column of the inventory."""
     titles = [title.lower() for title in store.inventory_columns()]
     column, *degrees = (titles.index(name) for name in (by.lower(), "longitude", "latitude"))
-    places: dict[str, list[list[float]]] = {}
+    positions: dict[str, list[list[float]]] = {}
     for building in store.buildings():
         cells = store.carried(building)
-        east, north = (cells[place] for place in degrees)
+        east, north = (cells[index] for index in degrees)
         if position := _position(east, north):
-            places.setdefault(cells[column], []).append(position)
-    return places
+            positions.setdefault(cells[column], []).append(position)
+    return positions
 
 
-def read_polygons(source: str, by: str, parts: Iterable[str]) -> dict[str, Feature]:
-    """Read the geometries of a GeoJSON file, by their property with the name of a column.
+def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feature]:
+    """Read the polygons of a GeoJSON file.
+
+    The result contains the geometry of each value of the property `by`, for example of each name of
+    a district.
 
     Parameters
     ----------
     source : str
         GeoJSON file: a FeatureCollection of polygons with longitude and latitude in degrees.
     by : str
-        Name of the property and of the column of the inventory, regardless of case.
-    parts : iterable of str
+        Name of the property; the column of the inventory has the same name, regardless of case.
+    values : iterable of str
         Values of the column. Each one must have a polygon.
 
     Raises
@@ -344,8 +366,11 @@ def read_polygons(source: str, by: str, parts: Iterable[str]) -> dict[str, Featu
     try:
         features = json.loads(data)["features"]
         named = [
-            ({name.lower(): text for name, text in of["properties"].items()}, of["geometry"])
-            for of in features
+            (
+                {name.lower(): text for name, text in feature["properties"].items()},
+                feature["geometry"],
+            )
+            for feature in features
         ]
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
         raise UsageError(f"{source}: cannot be read; {needs}") from None
@@ -361,7 +386,7 @@ def read_polygons(source: str, by: str, parts: Iterable[str]) -> dict[str, Featu
             if name in shapes:
                 raise UsageError(f"{source}: {by} {name!r} is there twice; merge its polygons")
             shapes[name] = geometry
-    missing = [part for part in dict.fromkeys(parts) if part and part not in shapes]
+    missing = [value for value in dict.fromkeys(values) if value and value not in shapes]
     if missing:
         listed = ", ".join(missing[:10]) + ", ..." * (len(missing) > 10)
         raise UsageError(f"{source}: no polygon of {by} {listed}; {needs}")
@@ -392,21 +417,21 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
     return feature
 
 
-def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
+def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
     """Return mean probabilities of damage states and the mean loss ratio of the runs of a level.
 
     If `event` is not 0, only the runs of this event are included.
     """
-    mine = np.array([event in (0, sample) for _, _, sample in of.keys])
-    chosen = of.known & (of.rank == rank) & mine
+    is_of_event = np.array([event in (0, sample) for _, _, sample in damage.keys])
+    chosen = damage.known & (damage.rank == rank) & is_of_event
+    outcomes = damage.states.outcomes
     means = (
-        of.probability[chosen].mean(axis=0).tolist()
-        if chosen.any()
-        else [None] * len(of.states.outcomes)
+        damage.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(outcomes)
     )
-    if of.states.losses:
-        means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
-    names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
+    names = [*map(probability_name, outcomes)]
+    if damage.states.losses:
+        means.append(float(damage.loss[chosen].mean()) if chosen.any() else None)
+        names.append(LOSS.name)
     return {
         name: None if mean is None else digits(mean)
         for name, mean in zip(names, means, strict=True)

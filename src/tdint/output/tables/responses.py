@@ -111,9 +111,10 @@ def response_table(response: Response) -> Table:
 
 
 def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
-    """Return the columns of a response history in groups that repeat for each floor or story.
+    """Return the columns of a response history in groups.
 
-    An empty group name marks columns that do not repeat.
+    A group with the name `floor` or `story` is written for each floor or story; a group with an
+    empty name is written once. `error` adds the columns of the estimated errors.
     """
     errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
     return (

@@ -263,10 +263,13 @@ CLOUD = (
 
 
 def _of_line(function: Fragility, name: str) -> float:
+    """Return a parameter of the regression line; nan for functions of other fits."""
     return getattr(function.cloud, name, np.nan)
 
 
 def _bound(place: int, name: str) -> Column:
+    """Return the column of a parameter that is fitted with all failed runs counted as exceeding
+    (`place` 0) or as not exceeding (`place` 1)."""
     word, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[place]
     return Column(
         f"{name}_failed_{word}",
@@ -373,17 +376,18 @@ class _CurveRows:
 
 def ida_table(study: IdaStudy) -> Table:
     """Return the table with one row per run of each record, from the lowest level."""
-    columns = (*_with_damage(IDA, study), *IDA_ERRORS * study.checked)
+    columns = (*_with_damage(IDA, study), *(IDA_ERRORS if study.checked else ()))
     return _with_unit(Table.of_results(columns, _curves(study)), study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
-    """Return the table with one row per ground motion and threshold.
+    """Return the capacities, one row per ground motion and drift threshold.
 
-    A pair is one ground motion unless its components count separately.
+    The two horizontal components of a pair are one ground motion unless they count separately.
     """
-    stated = (replace(PAIR_DEMAND, value="study.pair_demand"),) * bool(study.partners)
-    columns = (*_with_damage(CAPACITIES, study), *stated)
+    # The rule for the demand of a pair is a column only if the study has pairs.
+    pair_demand = (replace(PAIR_DEMAND, value="study.pair_demand"),) if study.partners else ()
+    columns = (*_with_damage(CAPACITIES, study), *pair_demand)
     capacities = (
         replace(curve, capacity=curve.curve.capacity(threshold))
         for curve in _motion_curves(study)
@@ -421,7 +425,7 @@ def fragility_table(
         *FRAGILITY,
         *(CLOUD if any(function.cloud for function in functions) else ()),
         *(FAILED if any(function.failed and not function.type for function in functions) else ()),
-        *(FRAGILITY_TOTAL,) * total,
+        *((FRAGILITY_TOTAL,) if total else ()),
         *COUNTED[
             : len(_COUNTS)
             * max(
@@ -531,6 +535,7 @@ def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
 
 
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
+    """Yield the curves of all components, with the names of the components."""
     # The names are distinct over all states of damage.
     names = component_names([curve.record for curve in study.curves])
     for curve, name in zip(study.curves, names, strict=True):
