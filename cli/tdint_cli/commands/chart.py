@@ -504,8 +504,8 @@ def _chart(
 
 
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
-    """Return, for each limit of `LIMITS`, the cheapest method and time step whose error of the kind
-    --target-error is below the limit. Each advice also contains the error of the peak drifts that
+    """Return, for each limit of `LIMITS`, the cheapest method and time step with an error of
+    --target-error below the limit. Each advice also contains the error of the peak drifts that
     `tdint run` would estimate for this method and time step.
 
     Parameters

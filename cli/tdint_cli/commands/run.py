@@ -528,7 +528,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         motion = (
             f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
         )
-    # Name the clock if it does not measure the processor time of this thread.
+    # Name the clock unless it measures the processor time of the thread.
     clock = system.clock()
     clock_text = "" if clock == "thread_time" else f" of {system.CLOCKS[clock]}"
     microseconds = 1e6 * response.solver_time / response.steps

@@ -429,8 +429,8 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
 
 @dataclass(frozen=True)
 class _Part:
-    """Contents of the store of a part of a campaign: a directory with some of its runs, such as
-    those of a shard.
+    """Contents of the store of a part of a campaign: a directory with some of its runs, such as a
+    shard.
 
     `identity` contains the values that must be equal in all parts of a campaign.
     """
@@ -470,8 +470,8 @@ def _check_same(part: _Part, other: _Part) -> None:
         return
     has_new_inventory = part.identity["inventory files"] != other.identity["inventory files"]
     if all(part.identity[key] == other.identity[key] for key in ("fingerprint", "chunks")):
-        # The runs are the same. The parts still cannot be merged, because the inventory or the
-        # section damage, with which the tables are written, differ.
+        # The runs are the same. The parts still cannot be merged, because the tables depend on the
+        # inventory and on the section damage, and these differ.
         lines = "\n".join([INVENTORY_CHANGED] * has_new_inventory)
         if any(part.identity[key] != other.identity[key] for key in ("inventory", "damage")):
             lines = (

@@ -439,8 +439,8 @@ def fractiles(
     (len(fractions), k).
 
     Records without a run below collapse are omitted. A fractile between two records is interpolated
-    linearly in the logarithm; it is NaN if one of them is censored (infinite intensity), unknown
-    (NaN), or zero.
+    linearly in the logarithm; it is NaN if the intensity of one record is censored (infinite),
+    unknown (NaN), or zero.
 
     Parameters
     ----------

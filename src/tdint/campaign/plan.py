@@ -126,7 +126,7 @@ class Plan:
 
     @property
     def unused(self) -> list[tuple[str, str]]:
-        """Inputs that could not be used, as pairs: the kind, `record` or `building`, and the
+        """Inputs that could not be used, as pairs: the type, `record` or `building`, and the
         reasons. Errors in the same line of a file are one pair."""
         reasons_of: dict[tuple[str, str], list[str]] = {
             ("building", str(fault)): [str(fault)] for fault in self.too_far_from_sites
@@ -409,8 +409,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
     """Return the buildings, each with its method.
 
-    The method is that of the campaign; if it has none, that of the model; otherwise the default,
-    which a note reports.
+    The campaign specifies the method for all buildings, otherwise the model; a building without a
+    specified method has the default, and a note reports this.
 
     Parameters
     ----------

@@ -387,7 +387,7 @@ class Store:
             The disk is full, the file is corrupt, or another process is writing.
         """
         # The fields of `done.rows` are in the order of `ROW_TABLES`: runs, stories and events of
-        # sequences. `plain` converts their values to those that SQLite returns.
+        # sequences. `plain` converts the values to the types of SQLite.
         by_table = zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
         rows = [table.plain(table_rows) for table, table_rows in by_table]
         run_count, story_count = len(rows[0]), len(rows[1])

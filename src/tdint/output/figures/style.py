@@ -284,7 +284,7 @@ class Picture:
         printed = PRINTED.get()
         dpi, metadata = _RESOLUTION[bool(printed.width)], _METADATA[self.kind]
         # Only for PNG, the layout can be computed before the file is written: in vector formats,
-        # the viewer determines the widths of characters, which differ from those in pixels.
+        # the viewer determines the widths of characters, which differ from widths in pixels.
         placed = _laid_out(figure, dpi) if self.kind == "png" else nullcontext()
         with (
             mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
