@@ -181,6 +181,7 @@ def command(request: Request) -> None:
 
 
 def _compare(request: Request) -> None:
+    """Compare intensity measures, write the table and report the most efficient measure."""
     from tdint.campaign.fragility.measures import compare_measures
 
     fits = compare_measures(request.table, request.im or (), request.sufficiency)

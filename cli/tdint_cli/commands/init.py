@@ -252,6 +252,7 @@ def _laws(request: Request) -> list[FittedLaw]:
 
 
 def _model(name: str, request: Request, motion: str | None) -> str:
+    """Return the text of the model file: stories from the options, or a structural type."""
     from tdint.model.story_curves import story_model, type_model
 
     if request.structure is None:

@@ -306,6 +306,7 @@ def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | N
 
 
 def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
+    """Return the damping, and the first mode with its spectral acceleration if it is known."""
     damping: dict[str, Any] | None = None
     match model.damping:
         case RayleighCoefficients(mass, stiffness):
@@ -328,6 +329,7 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
 
 
 def _shock(shock: Shock) -> dict[str, Any]:
+    """Return record, start and peaks of an event of a sequence, with errors if estimated."""
     errors = peak_errors(shock.stories, shock.errors) if shock.errors else None
     record = motion_summary(shock.record)
     return {
@@ -339,6 +341,7 @@ def _shock(shock: Shock) -> dict[str, Any]:
 
 
 def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
+    """Return the error estimate of a run; None if the errors were not estimated."""
     if check is None:
         return None
     choice = check.step_choice

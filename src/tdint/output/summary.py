@@ -470,6 +470,7 @@ def _parameters_of(lines: Iterable[str]) -> dict[str, dict[str, float]]:
 
 
 def _timing(timing: Timing) -> Mapping[str, Any]:
+    """Return the conditions of the time measurement of a chart."""
     return {
         "clock": CLOCKS[timing.clock],
         "repeats": list(timing.repeats),
@@ -481,6 +482,7 @@ def _timing(timing: Timing) -> Mapping[str, Any]:
 
 
 def _point(point: Point, target: str) -> dict[str, Any]:
+    """Return a point of a chart with its error of the target quantity."""
     return {
         "method": point.method,
         "dt_s": point.dt,
@@ -542,6 +544,7 @@ def comparison_summary(
 
 
 def _event(comparison: Comparison) -> dict[str, Any]:
+    """Return an event of a comparison with its settings and its agreement on each floor."""
     from tdint.analysis.compare import absolute_displacements
     from tdint.methods.catalogue import resolved
 

@@ -683,6 +683,7 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
 
 
 def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
+    """Draw the costs of the methods over their errors, with the front of the cheapest points."""
     # In one column, the explanation is the title of the legend, and the panel is higher.
     narrow = is_narrow()
     figure = Figure(figsize=(7.5, _HIGH if narrow else 5.6), layout="constrained")
@@ -772,6 +773,7 @@ def _title(drawing: _Drawing, name: str, subject: str) -> str:
 
 
 def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
+    """Draw the errors of the methods over their time steps."""
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
     handles, labels = [], []

@@ -170,6 +170,7 @@ def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
 
 
 def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:
+    """Draw the recorded and the computed motion of a floor."""
     unit = _UNITS[floor.quantity]
     axes.plot(floor.time, units.of(floor.recorded, unit), color=_RECORDED, linewidth=1.6)
     axes.plot(floor.time, units.of(floor.computed, unit), color=_COMPUTED, linewidth=0.7)
@@ -572,6 +573,7 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
 
 
 def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
+    """Draw acceleration, velocity, displacement and Husid plot of a record in a column of panels."""
     record, measures = info.record, info.measures
     motion = integrate(record)
     time = np.arange(record.acceleration.size) * record.dt

@@ -137,6 +137,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
 
 
 def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> None:
+    """Draw the roof displacement and, if it is wide enough, the band of its estimated error."""
     roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
     if history.error is not None:
@@ -478,6 +479,7 @@ def sensitivity_picture(
 
 
 def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: OutputUnits) -> None:
+    """Draw a bar from the low to the high value of a quantity for each varied parameter."""
     first = parameter_effects[0]
     if first.quantity.unit == "1":
         factor, unit = 100.0, "%"

@@ -173,6 +173,7 @@ OVERSHOOT = (
 
 
 def _order(quantity: str) -> Column:
+    """Return the column of the observed order of accuracy of a quantity."""
     return Column(
         f"{quantity}_order",
         "1",
@@ -202,6 +203,7 @@ ORDER = (
 
 
 def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
+    """Return the column of an error of a chart; nan for points without errors."""
     return Column(
         f"{name or quantity}_error",
         "1",
@@ -395,6 +397,7 @@ def sizes_table(charts: Iterable[Chart]) -> Table:
 
 
 def _within(factor: float, name: str = "") -> Column:
+    """Return the column of the number of problems solved within a factor of the minimum cost."""
     meaning = f"number of these problems with a cost of at most {factor:g} times the minimum cost"
     return Column(
         name or f"within_{factor:g}", "1", lambda profile: profile.within(factor), meaning

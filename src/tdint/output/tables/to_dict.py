@@ -272,6 +272,7 @@ def _of_modes(result: Any) -> _Values:
 
 
 def _of_history(result: History) -> _Values:
+    """Return the columns of a response history with their values, as in the CSV file."""
     stories, error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
     for place, columns in responses.history_groups(error):
