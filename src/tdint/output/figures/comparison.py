@@ -573,7 +573,7 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
 
 
 def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
-    """Draw acceleration, velocity, displacement and Husid plot of a record in a column of panels."""
+    """Draw acceleration, velocity, displacement and Husid plot of a record, one per panel."""
     record, measures = info.record, info.measures
     motion = integrate(record)
     time = np.arange(record.acceleration.size) * record.dt
