@@ -9,7 +9,8 @@ from step_checks import SingleSteps
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import corners
 from tdint.kernels.equations import impulse4 as equations
-from tdint.kernels.equations.iteration import TANGENT_TOLERANCE
+from tdint.kernels.equations import impulse_momentum as momentum
+from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, TANGENT_TOLERANCE
 from tdint.kernels.equations.moment4 import ROW, STORE
 from tdint.kernels.linear_terms import force_moment, force_rate
 from tdint.kernels.peaks_between_steps import _max_interior_bezier_point
@@ -106,3 +107,22 @@ def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
                 assert equations._evaluate_laws(*path) == stale
                 scratch[factors + row, story] -= change * tolerance
     assert equations._evaluate_laws(False, coefficients, scene, 0.5, space.memory, factors)
+
+
+def test_impulse4_tolerates_the_rounding_of_the_displacements():
+    """The tolerated residual is between one and a thousand units in the last place of the force
+    that the displacements of both floors of a story would need on its own spring."""
+    steps = SingleSteps("impulse4")
+    space, building = steps.space, steps.building
+    no_forces = np.zeros((0, rows.FORCE_COLUMNS))
+    coefficients = steps.integrator.coefficients(building, no_forces, 1.0)
+    scene = Scene(
+        building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
+    )
+    space.state[rows.DISPLACEMENT, :2] = 0.3, -0.2
+    equations._evaluate_laws(False, coefficients, scene, 1.0, space.memory, equations.FACTORS)
+    tolerated = RESIDUAL_TOLERANCE * space.scratch[momentum.SIZE, :2]
+    forces = 100.0 * np.array([0.3, 0.2 + 0.3])
+    units = tolerated / (np.finfo(float).eps * forces)
+    assert units[0] == pytest.approx(units[1], rel=1e-12)
+    assert 1.0 < units[0] < 1000.0
