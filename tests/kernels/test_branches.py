@@ -1,5 +1,6 @@
 """Drift laws: tangents, paths, energies, and the location of events."""
 
+import itertools
 import math
 
 import numpy as np
@@ -284,3 +285,27 @@ def test_the_first_turn_of_a_quadratic(seed):
     found = find_sign_change(*r)
     assert found == pytest.approx(s[below[0]], abs=1e-5) if below.size else found == NONE
     assert math.isfinite(found)
+
+
+def test_a_turn_divides_by_nothing_that_can_vanish():
+    """A caller searches only if a later Bezier point is negative. Of all such quadratics on a grid
+    with equal and zero points, the turn is a zero of the quadratic, which is negative behind it."""
+    points = [-1.0, -0.5, 0.0, 0.5, 1.0]
+    for r0, r1, r2 in itertools.product([0.5, 1.0], points, points):
+        if min(r1, r2) >= 0.0:
+            continue
+        found = find_sign_change(r0, r1, r2)
+        if r2 < 0.0:
+            assert 0.0 < found < 1.0
+            assert (1 - found) ** 2 * r0 + 2 * found * (1 - found) * r1 + found**2 * r2 == (
+                pytest.approx(0.0, abs=1e-15)
+            )
+        else:
+            assert found == NONE or r1 * r1 >= r0 * r2
+
+
+def test_a_rate_that_starts_against_its_branch_turns_at_once_or_not_in_this_step():
+    for r0 in (0.0, -1e-9):
+        assert find_sign_change(r0, -1.0, 1.0) == 0.0
+        assert find_sign_change(r0, -1.0, -1.0) == 0.0
+        assert find_sign_change(r0, 1.0, -1.0) == NONE

@@ -459,6 +459,9 @@ def _story_ends(floor, floor_below, link, drift):
 def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     """Add mass times motion of floor `i` to the sums over the floors above.
 
+    The motion is given at the start (0) and at the end (1) of the step and, for velocity and
+    acceleration, also one step before the start (earlier).
+
     Parameters
     ----------
     linear_terms : ndarray
@@ -466,7 +469,7 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     i : int
         Floor.
     floor : Ends
-        Motion of the floor relative to the ground.
+        Displacement, velocity and acceleration of the floor relative to the ground.
     inertia_above : Ends
         Sum of mass times motion over the floors above: kg m, kg m/s and N.
     mass_above : float
@@ -800,7 +803,9 @@ def _nearest_extremum(s, coefficients):
     for _ in range(3):
         slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
         curvature = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
-        # A curvature of the wrong sign would lead to an extremum of the other type: keep s.
+        # The polynomial starts with the slope p1, so the extremum is a maximum for p1 > 0 and a
+        # minimum for p1 < 0. Where the curvature has the sign of p1, Newton's method would approach
+        # the opposite extremum: keep s.
         s -= slope / curvature if curvature * p1 < 0.0 else 0.0
         s = min(max(s, 0.0), 1.0)
     return _value(s, coefficients)

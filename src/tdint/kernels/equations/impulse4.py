@@ -581,11 +581,16 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
 
 @outlined
 def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
-    """Evaluate a curved law of story `i` if the story reverses within the step.
+    """Evaluate a curved law of story `i` at three drifts if the drift rate changes its sign within
+    the step.
 
-    The drift within the step is the cubic Hermite interpolant. The law is evaluated at the reversal
-    as well as at the inner point and at the end, in chronological order. The effect of
-    the kink of the force on the step is estimated and stored in row KINK.
+    The drifts are those at the reversal, at the inner point of the quadrature (suffix `_c`) and at
+    the end, in chronological order. The drift within the step is the cubic Hermite interpolant.
+
+    The slope of the force changes at the reversal (kink), which causes an error of the quadrature.
+    Its estimate is stored in row KINK: the change of slope times the smaller of the drift
+    excursions before and after the reversal, divided by the force at the reversal. A power-law
+    dashpot adds a fraction of its force.
 
     Parameters
     ----------
@@ -605,10 +610,11 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     Returns
     -------
     tangent_c, tangent : float
-        Derivatives of the forces at the inner point and at the end, including the change of the
-        drift at the reversal, N/m.
+        Derivatives of the forces at the inner point and at the end, N/m. `tangent` includes that a
+        change of the drift at the end moves the reversal; `tangent_c` neglects it.
     is_reversed : bool
-        True if the story reverses. Otherwise nothing is stored.
+        True if the story reverses. Otherwise, and for tables with extra rows, the law is not
+        evaluated and KINK is 0.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -620,6 +626,8 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     # of loading. The story reverses if the first is positive and the second negative.
     scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
     scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
+    # With KINK 0, `first_event` locates a reversal. This also applies to all stories of a table
+    # with extra rows.
     scratch[ROW.KINK, i] = 0.0
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
@@ -636,7 +644,11 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     r = 1.0 - s
     excursion = s * s * (3.0 - 2.0 * s) * change + s * r * (r * scaled_rate_0 - s * scaled_rate_1)
     reversal_drift = start + sign * excursion
+    # Time of the inner point as a fraction of the step. With it, the quadrature is exact for linear
+    # functions.
     inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
+    # Each call evaluates the law on a path from the state in one block (0: start of the step) to a
+    # drift, and writes the new state to another block.
     if s < inner_fraction:
         loading_tangent = restoring_force_outlined(
             law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift

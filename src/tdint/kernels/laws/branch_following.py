@@ -284,7 +284,8 @@ def advancing(move: Any) -> Any:
     Parameters
     ----------
     move : function
-        Function that updates the rows other than DRIFT and FORCE, see `LawFunctions.advance`.
+        (law_parameters, law_state, i, block, step, mean_force). Updates the other rows, for example
+        the work, from the change of drift `step` (m) and the mean force (N) on the path.
 
     Returns
     -------
@@ -312,10 +313,10 @@ def advancing(move: Any) -> Any:
         """
         step = drift - law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
-        new = force + law_state[block + rows.SLOPE, i] * step
+        new_force = force + law_state[block + rows.SLOPE, i] * step
         law_state[block + rows.DRIFT, i] = drift
-        law_state[block + rows.FORCE, i] = new
-        move(law_parameters, law_state, i, block, step, 0.5 * (force + new))
+        law_state[block + rows.FORCE, i] = new_force
+        move(law_parameters, law_state, i, block, step, 0.5 * (force + new_force))
 
     return advance
 

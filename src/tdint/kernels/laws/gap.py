@@ -80,20 +80,22 @@ def _functions() -> LawFunctions:
         """
         gap = law_parameters[_GAP, i]
         drift = law_state[block + rows.DRIFT, i]
-        stop = abs(side) * law_parameters[_STOP_STIFFNESS, i]
-        law_state[block + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift + stop * (
-            drift - side * gap
-        )
+        stop_stiffness = abs(side) * law_parameters[_STOP_STIFFNESS, i]
+        stiffness = law_parameters[rows.STIFFNESS, i]
+        law_state[block + rows.FORCE, i] = stiffness * drift + stop_stiffness * (drift - side * gap)
+        # In contact, the branch is limited by the stop on one side only; within the gap, by both
+        # stops. It is valid for both signs of the drift rate (0), because the law is elastic.
         lower = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
         upper = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
-        set_branch(law_state, i, block, law_parameters[rows.STIFFNESS, i] + stop, lower, upper, 0.0)
+        set_branch(law_state, i, block, stiffness + stop_stiffness, lower, upper, 0.0)
 
     @inline
     def enter(law_parameters, law_state, i):
         """Set the branch of the committed state: within the gap, or in contact with a stop."""
         drift = law_state[rows.DRIFT, i]
-        inside = abs(drift) < law_parameters[_GAP, i]
-        set_contact(law_parameters, law_state, i, 0, 0.0 if inside else math.copysign(1.0, drift))
+        is_within_gap = abs(drift) < law_parameters[_GAP, i]
+        side = 0.0 if is_within_gap else math.copysign(1.0, drift)
+        set_contact(law_parameters, law_state, i, 0, side)
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
@@ -110,8 +112,10 @@ def _functions() -> LawFunctions:
         event : float
             End of the branch: ABOVE, BELOW or REVERSED.
         """
-        inside = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
-        set_contact(law_parameters, law_state, i, block, event if inside else 0.0)
+        # Only the limits of the branch within the gap are finite and symmetric. The events ABOVE
+        # and BELOW are 1 and -1, the sides of the stops.
+        is_within_gap = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
+        set_contact(law_parameters, law_state, i, block, event if is_within_gap else 0.0)
 
     return LawFunctions(force=force, strain_energy=strain_energy, enter=enter, switch=switch)
 

@@ -60,7 +60,8 @@ COMPILED = tuple(
 CURVED_LAWS = _codes(lambda law: law.curved)
 """Numbers of the laws with curved branches."""
 
-# A process that does not compile kernels has the variant with all laws, which have all features.
+# Kernels are compiled in variants, each for a set of laws. Kernels that run in plain Python contain
+# all laws, so at least one of them is curved.
 HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 

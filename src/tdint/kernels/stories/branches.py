@@ -86,7 +86,7 @@ _switch = select_function("switch", case_with_5_arguments, _keep_branch_after)
 
 @outlined
 def enter(law_parameters, law_state, i):
-    """Set the branch of story `i` that its committed state implies.
+    """Determine the branch of story `i` from its committed state.
 
     The default branch has the initial stiffness (or is curved) and no limits.
     """
@@ -321,12 +321,20 @@ def _root(cubic, limit, low, high, before):
 
 @outlined
 def find_sign_change(r0, r1, r2):
-    """Return the smallest s in [0, 1] from which on a quadratic is negative, or NONE.
+    """Return the smallest s in [0, 1] at which a quadratic changes from positive to negative, or
+    NONE.
+
+    The quadratic is a drift rate, positive in the direction of the branch. If it is not positive at
+    the start, the result is 0 for r1 < 0: the motion is against the direction. For r1 >= 0, the
+    start is the inexact location of the previous reversal, and the motion turns into the direction:
+    NONE. A second reversal later in the same step is not located then; the branch normally changes
+    at the start of the next step.
 
     Parameters
     ----------
     r0, r1, r2 : float
-        Bezier points of the quadratic.
+        Bezier points of the quadratic. Callers ensure that r1 or r2 is negative. For r0 > 0, the
+        quadratic is then not constant, and no divisor is 0: b >= 0 implies r2 < 0 and a < 0.
     """
     if r0 <= 0.0:
         return 0.0 if r1 < 0.0 else NONE

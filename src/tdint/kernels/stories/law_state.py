@@ -229,10 +229,11 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
 
 @inline
 def resume(law_parameters, law_state, i):
-    """Set the branch of story `i` that its committed state implies.
+    """Determine the branch of story `i` from its committed state.
 
-    A step that does not follow branches must call this function before a step that follows
-    branches. It has no effect for laws that store their branch in every state.
+    It must be called after a step that does not follow branches, because such a step does not
+    update the branch, which the next step may follow. Laws that store their branch in every state
+    need no call; the function has no effect for them.
 
     Parameters
     ----------
