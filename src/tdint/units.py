@@ -207,7 +207,7 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
     return units.scale
 
 
-# ---- Declaration of the values of a result: unit, meaning and source, at the field of the class
+# ---- Unit, meaning and source of each value of a result, declared with the field of its dataclass
 
 _SHORT = {"1": "", "text": "", "degree": "_deg", "Hz": "_hz"}
 

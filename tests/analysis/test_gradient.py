@@ -148,7 +148,7 @@ def test_at_the_end_of_a_range_neighbors_stand_on_one_side():
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("stories.stiffness", "must have a single value"),
+        ("stories.stiffness", "must be the same in all stories"),
         ("stories[0].stiffness", "counting starts at 1"),
         ("stiffnes_factor", "did you mean 'stiffness_factor'"),
         ("damping", "damping needs damping ratios"),

@@ -179,10 +179,10 @@ def test_histories_go_where_they_are_asked_to(tmp_path, runs):
         match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
     ):
         tdint.run_many(small(), **given, out={"drift": np.zeros((6, 51, 2))})
-    with pytest.raises(
-        UsageError, match="one array for each quantity of the history: drift, shear"
-    ):
+    with pytest.raises(UsageError, match="one array for each of: drift, shear"):
         tdint.run_many(small(), **{**given, "history": ("drift", "shear")}, out=file)
+    with pytest.raises(UsageError, match="out cannot be used, because no history is requested"):
+        tdint.run_many(small(), **{**given, "history": ()}, out=file)
 
 
 def test_pairs_of_a_model_a_record_and_a_scale(runs):

@@ -212,11 +212,11 @@ def test_a_break_of_a_part_of_a_sample_is_told(tmp_path, slip, noted):
         write(tmp_path / "x.mseed", *pieces, encoding="FLOAT64"), units="m/s^2"
     )
     assert record.acceleration.size == 2000
-    told = [text for text in record.notes if "break" in text]
+    told = [text for text in record.notes if "overlap" in text]
     assert len(told) == noted
     if noted:
-        count = "1 break" if abs(0.6 * slip) < 0.001 else "2 breaks"
+        count = "1 time gap or overlap" if abs(0.6 * slip) < 0.001 else "2 time gaps or overlaps"
         assert (
-            f"{count} between the records of XX.ABC.00.HNE, the largest {1e3 * slip:+.3g} ms "
-            in told[0]
-        )
+            f"{count} between the records of XX.ABC.00.HNE, each at most half a sampling interval "
+            f"(largest: {1e3 * slip:+.3g} ms "
+        ) in told[0]

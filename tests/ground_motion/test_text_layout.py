@@ -146,7 +146,7 @@ class TestColumn:
             (
                 "4",
                 "g",
-                r"states its units \(cm/s\), g contradicts|as stated in the file, but g is a "
+                r"states its units \(cm/s\), g contradicts|the specified unit g is a "
                 r"unit of acc",
             ),
         ],
@@ -157,7 +157,7 @@ class TestColumn:
     def test_the_kind_of_a_name_and_of_the_users_units(self, file):
         for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):
             fails(
-                "the units must be a unit of",
+                "according to the file its values are of the quantity",
                 file,
                 table([f"Time,{name}"], times(), COLUMNS[0]),
                 units,

@@ -423,9 +423,10 @@ class Comparison(Tabular):
         return f"of {self.response.model.name!r}: {floors}, correlations of {least:.3f} and more"
 
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
-        """Return response spectra of the floors' absolute accelerations, for the compared times.
+        """Return the response spectra of the absolute floor accelerations, computed and recorded,
+        over the time window of the comparison.
 
-        A displacement is differentiated, and the acceleration of the base is added.
+        Relative displacements are differentiated twice, and the acceleration of the base is added.
 
         Parameters
         ----------

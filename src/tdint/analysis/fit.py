@@ -199,20 +199,21 @@ class _Problem:
         self.runs = 0
 
     def model(self, logarithms: Array) -> Model:
-        """Return the model with these values."""
+        """Return the model for the logarithms of the fitted values."""
         model = self._start
         for value, logarithm in zip(self.free, logarithms, strict=True):
             model = value.put(model, math.exp(logarithm))
         return model
 
     def computed(self, logarithms: Array) -> list[Array] | None:
-        """Return the motions of the floors; None if the run has no result."""
+        """Return the computed motions of the floors for the logarithms of the fitted values; None
+        if the run has no result."""
         self.runs += 1
         self._progress(self.runs)
         try:
             case = compare.case_under(self.model(logarithms), self._event, self._method)
             return compare.computed_floors(
-                compare.respond(case, None, self._event.recording.band), self._event
+                compare.respond(case, dt=None, band=self._event.recording.band), self._event
             )
         except AnalysisError:
             return None
@@ -285,7 +286,7 @@ def _minimize(
         return latest[x.tobytes()]
 
     def derivatives(x: Array) -> Array:
-        # SciPy has just evaluated the residuals at x, in general.
+        # SciPy has usually just evaluated the residuals at x: use these if they are still stored.
         base = latest[x.tobytes()] if x.tobytes() in latest else evaluate(x)
         steps = np.where(x + _DIFFERENCE_STEP <= bounds[1], _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
         columns = [

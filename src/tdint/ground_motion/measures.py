@@ -360,12 +360,16 @@ def bracketed_duration(record: Record, threshold: float) -> float:
         return 0.0
 
     def crossing(outside: int, inside: int) -> float:
-        """Return the time of the threshold between two neighboring samples, in intervals."""
+        """Return the time at which the line between the sample `outside` (below the threshold) and
+        its neighbor `inside` (at or above it) crosses the threshold, in sampling intervals."""
         if not 0 <= outside < size.size:
             return float(inside)
-        top = float(record.acceleration[inside])
-        below = math.copysign(1.0, top) * float(record.acceleration[outside])
-        return outside + (inside - outside) * (threshold - below) / (abs(top) - below)
+        # Both values are positive in the direction of the inner sample.
+        sign = math.copysign(1.0, float(record.acceleration[inside]))
+        value_inside = sign * float(record.acceleration[inside])
+        value_outside = sign * float(record.acceleration[outside])
+        fraction = (threshold - value_outside) / (value_inside - value_outside)
+        return outside + (inside - outside) * fraction
 
     first, last = int(reached[0]), int(reached[-1])
     return record.dt * (crossing(last + 1, last) - crossing(first - 1, first))

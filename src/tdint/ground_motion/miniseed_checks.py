@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 
 from tdint.errors import RecordError
-from tdint.number_parsing import pluralize
 
 # ---- Values stated in a file, and their comparison with the samples that were read
 
@@ -308,10 +307,11 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
         ]
         if slips:
             worst, number = max(slips, key=lambda slip: abs(slip[0]))
+            kind = "gap or overlap" if len(slips) == 1 else "gaps or overlaps"
             warnings.warn(
-                f"{pluralize(len(slips), 'break')} between the records of {name}, the largest "
-                f"{1e3 * worst:+.3g} ms before record {number}: less than half a sampling interval "
-                "each, joined without them",
+                f"{len(slips)} time {kind} between the records of {name}, each at most half a "
+                f"sampling interval (largest: {1e3 * worst:+.3g} ms before record {number}, "
+                "negative for an overlap); the samples are joined at equal intervals",
                 stacklevel=2,
             )
     counts: Counter[str] = Counter()

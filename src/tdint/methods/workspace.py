@@ -92,7 +92,8 @@ def workspace(
     family = integrator.family
     flags = np.zeros(rows.FLAGS_SIZE)
     flags[rows.LINEAR] = building.linear
-    # With power-law dashpots, a step is not linear on the branches.
+    # ALL_BRANCHES if the equations of a step are linear as long as no branch changes, so that one
+    # linear solution is sufficient. Power-law dashpots exclude this, as curved laws do.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
     if building.piecewise_linear and not building.power_damped:
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
@@ -110,7 +111,8 @@ def workspace(
                 f"of memory, {free / 1000000000.0:.3g} GB are free; use fewer time steps, or "
                 "write the history to a file, which needs less memory"
             )
-    # Value of row INTERNAL of a story that has failed; nan for laws that do not fail.
+    # Value of row INTERNAL of a story that has failed; nan for laws that do not fail. The last
+    # column of the table belongs to no story.
     codes = building.law_parameters[rows.CODE, :-1].astype(int).tolist()
     failed = np.array([LAWS[code].failed for code in codes])
     totals = np.zeros(rows.TOTALS_SIZE)
@@ -122,6 +124,7 @@ def workspace(
         flags=flags,
         step_status=np.zeros(rows.STEP_STATUS_SIZE),
         observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
+        # The possible peaks of unresolved motion follow the peaks.
         peaks=np.zeros((2 * rows.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, failed]),
         totals=totals,

@@ -570,7 +570,8 @@ def _timed(
         progress(act, _PREPARED + (1.0 - _PREPARED) * done / total)
         done += steps.count
 
-    # Determine outcome and errors, without times. A run that diverges has no motion.
+    # First determine the outcome and the errors of each run; computing times are measured later. A
+    # run that diverges has no response to compare.
     for integrator, steps in pairs:
         advance("errors", steps)
         ended = attempt(problem.case(integrator), steps)

@@ -111,9 +111,10 @@ def number_at(model: Model, name: str) -> float:
         }
     if len(numbers) > 1:
         values = ", ".join(f"{number:.6g}" for number in sorted(numbers))
+        places = "modes" if name == "damping" else "stories"
         hint = "" if name == "damping" else "; use one story, stories[1]..., or a factor"
         raise UsageError(
-            f"gradient: {name} must have a single value in {model.name}, got {values}{hint}"
+            f"gradient: {name} must be the same in all {places} of {model.name}, got {values}{hint}"
         )
     return float(numbers.pop())
 

@@ -264,11 +264,15 @@ def history_arrays(
                 "every=, or pass arrays with out= (float32 or memory-mapped files)"
             )
         return {name: np.full(shape, math.nan) for name in kept}
-    arrays = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
-    if tuple(sorted(arrays)) != tuple(sorted(kept)) or not kept:
+    if not kept:
         raise UsageError(
-            "out must contain one array for each quantity of the history: "
-            f"{', '.join(kept) or 'no history is requested'}"
+            "out cannot be used, because no history is requested; omit out, or request a history"
+        )
+    arrays = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
+    if sorted(arrays) != sorted(kept):
+        raise UsageError(
+            f"out must contain one array for each of: {', '.join(kept)}; got "
+            f"{', '.join(map(str, arrays)) or 'no array'}"
         )
     for name, array in arrays.items():
         if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":

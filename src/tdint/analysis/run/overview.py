@@ -12,7 +12,7 @@ from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.model.building import assemble
-from tdint.model.config.model_file import load_judged
+from tdint.model.config.model_file import load_with_checks
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
 from tdint.model.plausibility import doubts, long_step
@@ -99,7 +99,9 @@ def overview(source: str | Path) -> Overview:
     RecordError
         The record that the model specifies cannot be read.
     """
-    model = load_judged(
+    # The model layer does not know the methods and does not open records; these checks are added by
+    # the key of the entry, so that errors are reported at its line.
+    model = load_with_checks(
         source,
         {
             "analysis.method": lambda text, _: parse(text),

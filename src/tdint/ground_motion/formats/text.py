@@ -222,7 +222,7 @@ def read_text(
         compared=compared,
     )
     # A first column without a name that contains times or a sample count is not a ground motion.
-    is_leading = times is not None or (width > 1 and _counts(columns[0], layout.step))
+    is_leading = times is not None or (width > 1 and _numbers_samples(columns[0], layout.step))
     taken = chosen or _accelerations(header.names, range(int(is_leading), width))
     if skipped:
         warnings.warn(
@@ -328,6 +328,10 @@ def _times(
 ) -> NDArray[np.float64] | None:
     """Return the times, s; None if the table has no column of times.
 
+    With a header, the first column contains times if its name says so. Without a header, the first
+    of several columns contains times unless the user selects it as data, or specifies a sampling
+    interval and the column does not increase or only numbers the samples.
+
     Parameters
     ----------
     columns : list of array
@@ -345,13 +349,13 @@ def _times(
         return None
     first = columns[0]
     if layout.step is not None and (
-        not np.all(np.diff(first) > 0.0) or _counts(first, layout.step)
+        not np.all(np.diff(first) > 0.0) or _numbers_samples(first, layout.step)
     ):
         return None
     return first
 
 
-def _counts(column: NDArray[np.float64], step: float | None) -> bool:
+def _numbers_samples(column: NDArray[np.float64], step: float | None) -> bool:
     """Return True if a column counts the samples from 0 or 1 and the specified step is not 1 s."""
     return (
         step not in (None, 1.0) and column[0] in (0.0, 1.0) and bool(np.all(np.diff(column) == 1.0))

@@ -48,8 +48,8 @@ def read_instruments(source: str | Path) -> Instruments:
     """
     data = read_bytes(source)
 
-    # A document type definition can reference other files by entities. It is rejected in all
-    # encodings.
+    # Reject a document type definition, because its entities can reference other files. The parser
+    # detects it in every encoding of the file; a search of the bytes would not.
     def refuse(*_: object) -> None:
         raise RecordError(
             f"{source}: a StationXML file with a document type definition is not accepted; "

@@ -134,8 +134,8 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
     named = trace.stats.get("tdint_quantity")
     if asked and named and named != asked.quantity:
         raise RecordError(
-            f"{label}: the units must be a unit of {named}, as stated in the file, but "
-            f"{asked.text} is a unit of {asked.quantity}"
+            f"{label}: according to the file its values are of the quantity {named}, but the "
+            f"specified unit {asked.text} is a unit of {asked.quantity}; specify a unit of {named}"
         )
     if declared:
         return _by_the_file(trace, declared, asked, label)

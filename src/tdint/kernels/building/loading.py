@@ -34,20 +34,21 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
     Raises
     ------
     ValueError
-        The data have a different format, are truncated or corrupt.
+        The data have a different format, are truncated or corrupt. A search for compiled kernels
+        treats such a file as missing, so that the kernel is compiled again; the message is not
+        printed.
     """
     first_line, _, code = data.partition(b"\n")
-    if (
-        len(first_line) > _MAX_DESCRIPTION
-    ):  # a deeply nested text would exhaust the stack of the JSON parser
-        raise ValueError("not an object of tdint")
+    # A deeply nested text would exhaust the stack of the JSON parser.
+    if len(first_line) > _MAX_DESCRIPTION:
+        raise ValueError("the data are not an object file compiled by tdint: no description")
     description = json.loads(first_line)
     if (
         not isinstance(description, dict)
         or description.get("form") != _FORMAT
         or not isinstance(description.get("symbol"), str)
     ):
-        raise ValueError("not an object of tdint")
+        raise ValueError("the data are not an object file compiled by tdint: other format")
     if description.pop("sha256", None) != _hash(description, code):
         raise ValueError("truncated or corrupt")
     return code, description

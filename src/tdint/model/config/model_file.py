@@ -349,12 +349,12 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
         in the order of the file. Keys in messages count list entries of the file from 1:
         `stories[2]` is the second entry of `stories`, regardless of `repeat` in the first entry.
     """
-    return load_judged(source, {})
+    return load_with_checks(source, {})
 
 
-def load_judged(
+def load_with_checks(
     source: str | Path | TextIO | Mapping[str, Any],
-    judges: Mapping[str, Callable[[str, Path], object]],
+    checks: Mapping[str, Callable[[str, Path], object]],
 ) -> Model:
     """Read a model like `load_model`, with additional checks of texts by the caller.
 
@@ -362,7 +362,7 @@ def load_judged(
     ----------
     source : str, Path, text stream or mapping
         As for `load_model`.
-    judges : mapping of str to callable
+    checks : mapping of str to callable
         Checks by the full key of a value (`analysis.method`). Each receives the text and the
         directory of the file, and raises UsageError if the text is invalid. The error is reported
         with the line and column of the value.
@@ -370,7 +370,7 @@ def load_judged(
     origin, root = read_document(source)
     model = model_within(root, origin)
     # This layer cannot check texts such as the name of a method; the caller provides the check.
-    for path, judge in judges.items():
+    for path, check in checks.items():
         value: Value | None = root
         for name in path.split("."):
             value = value.peek(name) if value else None
@@ -378,7 +378,7 @@ def load_judged(
         if value is None or value.is_list or value.is_mapping or not value.word:
             continue
         try:
-            judge(value.word, root.faults.folder)
+            check(value.word, root.faults.folder)
         except UsageError as error:
             Value(value.node, path, value.faults).fault(str(error))
     root.faults.raise_if_any()
