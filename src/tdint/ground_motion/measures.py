@@ -360,8 +360,8 @@ def bracketed_duration(record: Record, threshold: float) -> float:
         return 0.0
 
     def crossing(outside: int, inside: int) -> float:
-        """Return the time at which the line between the sample `outside` (below the threshold) and
-        its neighbor `inside` (at or above it) crosses the threshold, in sampling intervals."""
+        """Return the time, in sampling intervals, where the line from the sample `outside`, below
+        the threshold, to its neighbor `inside`, at or above, crosses the threshold."""
         if not 0 <= outside < size.size:
             return float(inside)
         # Both values are positive in the direction of the inner sample.

@@ -307,9 +307,9 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
         ]
         if slips:
             worst, number = max(slips, key=lambda slip: abs(slip[0]))
-            kind = "gap or overlap" if len(slips) == 1 else "gaps or overlaps"
+            gaps = "gap or overlap" if len(slips) == 1 else "gaps or overlaps"
             warnings.warn(
-                f"{len(slips)} time {kind} between the records of {name}, each at most half a "
+                f"{len(slips)} time {gaps} between the records of {name}, each at most half a "
                 f"sampling interval (largest: {1e3 * worst:+.3g} ms before record {number}, "
                 "negative for an overlap); the samples are joined at equal intervals",
                 stacklevel=2,

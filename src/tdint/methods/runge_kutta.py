@@ -250,7 +250,7 @@ DORMAND_PRINCE: Table = (
 # ---- Implicit methods with two stages
 #
 # The unknowns are the accelerations a_1 and a_2 of the stages. The stage velocities are eliminated
-# from the stage displacements. The row sums of A are c, so
+# from the stage displacements. The row sums of A are c, and therefore
 # h sum_j A_ij v_j = c_i h v0 + h^2 sum_j (A^2)_ij a_j.
 # The equations of motion at the stages i = 1, 2 are
 #

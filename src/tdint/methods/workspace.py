@@ -92,8 +92,8 @@ def workspace(
     family = integrator.family
     flags = np.zeros(rows.FLAGS_SIZE)
     flags[rows.LINEAR] = building.linear
-    # ALL_BRANCHES if the equations of a step are linear as long as no branch changes, so that one
-    # linear solution is sufficient. Power-law dashpots exclude this, as curved laws do.
+    # ALL_BRANCHES: the equations of a step without branch changes are linear, and a single linear
+    # solution is sufficient. Power-law dashpots and curved laws exclude this.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
     if building.piecewise_linear and not building.power_damped:
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
@@ -124,7 +124,7 @@ def workspace(
         flags=flags,
         step_status=np.zeros(rows.STEP_STATUS_SIZE),
         observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
-        # The possible peaks of unresolved motion follow the peaks.
+        # First half: peaks; second half: possible peaks of unresolved motion.
         peaks=np.zeros((2 * rows.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, failed]),
         totals=totals,

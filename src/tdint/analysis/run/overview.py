@@ -99,8 +99,8 @@ def overview(source: str | Path) -> Overview:
     RecordError
         The record that the model specifies cannot be read.
     """
-    # The model layer does not know the methods and does not open records; these checks are added by
-    # the key of the entry, so that errors are reported at its line.
+    # The model layer has no access to the methods and does not open records. These checks are added
+    # by the key of the entry, so that errors are reported at its line.
     model = load_with_checks(
         source,
         {

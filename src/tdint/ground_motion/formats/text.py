@@ -328,9 +328,9 @@ def _times(
 ) -> NDArray[np.float64] | None:
     """Return the times, s; None if the table has no column of times.
 
-    With a header, the first column contains times if its name says so. Without a header, the first
-    of several columns contains times unless the user selects it as data, or specifies a sampling
-    interval and the column does not increase or only numbers the samples.
+    With a header, the first column contains times if it has the name of a time. Without a header,
+    the first of several columns contains times unless the user selects it as data, or specifies a
+    sampling interval and the column does not increase or only numbers the samples.
 
     Parameters
     ----------

@@ -584,7 +584,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     """Evaluate a curved law of story `i` at three drifts if the drift rate changes its sign within
     the step.
 
-    The drifts are those at the reversal, at the inner point of the quadrature (suffix `_c`) and at
+    The law is evaluated at the reversal, at the inner point of the quadrature (suffix `_c`) and at
     the end, in chronological order. The drift within the step is the cubic Hermite interpolant.
 
     The slope of the force changes at the reversal (kink), which causes an error of the quadrature.
@@ -644,10 +644,10 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     r = 1.0 - s
     excursion = s * s * (3.0 - 2.0 * s) * change + s * r * (r * scaled_rate_0 - s * scaled_rate_1)
     reversal_drift = start + sign * excursion
-    # Time of the inner point as a fraction of the step. With it, the quadrature is exact for linear
-    # functions.
+    # Time of the inner point as a fraction of the step, from the condition that the quadrature
+    # is exact for linear functions.
     inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
-    # Each call evaluates the law on a path from the state in one block (0: start of the step) to a
+    # Each call evaluates the law on a path from the state in a block (0: start of the step) to a
     # drift, and writes the new state to another block.
     if s < inner_fraction:
         loading_tangent = restoring_force_outlined(

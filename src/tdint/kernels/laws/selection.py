@@ -61,7 +61,7 @@ CURVED_LAWS = _codes(lambda law: law.curved)
 """Numbers of the laws with curved branches."""
 
 # Kernels are compiled in variants, each for a set of laws. Kernels that run in plain Python contain
-# all laws, so at least one of them is curved.
+# all laws, including curved laws.
 HAS_CURVED_LAW = not COMPILES or any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 

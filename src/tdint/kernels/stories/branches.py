@@ -321,14 +321,14 @@ def _root(cubic, limit, low, high, before):
 
 @outlined
 def find_sign_change(r0, r1, r2):
-    """Return the smallest s in [0, 1] at which a quadratic changes from positive to negative, or
+    """Return the smallest s in [0, 1] where a quadratic changes from positive to negative, or
     NONE.
 
     The quadratic is a drift rate, positive in the direction of the branch. If it is not positive at
     the start, the result is 0 for r1 < 0: the motion is against the direction. For r1 >= 0, the
     start is the inexact location of the previous reversal, and the motion turns into the direction:
-    NONE. A second reversal later in the same step is not located then; the branch normally changes
-    at the start of the next step.
+    NONE. A second reversal later in the same step is not located; the branch normally changes at
+    the start of the next step.
 
     Parameters
     ----------

@@ -233,7 +233,7 @@ def resume(law_parameters, law_state, i):
 
     It must be called after a step that does not follow branches, because such a step does not
     update the branch, which the next step may follow. Laws that store their branch in every state
-    need no call; the function has no effect for them.
+    need no call, and are not changed.
 
     Parameters
     ----------
