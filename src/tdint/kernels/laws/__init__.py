@@ -29,14 +29,30 @@ if TYPE_CHECKING:
     from tdint.kernels.laws.law import DriftLaw
 
     MODULES = (
-        *(linear, bilinear, peak_oriented, bouc_wen, gap, tanh, polynomial),
-        *(trilinear_pinching, imk, multilinear_pinching),
+        linear,
+        bilinear,
+        peak_oriented,
+        bouc_wen,
+        gap,
+        tanh,
+        polynomial,
+        trilinear_pinching,
+        imk,
+        multilinear_pinching,
     )
 
 # The order must not change, because the numbers of the laws depend on it.
 NAMES = (
-    *("linear", "bilinear", "peak-oriented", "bouc-wen", "gap", "tanh", "polynomial"),
-    *("trilinear-pinching", "imk", "multilinear-pinching"),
+    "linear",
+    "bilinear",
+    "peak-oriented",
+    "bouc-wen",
+    "gap",
+    "tanh",
+    "polynomial",
+    "trilinear-pinching",
+    "imk",
+    "multilinear-pinching",
 )
 """Names of the laws of tdint in the order of their numbers."""
 
