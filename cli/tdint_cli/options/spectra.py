@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
@@ -263,13 +262,12 @@ class FloorRequest:
                 from tdint.model.building import assemble
 
                 title = response.model.name
-                omega = assemble(response.model).first_mode()[0]
                 draw = partial(
                     figures.suites.floor_picture,
                     spectra,
                     units,
                     title=title,
-                    period=2.0 * math.pi / omega,
+                    period=assemble(response.model).first_period,
                 )
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         # The MiniSEED file contains all floors as stations, regardless of the requested spectra.

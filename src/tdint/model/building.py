@@ -186,6 +186,11 @@ class Building:
         """
         return self._first_mode
 
+    @property
+    def first_period(self) -> float:
+        """Period of the first mode, s."""
+        return 2.0 * math.pi / self.first_mode()[0]
+
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
         """Result of `first_mode`."""

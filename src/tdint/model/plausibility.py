@@ -176,12 +176,12 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     """
     if model.plausibility_off:
         return [*doubt_of_peak(pga)]
-    omega, damping = building.first_mode()
+    damping = building.first_mode()[1]
     # A model without any damping is a choice: textbook examples and free vibration are undamped. A
     # small ratio is damping that does not reach the first mode.
     judged_damping = damping if damping > 0.0 else math.nan
     judged = (
-        (PERIOD, 2.0 * math.pi / omega),
+        (PERIOD, building.first_period),
         (DAMPING, judged_damping),
         (COLLAPSE, model.collapse_drift),
     )
@@ -213,9 +213,7 @@ def _unusual_floors(building: Building) -> list[str]:
     not reveal this error. Models without story heights are skipped, because they may represent a
     laboratory test or a textbook example.
     """
-    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(
-        2.0 * math.pi / building.first_mode()[0]
-    )
+    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(building.first_period)
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
@@ -237,7 +235,7 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     interval : float or None
         Sampling interval of the record, s; None without a record.
     """
-    period = 2.0 * math.pi / building.first_mode()[0]
+    period = building.first_period
     step = dt or interval
     of_record = interval is not None and step is not None and step <= interval
     if step is None or STEP.holds(period / step) or (of_record and period / step >= _SAMPLES):

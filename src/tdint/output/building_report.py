@@ -83,13 +83,7 @@ def pushover_page(
 
 def _with_method_names(table: Table) -> Table:
     """Replace the keys of methods by their names."""
-    column = table.columns.index("method")
-    return replace(
-        table,
-        rows=[
-            (*row[:column], method_name(str(row[column])), *row[column + 1 :]) for row in table.rows
-        ],
-    )
+    return table.with_values("method", lambda key: method_name(str(key)))
 
 
 def method_name(key: str) -> str:
@@ -207,11 +201,11 @@ def mode_page(
         Ground motion of the model, whose response spectrum shows the modes.
     """
     units = page_units(units)
-    period, damping = first_period(model), assemble(model).first_mode()[1]
-    building = {name: [row[i] for row in table.rows] for i, name in enumerate(table.columns)}
+    building = assemble(model)
+    period, damping = building.first_period, building.first_mode()[1]
+    modes = {column.name: values for column, values in table.by_column()}
     periods, masses, sums = (
-        np.array(building[name], dtype=float)
-        for name in ("period_s", "mass_ratio", "cumulative_mass_ratio")
+        modes[name] for name in ("period_s", "mass_ratio", "cumulative_mass_ratio")
     )
     enough = int(np.argmax(sums >= _ENOUGH_MASS)) + 1
     verdict = (
@@ -221,13 +215,9 @@ def mode_page(
         f"{number_text(100.0 * float(sums[enough - 1]))} % of the mass."
     )
     # Damping ratios are in percent, as in the sentences of the report.
-    place = table.columns.index("damping")
-    rows = [
-        (*row[:place], 100.0 * float(str(row[place])), *row[place + 1 :])
-        for row in table.rows[:_MOST_MODES]
-    ]
     meanings = {**table.meanings, "damping": {**table.meanings["damping"], "unit": "%"}}
-    shown = replace(table, rows=rows, meanings=meanings)
+    shown = replace(table, rows=table.rows[:_MOST_MODES], meanings=meanings)
+    shown = shown.with_values("damping", lambda ratio: 100.0 * float(ratio or 0.0))
     more = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
     curve, caption = None, "Effective modal masses"
     if record is not None:

@@ -69,7 +69,8 @@ def model_chapter(
         Peak responses of a run. If the building has isolators, the chapter also states the period
         with the secant stiffness of the isolators at these peak drifts.
     """
-    omega, damping = assemble(model).first_mode()
+    building = assemble(model)
+    damping = building.first_mode()[1]
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
     isolator_note = ""
     if any(story.isolator for story in model.stories):
@@ -80,7 +81,7 @@ def model_chapter(
         )
         isolator_note = f" (before the isolators yield{secant})"
     facts = (
-        f"{pluralize(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} "
+        f"{pluralize(len(model.stories), 'story')}, first period {building.first_period:.4g} "
         f"s{isolator_note} with {100.0 * damping:.3g} % damping, {p_delta}, "
         f"{damping_text(model)}. "
         f"A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
@@ -90,7 +91,7 @@ def model_chapter(
 
 def first_period(model: Model) -> float:
     """Return the first period, s, with the initial stiffness."""
-    return 2.0 * math.pi / assemble(model).first_mode()[0]
+    return assemble(model).first_period
 
 
 def _secant_period(model: Model, peaks: StoryPeaks) -> float:
@@ -101,7 +102,7 @@ def _secant_period(model: Model, peaks: StoryPeaks) -> float:
             model.stories, peaks.peak_shear.tolist(), peaks.peak_drift.tolist(), strict=True
         )
     )
-    return 2.0 * math.pi / assemble(replace(model, stories=stories)).first_mode()[0]
+    return assemble(replace(model, stories=stories)).first_period
 
 
 def damping_text(model: Model) -> str:
@@ -527,13 +528,15 @@ def _one_by_one(store: Store) -> Chapter:
 
 def _compared(ratios: Table) -> Table:
     """Return the rows that contain a ratio, with spaces instead of underscores in quantities."""
-    column = ratios.columns.index("quantity")
+    first_ratio = ratios.columns.index("quantity") + 1
     rows = [
-        (*row[:column], str(row[column]).replace("_", " "), *row[column + 1 :])
+        row
         for row in ratios.rows
-        if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[column + 1 :])
+        if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[first_ratio:])
     ]
-    return replace(ratios, rows=rows)
+    return replace(ratios, rows=rows).with_values(
+        "quantity", lambda quantity: str(quantity).replace("_", " ")
+    )
 
 
 def _damage(store: Store) -> tuple[Part, ...]:

@@ -628,8 +628,7 @@ class FirstMode:
 
 def first_mode(building: Building, record: Record | None) -> FirstMode:
     """Return the first mode, and Sa(T1) of a record."""
-    omega, damping = building.first_mode()
-    period, sa = 2.0 * math.pi / omega, None
+    period, damping, sa = building.first_period, building.first_mode()[1], None
     if record is not None:
         # Sa is unknown (None) if the period is too short for the sampling interval of the record.
         with suppress(AnalysisError):

@@ -81,7 +81,7 @@ def comparison_picture(
         Units of lengths and accelerations; SI by default.
     """
     units = units.in_figures
-    period = 2.0 * math.pi / assemble(comparisons[0].response.model).first_mode()[0]
+    period = assemble(comparisons[0].response.model).first_period
     # Of many floors, those with the least agreement have a row; the overview below shows all
     # floors.
     rows = [

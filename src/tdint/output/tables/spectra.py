@@ -349,10 +349,6 @@ MATCHED = (
 """Columns of matched.csv."""
 
 
-OF_DAMPING = Column("damping", "1", "damping", "viscous damping ratio")
-"""Column of the damping ratio in tables that have it only for several ratios."""
-
-
 def match_table(matches: Sequence[Match]) -> Table:
     """Return the table with one row per component and damping ratio of the matched ground motions.
 
@@ -362,7 +358,7 @@ def match_table(matches: Sequence[Match]) -> Table:
         part for matched in matches for spectrum in matched.by_damping for part in spectrum.parts
     ]
     has_several = any(matched.further for matched in matches)
-    return record_table((*(OF_DAMPING,) * has_several, *MATCHED), rows)
+    return record_table((*SPECTRUM[:1] * has_several, *MATCHED), rows)
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:

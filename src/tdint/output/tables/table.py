@@ -223,6 +223,20 @@ class Table:
         rows = [tuple(row[i] for i in indices) for row in self.rows]
         return Table(tuple(self.columns[i] for i in indices), rows, self.meanings)
 
+    def with_values(self, name: str, function: Callable[[Cell], Cell]) -> Table:
+        """Return the table with the results of a function in place of the values of a column.
+
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        function : callable
+            Receives a value and returns the new value.
+        """
+        column = self.columns.index(name)
+        rows = [(*row[:column], function(row[column]), *row[column + 1 :]) for row in self.rows]
+        return replace(self, rows=rows)
+
     def by_column(self) -> list[tuple[Column, Any]]:
         """Return each column with its cells: an array (nan if missing), or a list with text."""
         columns = []
