@@ -95,24 +95,21 @@ class EstimateFactors:
     ----------
     difference : float
         Error divided by the difference of the peaks, f.
-    common : float
-        Minimum relative error of a story divided by the root mean square of all stories.
     most : float
-        Maximum of this minimum error divided by the difference of the peaks.
+        Maximum of the error by `COMMON` divided by the difference of the peaks.
     derivative_common : float
-        The same as `common` for derivatives of peaks, for which there is no maximum.
+        The factor that replaces `COMMON` for derivatives of peaks, for which there is no maximum.
     """
 
     difference: float
-    common: float = COMMON
     most: float = math.inf
     derivative_common: float = COMMON
 
 
-_LOW_ORDER = EstimateFactors(OF_DIFFERENCE, COMMON, _MOST)
+_LOW_ORDER = EstimateFactors(OF_DIFFERENCE, _MOST)
 """Factors for methods of order 1 and 2."""
 
-_HIGH_ORDER = EstimateFactors(3.0, COMMON, _MOST, 0.5)
+_HIGH_ORDER = EstimateFactors(3.0, _MOST, derivative_common=0.5)
 """Factors for methods of order 3 and more. With those of order 2, 0.6 % of the true errors of
 `impulse4` and `moment4` exceed twice the estimate, with these 0.3 % (104 random buildings). With
 half of the root mean square instead of a fifth, 7 % of the estimates of accelerations and total
@@ -349,7 +346,7 @@ def story_errors(
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
         difference = np.abs(getattr(response.stories, name) - getattr(other.stories, name))
         extrapolated = by.difference * difference
-        minimum = by.common * common(extrapolated, size)
+        minimum = COMMON * common(extrapolated, size)
         if by.most < math.inf:
             minimum = np.minimum(minimum, by.most * difference)
         error: Array = np.maximum(extrapolated, np.maximum(minimum, FLOOR * size))
