@@ -262,6 +262,9 @@ def test_targets_for_several_damping_ratios(tmp_path):
     for refused in (TARGET, f"{source},damping=5%"):
         with pytest.raises(UsageError, match="single damping ratio, got 2"):
             read_targets(refused, (0.02, 0.05))
+    for name in ("ec8", "asce7"):
+        with pytest.raises(UsageError, match=f"'{name}'.*: {name} requires"):
+            read_targets(name, (0.02, 0.05))
     table = tmp_path / "target.csv"
     table.write_text("damping,period_s,sa_g\n.02,.1,1\n.02,1,2\n.05,.1,.5\n.05,1,1\n")
     two, five = read_targets(str(table), (0.02, 0.05))

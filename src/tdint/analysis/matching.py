@@ -15,7 +15,7 @@ largest (after Hancock et al. 2006; Al Atik and Abrahamson 2010; Grant and Diafe
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -84,7 +84,7 @@ class Match(Tabular):
     @property
     def by_damping(self) -> tuple[Match, ...]:
         """The match at each damping ratio, in the requested order."""
-        return (replace(self, further=()), *self.further)
+        return (self, *self.further)
 
     @property
     def misfit(self) -> Array:
@@ -250,7 +250,10 @@ def match(
     seed, aim = motion_of(motion), _Aim.of(target, periods, damping)
     with progress_reporter(progress, _STAGES + 1, "stage") as report_progress:
         return _matched(
-            seed, aim, _judged(seed, aim.checked, aim.dampings), report_progress, (0, _STAGES + 1)
+            seed,
+            aim,
+            _judged(seed, aim.checked, aim.dampings),
+            lambda done: report_progress(done, _STAGES + 1),
         )
 
 
@@ -300,20 +303,17 @@ def match_suite(
         )
     scaled = [abs(factor) * psa for factor, psa in zip(factors, before, strict=True)]
     ratio = target_psa / np.mean(scaled, axis=0)
-    stages = len(seeds) * (_STAGES + 1)
-    with progress_reporter(progress, stages, "stage") as report_progress:
-        return [
-            _matched(
-                seed,
-                aim.with_spectra(scaled_psa * ratio, len(seeds)),
-                psa,
-                report_progress,
-                (number * (_STAGES + 1), stages),
-            )
-            for number, (seed, scaled_psa, psa) in enumerate(
-                zip(seeds, scaled, before, strict=True)
-            )
-        ]
+    stages = _STAGES + 1
+    matches: list[Match] = []
+    with progress_reporter(progress, len(seeds) * stages, "stage") as report_progress:
+
+        def report_stage(done: int) -> None:
+            report_progress(len(matches) * stages + done, len(seeds) * stages)
+
+        for seed, scaled_psa, psa in zip(seeds, scaled, before, strict=True):
+            own_aim = aim.with_spectra(scaled_psa * ratio, len(seeds))
+            matches.append(_matched(seed, own_aim, psa, report_stage))
+    return matches
 
 
 @dataclass(frozen=True)
@@ -397,8 +397,7 @@ def _matched(
     seed: GroundMotion,
     aim: _Aim,
     before: Array,
-    report_progress: Progress,
-    stages: tuple[int, int],
+    report_stage: Callable[[int], None],
 ) -> Match:
     """Return the match of a seed.
 
@@ -410,10 +409,8 @@ def _matched(
         Targets, damping ratios and judged periods.
     before : ndarray, shape (damping ratios, CHECKED)
         Spectra of the seed, m/s^2.
-    report_progress : callable
-        Receives the number of completed stages and the number of all stages.
-    stages : tuple of two int
-        Number of stages completed before this motion, and number of stages of all motions.
+    report_stage : callable
+        Receives the number of completed stages of this motion.
     """
     checked, dampings = aim.checked, aim.dampings
     target_psa = aim.at(checked)
@@ -424,7 +421,7 @@ def _matched(
     matched_periods = [np.geomspace(checked[0], checked[-1], _FIRST)] * len(dampings)
     samples, multiplied, best, least = start, np.zeros(start.size, np.float32), start, np.inf
     for stage in range(_STAGES + 1):
-        report_progress(stages[0] + stage, stages[1])
+        report_stage(stage)
         problem = MatchingProblem.of(
             start,
             records[0].dt,
@@ -460,7 +457,7 @@ def _matched(
     )
     matched = _with_samples(seed, best, description)
     after = _judged(matched, checked, dampings)
-    report_progress(stages[0] + _STAGES + 1, stages[1])
+    report_stage(_STAGES + 1)
     results = [
         Match(matched, seed, factor, target, checked, psa, factor * seed_psa, ratio)
         for target, psa, seed_psa, ratio in zip(aim.targets, after, before, dampings, strict=True)

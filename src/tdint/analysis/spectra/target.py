@@ -14,16 +14,17 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
-from tdint.errors import ModelError, RecordError, UsageError
+from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.files import read_whole, record_digest
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
@@ -318,11 +319,10 @@ def read_target(source: str) -> TargetSpectrum:
     """
     if match := _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         return _multi_period(source, match[1].lower(), match[2] or "")
-    match = _NAME_PATTERN.fullmatch(source.strip())
-    name, text = (match[1].lower(), match[2]) if match else ("", None)
+    if (named := _name_and_parameters(source)) is None:
+        return _read_points(read_table(source, _NEEDS))
+    name, text = named
     if name not in CODES:
-        if text is None:
-            return _read_points(read_table(source, _NEEDS))
         raise UsageError(
             f"{source[:60]!r}: unknown design spectrum {name!r} (known: "
             f"{', '.join((*CODES, *_MULTI_PERIOD))})"
@@ -330,7 +330,7 @@ def read_target(source: str) -> TargetSpectrum:
     design_spectrum, parameters = CODES[name]
     try:
         curve, corners, damping, longest = design_spectrum(
-            parse_named(name, text or "", parameters, EXAMPLES[name])
+            parse_named(name, text, parameters, EXAMPLES[name])
         )
     except UsageError as error:
         raise UsageError(f"{source[:60]!r}: {error}") from None
@@ -339,6 +339,14 @@ def read_target(source: str) -> TargetSpectrum:
     periods = np.unique([*grid, *(corner for corner in corners if grid[0] < corner < grid[-1])])
     zero = float(curve(np.zeros(1))[0])
     return TargetSpectrum(source, periods, curve(periods), zero, damping, curve, corners[1])
+
+
+def _name_and_parameters(source: str) -> tuple[str, str] | None:
+    """Return the name and the parameters of a design spectrum; None for a file of points."""
+    match = _NAME_PATTERN.fullmatch(source.strip())
+    if match is None or (match[2] is None and match[1].lower() not in CODES):
+        return None
+    return match[1].lower(), match[2] or ""
 
 
 _DAMPED = ",damping="
@@ -367,14 +375,16 @@ def read_targets(source: str, dampings: Sequence[float]) -> tuple[TargetSpectrum
     ModelError, UsageError
         As by `read_target`; or the source lacks a spectrum for a ratio.
     """
-    match = _NAME_PATTERN.fullmatch(source.strip())
-    if match is None and not _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
+    named = _name_and_parameters(source)
+    if named is None and not _MULTI_PERIOD_PATTERN.fullmatch(source.strip()):
         table = read_table(source, _NEEDS)
         if table.has("damping"):
             return tuple(_read_points(_with_damping(table, ratio), ratio) for ratio in dampings)
-    if len(dampings) == 1:
-        return (read_target(source),)
-    if match and match[1].lower() == "ec8" and "damping" not in match[2].lower():
+        if len(dampings) == 1:
+            return (_read_points(table),)
+    elif len(dampings) == 1 or (named and not named[1]):
+        return (read_target(source),)  # raises an error for a name without parameters
+    elif named and named[0] == "ec8" and "damping" not in named[1].lower():
         return tuple(read_target(f"{source}{_DAMPED}{ratio!r}") for ratio in dampings)
     raise UsageError(
         f"{source[:60]!r}: is a spectrum for a single damping ratio, got {len(dampings)} ratios; "
@@ -454,18 +464,31 @@ def _number(value: Any) -> float:
 
 def _with_damping(table: CsvTable, damping: float) -> CsvTable:
     """Return a table with only the rows of a damping ratio."""
-    ratios = np.array(table.numbers("damping"))
-    rows = [
-        row
-        for row, ratio in zip(table.rows, ratios, strict=True)
-        if abs(ratio - damping) <= _TOLERANCE
-    ]
-    if not rows:
+    has_ratio = _has_damping(table.source, np.array(table.numbers("damping")), damping, ModelError)
+    return replace(table, rows=tuple(compress(table.rows, has_ratio)))
+
+
+def _has_damping(
+    source: str | Path, ratios: Array, damping: float, error: type[TdintError]
+) -> NDArray[np.bool_]:
+    """Return True for the rows of a file with a damping ratio.
+
+    Parameters
+    ----------
+    source : str or Path
+        The file, for the message.
+    ratios : ndarray
+        Damping ratio of each row.
+    damping : float
+        Required damping ratio.
+    error : type
+        Type of the exception if no row has this ratio.
+    """
+    has_ratio = np.abs(ratios - damping) <= _TOLERANCE
+    if not np.any(has_ratio):
         listed = ", ".join(f"{ratio:g}" for ratio in np.unique(ratios)[:8])
-        raise ModelError(
-            f"{table.source}: damping ratio {damping:g} not found; the file contains {listed}"
-        )
-    return replace(table, rows=tuple(rows))
+        raise error(f"{source}: damping ratio {damping:g} not found; the file contains {listed}")
+    return has_ratio
 
 
 def _read_points(table: CsvTable, damping: float | None = None) -> TargetSpectrum:
@@ -689,12 +712,7 @@ def read_published(
     rows = np.argsort(periods, kind="stable")
     if "damping" in table.names:
         ratios = table.numbers(table.place("damping"))
-        rows = rows[np.abs(ratios[rows] - damping) <= _TOLERANCE]
-        if not rows.size:
-            listed = ", ".join(f"{ratio:g}" for ratio in np.unique(ratios)[:8])
-            raise RecordError(
-                f"{source}: damping ratio {damping:g} not found; the file contains {listed}"
-            )
+        rows = rows[_has_damping(source, ratios, damping, RecordError)[rows]]
     periods, values = periods[rows], values[rows]
     if periods[0] < 0.0 or np.any(values < 0.0):
         raise RecordError(f"{source}: periods and values of a spectrum must not be negative")
