@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import raw_points
 from common import ROOT
 
 from tdint import load_model
@@ -91,9 +92,7 @@ def main(asked: Sequence[str]) -> None:
                     [kind, file.stem, method, f"{1e6 * own[0]:.4g}", f"{own[1] / own[0]:.3f}"]
                 )
                 print(*found[-1], flush=True)
-    with FILE.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerows([HEADS, *sorted([*kept, *found])])
+    raw_points.write(FILE, HEADS, sorted([*kept, *found]))
 
 
 if __name__ == "__main__":

@@ -2,10 +2,10 @@
 [guard]
 
 Ten bilinear stories of configs/ten-story-bilinear.yaml with every method of the catalogue, beside a
-plain loop (average acceleration with Newton's method for this one building, no peaks, no energies,
-nothing else) that is compiled and timed in the same run; then the cost of each drift law, with its
-changes of branch located and without; then the cost over the number of stories. All marches take
-turns, the fastest of the repeats counts.
+plain loop (`newmark_loop.plain_loop`: average acceleration with Newton's method for bilinear
+stories, peak drifts and nothing else) that is compiled and timed in the same run; then the cost of
+each drift law, with its changes of branch located and without; then the cost over the number of
+stories. All marches take turns, the fastest of the repeats counts.
 
 `guard`: a law that knows its branch costs what the bilinear one does as long as stories stay on the
 first one. Ten stories of each such law, too strong to yield, beside bilinear ones, with a method of
@@ -17,9 +17,9 @@ import os
 import sys
 from dataclasses import dataclass, fields, replace
 
-import numba
 import numpy as np
 from common import ROOT
+from newmark_loop import loop_arguments, plain_loop
 
 from law_examples import example
 from tdint import load_model, run, system
@@ -46,78 +46,13 @@ TOO_STRONG = (
 MODEL = ROOT / "configs" / "ten-story-bilinear.yaml"
 
 
-@numba.njit(error_model="numpy")
-def plain_loop(m, k, strength, hardening, floor, damper, ground, h, roof):
-    """Average acceleration, Newton's method on the displacement, tridiagonal elimination."""
-    n = m.size
-    u, v, a, z, d = np.zeros(n), np.zeros(n), np.full(n, -ground[0]), np.zeros(n), np.zeros(n)
-    u1, v1, a1, z1, d1 = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    force, residual, diagonal, coupling = np.zeros(n + 1), np.zeros(n), np.zeros(n), np.zeros(n + 1)
-    for s in range(1, ground.size):
-        for i in range(n):
-            u1[i] = u[i] + h * v[i]
-        for _ in range(40):
-            for i in range(n):
-                a1[i] = 4.0 / h**2 * (u1[i] - u[i] - h * v[i]) - a[i]
-                v1[i] = v[i] + 0.5 * h * (a[i] + a1[i])
-            below_u = below_v = 0.0
-            for i in range(n):
-                d1[i] = u1[i] - below_u
-                z1[i] = z[i] + (1.0 - hardening) * k[i] * (d1[i] - d[i])
-                tangent = k[i]
-                if abs(z1[i]) > strength[i]:
-                    z1[i] = strength[i] if z1[i] > 0.0 else -strength[i]
-                    tangent = hardening * k[i]
-                force[i] = hardening * k[i] * d1[i] + z1[i] + damper[i] * (v1[i] - below_v)
-                spring = tangent + 2.0 / h * damper[i]
-                diagonal[i] = m[i] * 4.0 / h**2 + 2.0 / h * floor[i] + spring
-                coupling[i] = -spring
-                below_u, below_v = u1[i], v1[i]
-            for i in range(n):
-                residual[i] = (
-                    -m[i] * (ground[s] + a1[i]) - floor[i] * v1[i] - force[i] + force[i + 1]
-                )
-                if i < n - 1:
-                    diagonal[i] -= coupling[i + 1]
-            for i in range(1, n):
-                w = coupling[i] / diagonal[i - 1]
-                diagonal[i] -= w * coupling[i]
-                residual[i] -= w * residual[i - 1]
-            largest = correction = 0.0
-            for i in range(n - 1, -1, -1):
-                correction = (residual[i] - coupling[i + 1] * correction) / diagonal[i]
-                u1[i] += correction
-                largest = max(largest, abs(correction))
-            coupling[n] = 0.0
-            if largest < 1e-10:
-                break
-        for i in range(n):
-            new = 4.0 / h**2 * (u1[i] - u[i] - h * v[i]) - a[i]
-            v[i] += 0.5 * h * (a[i] + new)
-            a[i], u[i], z[i], d[i] = new, u1[i], z1[i], d1[i]
-        roof[s] = u[n - 1]
-
-
 def timed_plain_loop(model, record):
-    """Seconds per step of the plain loop."""
-    building = assemble(model)
-    n = building.stories
-    yields, hardening = np.array([story.law.parameters for story in model.stories]).T
+    """Return the seconds per step of the plain loop."""
     ground = record.acceleration.copy()
-    roof = np.zeros(ground.size)
-    arguments = (
-        building.linear_terms[rows.MASS, :n].copy(),
-        building.law_parameters[rows.STIFFNESS, :n].copy(),
-        (1.0 - hardening) * yields,
-        hardening[0],
-        building.linear_terms[rows.FLOOR_DAMPER, :n].copy(),
-        building.linear_terms[rows.STORY_DAMPER, :n].copy(),
-        ground,
-        record.dt,
-        roof,
-    )
+    arguments = loop_arguments(assemble(model))
+    peak = np.zeros(len(model.stories))
     begin = system.seconds()
-    plain_loop(*arguments)
+    plain_loop(*arguments, ground, record.dt, peak)
     return (system.seconds() - begin) / (ground.size - 1)
 
 

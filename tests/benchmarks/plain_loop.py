@@ -1,7 +1,7 @@
 """Cost of a call of tdint over a plain compiled loop: python tests/benchmarks/plain_loop.py
 
-The plain loop is 40 lines of average acceleration for bilinear stories, compiled with numba
-(`march.plain_loop` with peak drifts). It is compared with `run_case` of impulse4 on ten random
+The plain loop is 40 lines of average acceleration for bilinear stories, compiled with numba. It is
+compared with `run_case` of impulse4 on ten random
 bilinear buildings under the shipped motions, each with the longest time step that is within a
 tolerance, as are all shorter steps. In addition, the time of `run_case` and `run` without error
 estimate is compared with the time of their time loop on ten stories with 750 steps. All times are
@@ -12,7 +12,6 @@ Results are written to plain_loop.csv and fixed_cost.csv, from which run.py make
 
 from __future__ import annotations
 
-import csv
 import math
 import sys
 import time
@@ -20,17 +19,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numba
 import numpy as np
-from common import NAMES, ROOT, components
+import raw_points
+from common import NAMES, ROOT, components, least
 from long_steps import random_bilinear
+from newmark_loop import loop_arguments, plain_loop
 
 from tdint import load_model, prepare, run, run_case
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.run import model_record
 from tdint.arrays import Array
 from tdint.ground_motion.record import Record
-from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
 
@@ -51,58 +50,6 @@ STEPS, CALLS = 750, 400
 """Time steps and repetitions for the fixed cost."""
 
 
-@numba.njit(error_model="numpy")
-def plain_loop(m, k, strength, hardening, floor, damper, ground, h, peak):
-    """Average acceleration with Newton's method, tridiagonal elimination, and peak drifts."""
-    n = m.size
-    u, v, a, z, d = np.zeros(n), np.zeros(n), np.full(n, -ground[0]), np.zeros(n), np.zeros(n)
-    u1, v1, a1, z1, d1 = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    force, residual, diagonal, coupling = np.zeros(n + 1), np.zeros(n), np.zeros(n), np.zeros(n + 1)
-    for s in range(1, ground.size):
-        for i in range(n):
-            u1[i] = u[i] + h * v[i]
-        for _ in range(40):
-            for i in range(n):
-                a1[i] = 4.0 / h**2 * (u1[i] - u[i] - h * v[i]) - a[i]
-                v1[i] = v[i] + 0.5 * h * (a[i] + a1[i])
-            below_u = below_v = 0.0
-            for i in range(n):
-                d1[i] = u1[i] - below_u
-                z1[i] = z[i] + (1.0 - hardening[i]) * k[i] * (d1[i] - d[i])
-                tangent = k[i]
-                if abs(z1[i]) > strength[i]:
-                    z1[i] = strength[i] if z1[i] > 0.0 else -strength[i]
-                    tangent = hardening[i] * k[i]
-                force[i] = hardening[i] * k[i] * d1[i] + z1[i] + damper[i] * (v1[i] - below_v)
-                spring = tangent + 2.0 / h * damper[i]
-                diagonal[i] = m[i] * 4.0 / h**2 + 2.0 / h * floor[i] + spring
-                coupling[i] = -spring
-                below_u, below_v = u1[i], v1[i]
-            for i in range(n):
-                residual[i] = (
-                    -m[i] * (ground[s] + a1[i]) - floor[i] * v1[i] - force[i] + force[i + 1]
-                )
-                if i < n - 1:
-                    diagonal[i] -= coupling[i + 1]
-            for i in range(1, n):
-                w = coupling[i] / diagonal[i - 1]
-                diagonal[i] -= w * coupling[i]
-                residual[i] -= w * residual[i - 1]
-            largest = correction = 0.0
-            coupling[n] = 0.0
-            for i in range(n - 1, -1, -1):
-                correction = (residual[i] - coupling[i + 1] * correction) / diagonal[i]
-                u1[i] += correction
-                largest = max(largest, abs(correction))
-            if largest < 1e-10:
-                break
-        for i in range(n):
-            new = 4.0 / h**2 * (u1[i] - u[i] - h * v[i]) - a[i]
-            v[i] += 0.5 * h * (a[i] + new)
-            a[i], u[i], z[i], d[i] = new, u1[i], z1[i], d1[i]
-            peak[i] = max(peak[i], abs(d1[i]))
-
-
 def plain_call(case: Case, part: float) -> Callable[[], Array]:
     """Return a function that runs the plain loop with time steps of some sampling intervals.
 
@@ -111,22 +58,13 @@ def plain_call(case: Case, part: float) -> Callable[[], Array]:
     """
     building, record = case.building, case.record
     assert record is not None
-    n = building.stories
-    hardening = building.law_parameters[rows.FIRST_PARAMETER + 1, :n].copy()
-    arguments = (
-        building.mass.copy(),
-        building.law_parameters[rows.STIFFNESS, :n].copy(),
-        (1.0 - hardening) * building.law_parameters[rows.FIRST_PARAMETER, :n],
-        hardening,
-        building.linear_terms[rows.FLOOR_DAMPER, :n].copy(),
-        building.linear_terms[rows.STORY_DAMPER, :n].copy(),
-    )
+    arguments = loop_arguments(building)
     ground, h = record.acceleration, part * record.dt
     samples = np.arange(ground.size, dtype=float)
     steps = math.ceil((ground.size - 1) / part - 1e-9)
 
     def call() -> Array:
-        peak = np.zeros(n)
+        peak = np.zeros(building.stories)
         shaking = np.interp(part * np.arange(steps + 1), samples, ground, right=0.0)
         plain_loop(*arguments, shaking, h, peak)
         return peak
@@ -141,19 +79,11 @@ def tdint_call(case: Case, part: float) -> Callable[[], Array]:
     return lambda: run_case(case, dt=h, check=False).stories.peak_drift
 
 
-def seconds(call: Callable[[], object]) -> float:
-    """Return the processor time of a call, s."""
-    begin = time.thread_time()
-    call()
-    return time.thread_time() - begin
-
-
 def fastest(calls: Sequence[Callable[[], object]]) -> list[float]:
     """Return the minimum time of each call, s. The calls take turns."""
-    best = [seconds(call) for call in calls]
-    for _ in range(min(REPEATS, max(2, int(REPEATS * SECONDS / sum(best))))):
-        best = [min(one, seconds(call)) for one, call in zip(best, calls, strict=True)]
-    return best
+    first = least(calls, 1, time.thread_time)
+    repeats = min(REPEATS, max(2, int(REPEATS * SECONDS / sum(first))))
+    return list(map(min, first, least(calls, repeats, time.thread_time)))
 
 
 def compare(number: int, model: Model, record: Record, motion: str) -> list[list[str]]:
@@ -219,17 +149,10 @@ def fixed_costs() -> list[list[str]]:
     ]
 
 
-def write(file: Path, heads: Sequence[str], found: Sequence[Sequence[str]]) -> None:
-    """Write a CSV file."""
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerows([heads, *found])
-
-
 def main() -> None:
     """Measure and write both files."""
     found = fixed_costs()
-    write(FIXED, FIXED_HEADS, found)
+    raw_points.write(FIXED, FIXED_HEADS, found)
     for row in found:
         print(*row, flush=True)
     rng, motions = np.random.default_rng(SEED), components()
@@ -241,7 +164,7 @@ def main() -> None:
         results += of_one
         for row in of_one:
             print(*row, flush=True)
-    write(FILE, HEADS, results)
+    raw_points.write(FILE, HEADS, results)
 
 
 if __name__ == "__main__":

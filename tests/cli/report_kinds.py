@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from peer_files import write_at2
+
 ROOT = Path(__file__).parents[2]
 EC8 = "ec8:type=1,soil=C,ag=0.35g"
 SPECTRUM = "asce7:sds=1,sd1=0.6,tl=8"
@@ -136,14 +138,10 @@ def write_pool(folder: Path, pairs: int = 8) -> None:
             noise = np.convolve(generator.standard_normal(samples), np.ones(12), "same")
             values = noise * (time / 3.0) ** 2 * np.exp(2.0 - 2.0 * time / 3.0)
             values *= (0.45, 0.3)[place] * (0.7 + 0.1 * number) / np.abs(values).max()
-            lines = [
-                "PEER NGA STRONG MOTION DATABASE RECORD",
-                f"Event {number}, {1 + number}/17/1995, Station {number}, {int(direction)}",
-                "ACCELERATION TIME SERIES IN UNITS OF G",
-                f"NPTS= {samples}, DT= {dt:.4f} SEC",
-                *(f"{value:16.8E}" for value in values),
-            ]
-            (folder / f"RSN{100 + number}_S{direction}.AT2").write_text("\n".join(lines) + "\n")
+            description = (
+                f"Event {number}, {1 + number}/17/1995, Station {number}, {int(direction)}"
+            )
+            write_at2(folder / f"RSN{100 + number}_S{direction}.AT2", description, values, dt)
 
 
 def write_inputs(folder: Path) -> None:

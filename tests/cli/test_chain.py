@@ -9,6 +9,7 @@ import pytest
 
 import pair_demands as pairs
 from csv_rows import rows
+from peer_files import write_at2
 
 TARGET = ("--target", "asce7:sds=1,sd1=0.6,tl=8", "--range", "0.2:0.5")
 EVENTS = (("Loma Prieta", "10/18/1989"), ("Kobe", "1/16/1995"), ("Duzce", "11/12/1999"))
@@ -29,16 +30,10 @@ def motion(seed, size):
     return 0.25 * size * values / np.abs(values).max()
 
 
-def write_at2(folder, number, direction, values):
+def write_peer(folder, number, direction, values):
     name, date = EVENTS[number % 3]
-    lines = [
-        "PEER NGA STRONG MOTION DATABASE RECORD",
-        f"{name}, {date}, Station {number}, {int(direction)}",
-        "ACCELERATION TIME SERIES IN UNITS OF G",
-        f"NPTS= {SAMPLES}, DT= .0100 SEC",
-        *(f"{value:16.8E}" for value in values),
-    ]
-    (folder / f"RSN{number}_S{direction}.AT2").write_text("\n".join(lines) + "\n")
+    description = f"{name}, {date}, Station {number}, {int(direction)}"
+    write_at2(folder / f"RSN{number}_S{direction}.AT2", description, values, DT)
 
 
 def write_csv(folder, number, direction, values):
@@ -86,7 +81,7 @@ def write_knet(folder, number, direction, values):
 
 
 WRITERS = {
-    "at2": (write_at2, ()),
+    "at2": (write_peer, ()),
     "csv": (write_csv, ("--units", "g")),
     "mseed": (lambda *of: write_waveform(*of, "mseed"), ("--units", "g")),
     "sac": (lambda *of: write_waveform(*of, "sac"), ("--units", "g")),

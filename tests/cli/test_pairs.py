@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
+from peer_files import write_at2
 from tdint.campaign.ida_curve import IdaCurve, IdaRun, PairCurve
 from tdint.ground_motion.record import Record
 
@@ -20,14 +21,8 @@ def write_pair(folder, name="RSN1_EQ_GIL", event="Loma Prieta", seed=0, sizes=(1
     for direction, size in zip(("067", "337"), sizes, strict=True):
         time = np.arange(600) * 0.01
         values = 0.2 * size * generator.standard_normal(600) * np.exp(-((time - 2.0) ** 2))
-        lines = [
-            "PEER NGA STRONG MOTION DATABASE RECORD",
-            f"{event}, 10/18/1989, Gilroy - Gavilan Coll., {int(direction)}",
-            "ACCELERATION TIME SERIES IN UNITS OF G",
-            "NPTS= 600, DT= .0100 SEC",
-            *(f"{value:16.8E}" for value in values),
-        ]
-        (folder / f"{name}{direction}.AT2").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        description = f"{event}, 10/18/1989, Gilroy - Gavilan Coll., {int(direction)}"
+        write_at2(folder / f"{name}{direction}.AT2", description, values)
 
 
 @pytest.mark.parametrize("kind", ["mseed", "at2", "csv"])

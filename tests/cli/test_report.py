@@ -500,6 +500,20 @@ A4 = (595.3, 841.9)
 """Points."""
 
 
+def check_fullness(file: str) -> None:
+    """Check that on A4 each page of a report reaches the lowest quarter of the printable area, and
+    that the last page is at least a quarter full."""
+    assert not re.search(r"\de[+-]\d", page(file).text)
+    printed(file)
+    subprocess.run(["pdftoppm", "-r", "40", "-png", "page.pdf", "sheet"], check=True)
+    sheets = [imread(file) for file in sorted(Path().glob("sheet-*.png"))]
+    for sheet in sheets:
+        mm = sheet.shape[0] / 297.0
+        area = sheet[int(15 * mm) : int(278 * mm), :, :3]
+        inked = np.flatnonzero((area.min(axis=2) < 0.8).any(axis=1))
+        assert inked[-1] > (0.25 if sheet is sheets[-1] else 0.75) * 263 * mm
+
+
 def printed(file: str) -> list[tuple[str, float, float]]:
     """Return the lines of text on paper, with the positions of their first and last letters in
     points from the left."""
@@ -614,16 +628,7 @@ def test_no_page_but_the_last_is_more_than_a_quarter_white(
     """Printed on A4, the content of each page reaches the lowest quarter of the printable area, and
     the last page is at least a quarter full."""
     tdint(asked[0], CONFIGS / asked[1], *asked[2:], "-q", "--report", "page.html", code=0)
-    assert not re.search(r"\de[+-]\d", page("page.html").text)
-    printed("page.html")
-    subprocess.run(["pdftoppm", "-r", "40", "-png", "page.pdf", "sheet"], check=True)
-    sheets = [imread(file) for file in sorted(Path().glob("sheet-*.png"))]
-    for sheet in sheets:
-        mm = sheet.shape[0] / 297.0
-        inked = np.flatnonzero(
-            (sheet[int(15 * mm) : int(278 * mm), :, :3].min(axis=2) < 0.8).any(axis=1)
-        )
-        assert inked[-1] > (0.25 if sheet is sheets[-1] else 0.75) * 263 * mm
+    check_fullness("page.html")
 
 
 @pytest.mark.slow

@@ -84,9 +84,8 @@ def test_a_floor_moves_between_corners_as_its_accelerations_and_the_step_say():
     assert rates == pytest.approx((rate + cubic.deriv())(times[1:]), rel=1e-12)
 
 
-def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
-    """Each of the tangents at the inner point and at the end of either story, by more than the
-    tolerance."""
+def impulse4_parts():
+    """Return workspace, building, coefficients and scene of a step of 1 s without forces."""
     steps = SingleSteps("impulse4")
     space, building = steps.space, steps.building
     no_forces = np.zeros((0, rows.FORCE_COLUMNS))
@@ -94,6 +93,13 @@ def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
     scene = Scene(
         building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
     )
+    return space, building, coefficients, scene
+
+
+def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
+    """Each of the tangents at the inner point and at the end of either story, by more than the
+    tolerance."""
+    space, building, coefficients, scene = impulse4_parts()
     scratch, factors = space.scratch, equations.FACTORS
     path = (False, coefficients, scene, 1.0, space.memory, factors)
     assert equations._evaluate_laws(*path)  # nothing is factored yet
@@ -112,13 +118,7 @@ def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
 def test_impulse4_tolerates_the_rounding_of_the_displacements():
     """The tolerated residual is between one and a thousand units in the last place of the force
     that the displacements of both floors of a story would need on its own spring."""
-    steps = SingleSteps("impulse4")
-    space, building = steps.space, steps.building
-    no_forces = np.zeros((0, rows.FORCE_COLUMNS))
-    coefficients = steps.integrator.coefficients(building, no_forces, 1.0)
-    scene = Scene(
-        building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
-    )
+    space, _, coefficients, scene = impulse4_parts()
     space.state[rows.DISPLACEMENT, :2] = 0.3, -0.2
     equations._evaluate_laws(False, coefficients, scene, 1.0, space.memory, equations.FACTORS)
     tolerated = RESIDUAL_TOLERANCE * space.scratch[momentum.SIZE, :2]
