@@ -18,9 +18,15 @@ from tdint.units import OutputUnits
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest, check_map, has_losses
-from tdint_cli.options.limit import check_limit_options, without_limits
 from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE
-from tdint_cli.options.suite import PICTURE, PROFILES, RATIOS, SuiteRequest
+from tdint_cli.options.suite import (
+    PICTURE,
+    PROFILES,
+    RATIOS,
+    SuiteRequest,
+    check_limit_options,
+    without_limits,
+)
 from tdint_cli.terminal import Failures, current, note, progress_bar, say, warn
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from tdint_cli.options.limit import kept_words
+from tdint_cli.options.suite import kept_words
 
 if TYPE_CHECKING:
     from tdint.campaign.profiles import Profile

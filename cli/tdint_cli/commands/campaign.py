@@ -27,8 +27,7 @@ from tdint_cli.campaigns import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest
 from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
-from tdint_cli.options.limit import LIMIT, REQUIRE
-from tdint_cli.options.suite import PAIR_DEMAND, SuiteRequest
+from tdint_cli.options.suite import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 from tdint_cli.terminal import Failures, say, warn
 
 if TYPE_CHECKING:

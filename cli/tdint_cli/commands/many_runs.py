@@ -23,7 +23,7 @@ from tdint_cli.campaigns import (
 from tdint_cli.commands.run_request import Request
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
-from tdint_cli.options.limit import check_limit_options
+from tdint_cli.options.suite import check_limit_options
 from tdint_cli.terminal import Failures, note, say
 
 if TYPE_CHECKING:

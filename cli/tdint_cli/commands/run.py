@@ -28,7 +28,7 @@ from tdint_cli.commands.run_request import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
-from tdint_cli.options.limit import check_limit_options, kept_words
+from tdint_cli.options.suite import check_limit_options, kept_words
 from tdint_cli.terminal import complain, is_quiet, note, say, warn
 
 if TYPE_CHECKING:

@@ -13,10 +13,9 @@ from tdint.units import SI, OutputUnits
 from tdint_cli import options
 from tdint_cli.options.analysis import BuildingRequest, check_motion
 from tdint_cli.options.grammar import BESIDE, Count, FileName, Mode, Number, Ratio
-from tdint_cli.options.limit import LIMIT, REQUIRE
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
-from tdint_cli.options.suite import PAIR_DEMAND, SuiteRequest
+from tdint_cli.options.suite import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)

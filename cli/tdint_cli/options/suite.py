@@ -1,18 +1,24 @@
-"""Options of the commands with runs under a suite of ground motions, and names of their files."""
+"""Options of the commands with runs under a suite of ground motions: names of files, limits of the
+demands, and demand of pairs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tdint.errors import UsageError
 from tdint.units import OutputUnits
-from tdint_cli.options import record
-from tdint_cli.options.grammar import BESIDE
+from tdint_cli.options import analysis, record
+from tdint_cli.options.grammar import BESIDE, Ratio
 from tdint_cli.options.output import check_picture
 from tdint_cli.options.spectra import FloorRequest
+
+if TYPE_CHECKING:
+    from tdint.model.definition import Model
 
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 """Names of files in the directory of -o."""
@@ -67,3 +73,78 @@ class SuiteRequest:
                 "--plot=FILE.png"
             )
         return folder / PICTURE
+
+
+# ---- Limits of demands: --limit and --require
+
+
+class _DriftLimit(Ratio):
+    """A drift ratio below 1, or the name of a performance level of the model. An integer is refused
+    with a message for old scripts in which `--limit` of a campaign was the number of runs."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        # Names of levels start with a letter; nan and inf are numbers.
+        if isinstance(value, str) and value[:1].isalpha() and value.lower() not in _NOT_LEVELS:
+            return value
+        if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
+            self.fail(
+                f"it is the drift limit, such as 2%; the number of runs is --max-runs {value}",
+                param,
+                ctx,
+            )
+        return super().convert(value, param, ctx)
+
+
+_NOT_LEVELS = ("nan", "inf", "infinity")
+
+LIMIT = analysis.option(
+    type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
+    metavar="2%",
+    help="Drift limit: check that the mean over the ground motions of the maximum drift ratio does "
+    "not exceed it in any story; the figure shows it as a line. It is used instead of the `limits` "
+    "of the model; the name of a performance level selects its limits.",
+)
+"""The option --limit."""
+
+
+REQUIRE = analysis.option(
+    is_flag=True,
+    help="Exit with code 5 if --limit or a limit of the model is exceeded, a run is missing, or a "
+    "run collapsed.",
+)
+"""The option --require, which requires --limit or `limits` in the model."""
+
+
+def check_limit_options(limit: float | str | None, require: bool, models: Sequence[Model]) -> None:
+    """Check that there is a limit for --require, and that the models have the requested level.
+
+    Raises
+    ------
+    UsageError
+        No limit is specified, or a model does not have the performance level.
+    """
+    if require and limit is None and not any(model.limits for model in models):
+        raise without_limits()
+    if isinstance(limit, str):
+        from tdint.model.limits import check_level
+
+        for model in models:
+            check_level(model.limits, limit, model.name)
+        if not models:
+            raise UsageError(
+                f"--limit {limit}: buildings of an inventory have no performance levels; "
+                "give a drift limit, such as 2%"
+            )
+
+
+def without_limits() -> UsageError:
+    """Return the error for --require without a limit."""
+    return UsageError(
+        "--require has no effect without --limit or `limits` in the model; add --limit 2%, or omit "
+        "--require"
+    )
+
+
+def kept_words(kept: bool) -> str:
+    """Return the first words of the result of the drift check."""
+    return f"Limit {'kept' if kept else 'NOT kept'}. "

@@ -18,7 +18,6 @@ from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw, LawParameter
-from tdint.model.damage_states import DamageStates
 from tdint.model.plugins import (
     Origin,
     check_name,
@@ -33,6 +32,7 @@ from tdint.number_parsing import parse_ratio, pluralize
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
+    from tdint.model.damage_states import DamageStates
     from tdint.model.limits import Limit
 
 # ---- Hysteretic laws: built-in laws, laws of plug-ins, and the law of a story

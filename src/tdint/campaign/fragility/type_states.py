@@ -19,7 +19,7 @@ from tdint.campaign.buildings import Buildings, RowBuilding, RowBuildings, model
 from tdint.csv_table import CsvTable, number, number_error, read_table
 from tdint.errors import ModelError, UsageError
 from tdint.model.capacity import UNIT_MASS, CapacityFacts
-from tdint.model.config import sections
+from tdint.model.config import damage
 from tdint.model.damage_states import (
     CAPACITY,
     DEMANDS,
@@ -39,15 +39,15 @@ from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 _THRESHOLD_SOURCES = "hazus, capacity (the rules of the capacity curves), or a CSV file with one "
 "row per class"
 _THRESHOLDS, _LOSSES = (
-    Either((sections.THRESHOLDS, Words())),
-    Either((sections.ByState(sections.LOSS), Words())),
+    Either((damage.THRESHOLDS, Words())),
+    Either((damage.ByState(damage.LOSS), Words())),
 )
 _NAMES = EntriesOf(
     Words(), 1, what="a list of names, from the lightest", distinct="different names"
 )
 DAMAGE = Keys(
     (
-        sections.DEMAND,
+        damage.DEMAND,
         Key("states", _NAMES, f"names of the states, from the lightest; {', '.join(STATES)}"),
         Key(
             "thresholds",
@@ -55,7 +55,7 @@ DAMAGE = Keys(
             f"median demand of each state; or {_THRESHOLD_SOURCES}",
             needed=True,
         ),
-        sections.DISPERSION,
+        damage.DISPERSION,
         Key("losses", _LOSSES, "loss ratio in each state; or a CSV file by class"),
     )
 )
@@ -122,7 +122,7 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
     losses = section.get("losses")
     demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
-        read = sections.states_of(section, demand or "", thresholds)
+        read = damage.states_of(section, demand or "", thresholds)
         return DamageWishes(read.demand, read.states, read) if read else None
     losses.fault("must be a mapping by state, because the thresholds are a mapping")
     return None
@@ -172,7 +172,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     # Losses in the campaign file apply to all classes. Losses in a table depend on the class.
     entry = section.get("losses")
     common_losses = entry if entry and entry.is_mapping else None
-    losses = sections.read_losses(common_losses, states)
+    losses = damage.read_losses(common_losses, states)
     file = entry.file() if entry and not common_losses else None
     if losses is None:
         return None
@@ -186,7 +186,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
 def _names(section: Section) -> tuple[str, ...] | None:
     """Return the names of the states; None if they are invalid."""
     names: tuple[str, ...] | None = section.read("states", STATES)
-    if names and not all(map(sections.is_state, names)):
+    if names and not all(map(damage.is_state, names)):
         section.refuse(("states",), "must be names of letters, digits, _ and -")
         return None
     return names
@@ -220,17 +220,17 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
         "losses are a CSV file with the column class and a column for each damage state",
     )
     columns = {state: state for state in request.states}
-    if table.has(sections.COLLAPSE):
-        columns[sections.COLLAPSE] = sections.COLLAPSE
+    if table.has(damage.COLLAPSE):
+        columns[damage.COLLAPSE] = damage.COLLAPSE
     rows = _values_by_class(table, columns)
     for name, values in rows.items():
         for column, value in values.items():
-            if not sections.LOSS.allow(value):
+            if not damage.LOSS.allow(value):
                 raise ModelError(
                     f"{request.loss_file}: class {name}: the loss ratio {column} must be a number "
                     f"from 0 to 1, got {value:g}"
                 )
-    losses = {name: sections.losses_of(values, request.states) for name, values in rows.items()}
+    losses = {name: damage.losses_of(values, request.states) for name, values in rows.items()}
     return ClassDamage(states, losses)
 
 

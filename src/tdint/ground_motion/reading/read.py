@@ -37,13 +37,13 @@ from tdint.ground_motion.record import (
     masked_samples,
     station_of,
 )
-from tdint.ground_motion.signal import Signal
 from tdint.number_parsing import pluralize
 from tdint.units import parse_units
 
 if TYPE_CHECKING:
     from tdint.ground_motion.horizontals import Horizontals
     from tdint.ground_motion.reading.instrument import Instruments
+    from tdint.ground_motion.signal import Signal
 
 
 # ---- Join the traces of one channel and check its samples
@@ -435,6 +435,8 @@ def read_signal(
 
     Parameters and errors are the same as for `read_record`.
     """
+    from tdint.ground_motion.signal import Signal  # not needed by a response history
+
     parsed = None if units is None else parse_units(units)
     ((part, trace),), input_file = _components(
         source, RecordChoice(component=component), single=True

@@ -32,11 +32,9 @@ from tdint.ground_motion.choice import (
     parse_trim,
 )
 from tdint.model.config.sections import (
-    DAMAGE,
     DAMPING,
     UNITS,
     ModelUnits,
-    read_damage,
     read_damping,
     read_file_units,
     read_sample_units,
@@ -81,6 +79,7 @@ from tdint.number_parsing import parse_head
 from tdint.units import SI, parse_output_units
 
 if TYPE_CHECKING:
+    from tdint.model.damage_states import DamageStates
     from tdint.model.limits import Limit
 
 # ---- The section `excitation` of a model file: forces, or a record with the layout of its text
@@ -270,9 +269,10 @@ def model_keys() -> Keys:
     """Return the keys of a model file with the types of their values."""
     # Imported here because it loads numpy, which is not needed to read most models.
     from tdint.model.config.building_facts import BUILDING
+    from tdint.model.config.damage import DAMAGE
     from tdint.model.config.limits import LIMITS
 
-    kinds = {"building": BUILDING, "limits": LIMITS}
+    kinds = {"building": BUILDING, "damage": DAMAGE, "limits": LIMITS}
     return Keys(
         tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared),
         _MODEL.one_of,
@@ -308,7 +308,7 @@ _MODEL = Keys(
             _OFF,
             "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
         ),
-        Key("damage", DAMAGE, "damage states of the building"),
+        Key("damage", Keys(()), "damage states of the building"),
         Key("limits", Keys(()), "limits of demands, which runs are compared with"),
         Key(
             "output_units",
@@ -455,7 +455,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         output_units=output_units,
         page_units=page_units,
         page_head=section.read("report") or (),
-        damage=read_damage(section.get("damage")),
+        damage=_read_damage(section.get("damage")),
         limits=_read_limits(section, unit, stories),
         plausibility_off=section.read("plausibility") or "",
     )
@@ -464,6 +464,16 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already contains the model; give the record as a file")
     return model
+
+
+def _read_damage(value: Value | None) -> DamageStates | None:
+    """Return the damage states of a model; None without damage states or after an error."""
+    if value is None:
+        return None
+    # Imported here, because most models have no damage states.
+    from tdint.model.config.damage import read_damage
+
+    return read_damage(value)
 
 
 def _read_limits(

@@ -1,36 +1,28 @@
-"""Read the sections `units`, `damping` and `damage` of model and campaign files."""
+"""Read the sections `units` and `damping` of model and campaign files."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from tdint import units
-from tdint.errors import UsageError
 from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
-from tdint.model.damage_states import DEMANDS, DamageStates
 from tdint.model.definition import Damping, ModalDamping, RayleighCoefficients, RayleighRatio
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
-    POSITIVE_RATIO,
     RATIO,
-    Bounds,
     Choice,
     Either,
     EntriesOf,
     Key,
     Keys,
-    Schema,
     Section,
     Value,
-    ValueKind,
-    Words,
     numbered,
 )
-from tdint.units import parse_with_unit
 
 # ---- The section `units` of a model file, and the units of the samples of a record
 
@@ -234,174 +226,3 @@ def read_damping(value: Value | None, count: int | None) -> Damping:
     if isinstance(damping, float):
         return RayleighRatio((damping, damping), (1, min(count or 1, _LAST_MODE)))
     return None if damping == "none" else damping
-
-
-# ---- Damage
-
-LOSS = Bounds(0.0, 1.0, ratio=True)
-COLLAPSE = "collapsed"
-_STATE = r"^[A-Za-z][A-Za-z0-9_-]*$"
-_UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "12 mm")}
-
-
-@dataclass(frozen=True)
-class ByState:
-    """Mapping from the names of damage states, from the lightest, to values."""
-
-    kind: ValueKind
-
-    def schema(self) -> Schema:
-        return {
-            "type": "object",
-            "patternProperties": {_STATE: self.kind.schema()},
-            "additionalProperties": False,
-        }
-
-
-THRESHOLDS = ByState(Either((POSITIVE_RATIO, Words())))
-DEMAND = Key(
-    "demand",
-    Choice(tuple(DEMANDS), "demand"),
-    "response quantity that determines the state; default: drift_ratio",
-)
-DISPERSION = Key(
-    "dispersion",
-    Bounds(0.0, 3.0),
-    "standard deviation of the logarithms of the thresholds; 0: exact",
-)
-_LOSSES_MEANING = "loss ratio in each state; `collapsed` if it differs from the last state"
-DAMAGE = Keys(
-    (
-        DEMAND,
-        Key(
-            "thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True
-        ),
-        DISPERSION,
-        Key("losses", ByState(LOSS), _LOSSES_MEANING),
-    )
-)
-"""Keys of the section `damage` of a model file."""
-
-
-def read_damage(value: Value | None) -> DamageStates | None:
-    """Return the damage states of a model; None without damage states or after an error."""
-    section = value.section(DAMAGE) if value else None
-    thresholds = section.need("thresholds", "give the demand of each state") if section else None
-    if section is None or thresholds is None:
-        return None
-    return states_of(section, section.read("demand", "drift_ratio") or "", thresholds)
-
-
-def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates | None:
-    """Return the damage states of a file, or None after reporting an error.
-
-    Parameters
-    ----------
-    section : Section
-        Section with the keys `dispersion` and `losses`.
-    demand : str
-        Response quantity, a key of `DEMANDS`.
-    thresholds : Value
-        Median demand of each state.
-    """
-    values = _by_state(thresholds, "the demand of each state, such as {slight: 0.5%}")
-    if values is None or demand not in DEMANDS:
-        return None
-    medians = tuple(threshold_of(entry, demand) for entry in values.values())
-    dispersion = section.need("dispersion", "give 0 for exact thresholds")
-    losses = read_losses(section.get("losses"), tuple(values))
-    beta = dispersion.number(DISPERSION.kind) if dispersion else math.nan  # type: ignore[arg-type]
-    if losses is None or any(map(math.isnan, (*medians, beta))):
-        return None
-    try:
-        return DamageStates(demand, tuple(values), medians, beta, losses)
-    except UsageError as error:
-        thresholds.fault(str(error))
-        return None
-
-
-def threshold_of(value: Value, demand: str) -> float:
-    """Return a threshold in SI units, or nan after reporting an error.
-
-    Parameters
-    ----------
-    value : Value
-        Threshold in the file.
-    demand : str
-        Response quantity, a key of `DEMANDS`.
-    """
-    unit = DEMANDS[demand].unit
-    if unit == "1":
-        return value.number(POSITIVE_RATIO)
-    return value.parsed(lambda text: parse_with_unit(text, *_UNITS[unit])) or math.nan
-
-
-def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...] | None:
-    """Return the loss ratios of all states and of collapse.
-
-    The result is empty without losses, and None after reporting an error.
-
-    Parameters
-    ----------
-    value : Value or None
-        Loss ratio of each state; None without losses.
-    states : sequence of str
-        Names of the damage states.
-    """
-    if value is None:
-        return ()
-    values = _by_state(value, "the loss ratio of each state, such as {slight: 5%}")
-    if values is None:
-        return None
-    missing, unknown = (
-        [state for state in states if state not in values],
-        set(values) - {*states, COLLAPSE},
-    )
-    if missing or unknown:
-        problem = (
-            f"no loss ratio of {', '.join(missing)}"
-            if missing
-            else f"unknown state {', '.join(sorted(unknown))}"
-        )
-        value.fault(f"{problem}; the states are {', '.join(states)}, and optionally {COLLAPSE}")
-        return None
-    losses = {name: entry.number(LOSS) for name, entry in values.items()}
-    return None if any(map(math.isnan, losses.values())) else losses_of(losses, states)
-
-
-def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float, ...]:
-    """Return the loss ratios in the order of the states, followed by the ratio of collapse.
-
-    The default for collapse is the loss ratio of the last state.
-
-    Parameters
-    ----------
-    losses : mapping of str to float
-        Loss ratio of each state and, optionally, of collapse.
-    states : sequence of str
-        Names of the damage states.
-    """
-    return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
-
-
-def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
-    """Return the entries by the names of states, or None after reporting an error.
-
-    Parameters
-    ----------
-    value : Value
-        Mapping with one entry for each state.
-    expected : str
-        Description of the mapping, for messages.
-    """
-    entries = value.named(expected, f"is empty; give {expected}")
-    for name, entry in (entries or {}).items():
-        if not is_state(name):
-            entry.fault("the name of a state must consist of letters, digits, _ and -")
-            return None
-    return entries
-
-
-def is_state(name: str) -> bool:
-    """Return True if a text is a valid name of a damage state."""
-    return name.isascii() and name.replace("_", "").replace("-", "").isalnum() and name[0].isalpha()
