@@ -42,7 +42,7 @@ WITHOUT_FILES = {"yaml", "tdint.model.config", *WITHOUT_RECORDS}
 CALLS = {
     "init": ("new.yaml", 3_850, ""),
     "check": ("office.yaml", 13_700, "obspy"),
-    "run": ("office.yaml", 18_200, "obspy"),
+    "run": ("office.yaml", 17_700, "obspy"),
     "modes": ("office.yaml", 9_150, ""),
     "law": ("office.yaml --drift 1%", 11_450, ""),
     "pushover": ("office.yaml --points 20", 11_450, ""),

@@ -491,7 +491,7 @@ class Batch:
             runs,
             check=settings.check,
             to_rest=settings.until_rest,
-            to_repeat={i for i, job in enumerate(jobs) if job.repeats < REPEATS},
+            status_only=True,
         )
         repeated = []
         for i, failure in outcomes.failures.items():

@@ -11,7 +11,7 @@ and repeats failed runs with half the time step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any
@@ -187,7 +187,7 @@ def run_batch(
     to_rest: bool = False,
     history: bool = False,
     integrate: Callable[[], BatchResult] | None = None,
-    to_repeat: Container[int] | None = None,
+    status_only: bool = False,
 ) -> Outcomes:
     """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
     bit.
@@ -209,9 +209,9 @@ def run_batch(
     integrate : callable, optional
         Function that integrates the runs and returns a `BatchResult`; by default one compiled call
         without histories.
-    to_repeat : container of int, optional
-        Indices of the runs that are repeated with a smaller time step if they fail. If it is given,
-        failures contain only the status, so that a failed run is not integrated again for details.
+    status_only : bool, default False
+        Failures contain only the status, so that a failed run is not integrated again for the
+        details of its message.
 
     Raises
     ------
@@ -250,15 +250,11 @@ def run_batch(
         criterion = windows(prepared, h) if to_rest else NO_FREE_VIBRATION
         batch = prepared.integrate_batch(subject.integrator, h, motions.samples, specs, criterion)
     outcomes = Outcomes.of(prepared.building, batch, to_rest)
-    # Evaluate the runs that collapsed or failed individually. If failed runs are repeated with a
-    # smaller time step anyway, the status of the failure is sufficient.
+    # Evaluate the runs that collapsed or failed individually. A failed run is integrated again only
+    # if more than its status is required.
     for i in np.flatnonzero(needs_review(batch)).tolist():
         run_case, steps = case(i), runs[i][2]
-        failure = (
-            None
-            if to_repeat is None
-            else run_case.failure_in_batch(steps, batch, i, i in to_repeat)
-        )
+        failure = run_case.failure_in_batch(steps, batch, i) if status_only else None
         if failure:
             outcomes.fail(i, failure)
         else:

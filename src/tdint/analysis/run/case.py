@@ -275,11 +275,6 @@ is added.
 
 _UNTIL_REST = "--until-rest continues until free vibration has decayed"
 
-_OVERFLOW = 1e300
-"""Dimensionless. Relative residual from which a step that did not converge is treated as
-divergence.
-"""
-
 _REMEDY = "use a smaller step or another method"
 
 
@@ -485,9 +480,9 @@ class Case:
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
         """Return the exception for the failed step: divergence or missing convergence."""
-        residual = float(space.step_status[rows.RESIDUAL])
-        if code == rows.NOT_FINITE or not residual < _OVERFLOW:
+        if code == rows.NOT_FINITE:
             return self._divergence(steps, space)
+        residual = float(space.step_status[rows.RESIDUAL])
         reached = float(space.totals[rows.STEPS_REACHED]) * steps.h
         story = int(space.step_status[rows.WORST_STORY]) + 1
         event = (
@@ -622,11 +617,9 @@ class Case:
         reached = max(completed, int(totals[rows.STEPS_REACHED]) + 1)
         return self.integrate(replace(steps, count=max(reached, steps.count)), history)
 
-    def failure_in_batch(
-        self, steps: Steps, batch: BatchResult, i: int, is_repeated: bool
-    ) -> FailedRun | None:
-        """Return the failure of run `i` of a batch with its status only, or None if `settle` must
-        decide.
+    def failure_in_batch(self, steps: Steps, batch: BatchResult, i: int) -> FailedRun | None:
+        """Return the failure of run `i` of a batch with its status only, or None if the run must be
+        evaluated by `settle`, because it collapsed or reached its end.
 
         Parameters
         ----------
@@ -636,8 +629,6 @@ class Case:
             Results of the batch.
         i : int
             Index of the run in the batch.
-        is_repeated : bool
-            True if a failed run is repeated with a smaller time step. Its status is not used then.
         """
         code, totals = int(batch.ends[i, CODE]), batch.totals[i]
         if code == 0:
@@ -645,12 +636,8 @@ class Case:
             status = DIVERGED if has_diverged else None
         elif self.judge(steps, code, totals) is not None:
             status = None  # a collapse before the failed step
-        elif code == rows.NOT_FINITE:
-            status = DIVERGED
         else:
-            # Only the residual distinguishes missing convergence from divergence, and a batch does
-            # not store it. A run that is repeated anyway does not need the distinction.
-            status = NOT_CONVERGED if is_repeated else None
+            status = DIVERGED if code == rows.NOT_FINITE else NOT_CONVERGED
         label = self.method.label
         message = f"{label} with dt {steps.h:.6g} s: {status}"
         return FailedRun(message, status, label, steps.h) if status else None

@@ -69,6 +69,10 @@ INTEGRATE = I8(
     *SEEN,
 )
 
+OVERFLOW = 1e300
+"""Dimensionless. Relative residual from which a step that did not converge is treated as
+divergence."""
+
 RUNAWAY = 1e6
 """Displacement above which the time integration ends as if the response were not finite, m. No
 building reaches such displacements."""
@@ -309,7 +313,8 @@ def integrate(
             if code < 0:
                 if code == rows.NOT_FINITE or fraction <= min_fraction:
                     check_limits(sum_law_energies, scene, memory, step_index, seen)
-                    return code
+                    # A residual that exceeds the range of numbers is divergence (also nan).
+                    return code if step_status[rows.RESIDUAL] < OVERFLOW else rows.NOT_FINITE
                 fraction *= 0.5
                 totals[rows.HALVINGS] += 1.0
                 step_status[rows.STEPS_DONE] = 0.0
