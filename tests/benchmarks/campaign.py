@@ -26,7 +26,7 @@ import tdint
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import Case
 from tdint.campaign.batch import RunSettings
-from tdint.campaign.buildings import given_buildings
+from tdint.campaign.buildings import model_buildings
 from tdint.campaign.execute import Shard, compile_for, execute_plan, threads
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import EveryMotion, Scales
@@ -44,7 +44,7 @@ def study(method: str) -> None:
     records = turned(22)
     plan = Plan(
         "study",
-        given_buildings([subject]),
+        model_buildings([subject]),
         suite_motions(records),
         EveryMotion(len(records)),
         Scales(SCALES),

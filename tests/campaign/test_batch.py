@@ -102,8 +102,8 @@ def test_errors_are_those_of_single_runs(
     """Of every demand and story, collapsed or not. The runs themselves are those without errors."""
     results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
     plain = batch(model, method, stories=True, until_rest=rest).results(runs)
-    assert [row._replace(errors=()).but(at_rest=0) for row in results.runs] == [
-        row.but(at_rest=0)
+    assert [row._replace(errors=()).changed(at_rest=0) for row in results.runs] == [
+        row.changed(at_rest=0)
         for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
     ]
     for row in results.runs:
@@ -225,11 +225,11 @@ def test_an_unstable_step_is_a_row_with_its_status() -> None:
 def test_steps_that_are_chosen_and_steps_that_are_not_within_a_tolerance() -> None:
     for method, largest, dt in (("newmark-average", 0.008, 0.005), ("impulse4", 0.05, 0.04)):
         of = batch("ten-story-bilinear", method, **{"dt": 0.02} if dt < 0.02 else {})
-        (row,) = of.results([Run(0, 1.0)], largest=largest).runs
+        (row,) = of.results([Run(0, 1.0)], max_step=largest).runs
         response = single(of, Run(0, 1.0), dt=dt)
         assert (row.dt, row.steps, row.energy_error) == (dt, response.steps, response.energy.error)
         assert row.peak_drift == demands(response.stories).drift.value
-    (row,) = of.results([Run(0, 1.0)], largest=None).runs
+    (row,) = of.results([Run(0, 1.0)], max_step=None).runs
     assert (row.status, row.peak_drift) == ("not-within-tolerance", None)
 
 

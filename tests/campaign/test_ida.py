@@ -252,10 +252,10 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
         rows = original(self, runs)
         pga = rows.runs[0].pga
         if 1.0 < pga < 1.3:
-            rows.runs[0] = rows.runs[0].but(repeats=2)
+            rows.runs[0] = rows.runs[0].changed(repeats=2)
         if 2.0 < pga < 2.2:
             lost = RunRow(0, *runs[0], (None,) * len(RUN))
-            rows.runs[0] = lost.but(dt=0.0025, status="diverged", pga=pga, repeats=3)
+            rows.runs[0] = lost.changed(dt=0.0025, status="diverged", pga=pga, repeats=3)
         return rows
 
     monkeypatch.setattr(Batch, "results", results)

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 from building_cases import model, noise, story
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.campaign.batch import Run
-from tdint.campaign.definition import AnalysisWishes, InventoryFile
+from tdint.campaign.definition import AnalysisOverrides, InventoryFile
 from tdint.campaign.fragility.type_states import _of_model as type_of_model
 from tdint.campaign.inputs import adapted, read_rows
 from tdint.campaign.pairs import recording_numbers
@@ -32,16 +32,18 @@ HALF = replace(BUILDING, stories=(*BUILDING.stories[:2], WITHOUT.stories[2]))
 
 def test_what_a_campaign_says_of_all_buildings_is_theirs() -> None:
     for of in (BUILDING, WITHOUT):
-        assert adapted(of, AnalysisWishes()) == of
-        assert adapted(of, AnalysisWishes(p_delta=False)) == replace(of, p_delta=False)
-        assert adapted(of, AnalysisWishes(collapse_drift=0.04)) == replace(of, collapse_drift=0.04)
-    both = adapted(BUILDING, AnalysisWishes(collapse_drift=0.04, p_delta=True))
+        assert adapted(of, AnalysisOverrides()) == of
+        assert adapted(of, AnalysisOverrides(p_delta=False)) == replace(of, p_delta=False)
+        assert adapted(of, AnalysisOverrides(collapse_drift=0.04)) == replace(
+            of, collapse_drift=0.04
+        )
+    both = adapted(BUILDING, AnalysisOverrides(collapse_drift=0.04, p_delta=True))
     assert both == replace(BUILDING, collapse_drift=0.04, p_delta=True)
     for bare in (WITHOUT, HALF):
         with pytest.raises(
             ModelError, match="test: p_delta of the campaign requires the heights of all stories"
         ):
-            adapted(bare, AnalysisWishes(p_delta=True))
+            adapted(bare, AnalysisOverrides(p_delta=True))
 
 
 def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:

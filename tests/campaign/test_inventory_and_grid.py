@@ -13,7 +13,7 @@ import pytest
 import tdint
 from tdint.campaign.batch import RunRow, do
 from tdint.campaign.inputs import read_inputs
-from tdint.campaign.motions import GridDraws, GridFile, GridMotions
+from tdint.campaign.motions import GridFile, GridMotions, GridSamples
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.errors import ModelError, RecordError, TdintError
@@ -138,7 +138,7 @@ def test_weights_are_the_inverse_squares_of_distances(tmp_path: Path) -> None:
         f"{','.join(NEEDED)},Latitude,Longitude\nx,2,1980,C1,100,0,10\n"
     )
     rows, _ = read_inventory(str(tmp_path / "b.csv"), 1.0)
-    draws = GridDraws(rows, grid, GridFile("grid.csv", "g", neighbors=3, samples=20_000, seed=1))
+    draws = GridSamples(rows, grid, GridFile("grid.csv", "g", neighbors=3, samples=20_000, seed=1))
     near, weights = draws.weights(0)
     found = dict(zip(near.tolist(), weights.tolist(), strict=True))
     squares = {0: 1.0 / 4.0, 1: 1.0 / 16.0, 2: 1.0}

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from tdint import spectrum, system
 from tdint.analysis.run.batch import Subject
 from tdint.campaign.batch import RunSettings, do, spectral_accelerations
-from tdint.campaign.buildings import given_buildings
+from tdint.campaign.buildings import model_buildings
 from tdint.campaign.execute import Advance, merge
-from tdint.campaign.motions import EveryMotion, GivenFactors
+from tdint.campaign.motions import EveryMotion, MotionFactors
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import open_store
 from tdint.campaign.store_schema import refuse_network
@@ -58,10 +58,10 @@ def plan_of(
     suite = suite_motions(
         [Record(samples, 0.01, "", "", name, "r") for name, samples in motions.items()]
     )
-    levels = GivenFactors(
+    levels = MotionFactors(
         {i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(motions))}
     )
-    given_ones = given_buildings([Subject(model, "newmark-average")] * buildings)
+    given_ones = model_buildings([Subject(model, "newmark-average")] * buildings)
     return Plan("", given_ones, suite, EveryMotion(len(motions)), levels, RunSettings(**settings))
 
 

@@ -11,7 +11,7 @@ from scipy.stats import lognorm, norm, uniform
 import tdint
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.definition import (
-    AnalysisWishes,
+    AnalysisOverrides,
     CampaignFile,
     Distribution,
     ModelFiles,
@@ -20,7 +20,7 @@ from tdint.campaign.definition import (
 )
 from tdint.campaign.execute import execute_plan, threads
 from tdint.campaign.inputs import Inputs, suite_motions
-from tdint.campaign.motions import FoundMotions, Scales
+from tdint.campaign.motions import CampaignMotions, Scales
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.sensitivity import one_at_a_time, parameter_effects, rank_correlations
@@ -57,9 +57,9 @@ def stored(models, records, scales=(1.0,)):
     motions = suite_motions(records)
     files = ModelFiles(()), RecordFiles((), RecordChoice())
     campaign = CampaignFile(
-        "sweep", "sweep", *files, Scales(scales), AnalysisWishes(), RunSettings(profiles=True)
+        "sweep", "sweep", *files, Scales(scales), AnalysisOverrides(), RunSettings(profiles=True)
     )
-    plan = make_plan(campaign, Inputs(tuple(models), motions=FoundMotions(motions)))
+    plan = make_plan(campaign, Inputs(tuple(models), motions=CampaignMotions(motions)))
     store, _ = open_store(None, plan)
     execute_plan(plan, store, threads(1))
     return store

@@ -23,7 +23,7 @@ from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import FieldMotions
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.sites import FoundMotions, read_field
+from tdint.campaign.sites import CampaignMotions, read_field
 from tdint.ground_motion.choice import RecordChoice
 
 CAMPAIGN = """\
@@ -455,7 +455,7 @@ def test_what_a_row_of_a_field_takes(here: Path) -> None:
     is not kept."""
     write_record(here / "firm.mseed", "HN1")
 
-    def read(count: int) -> FoundMotions:
+    def read(count: int) -> CampaignMotions:
         lines = (
             f"M{row % 400},s{row // 400},firm.mseed,{1.0 + 1e-3 * row:.4f}\n"
             for row in range(count)

@@ -277,7 +277,7 @@ def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
     def results(self, runs):
         rows = original(self, runs)
         if rows.runs[0].status == "collapsed" and runs[0].scale < 30.0:
-            rows.runs[0] = rows.runs[0].but(
+            rows.runs[0] = rows.runs[0].changed(
                 status="not-converged", peak_drift_ratio=None, energy_error=None
             )
         return rows

@@ -36,9 +36,9 @@ class _Measure(Name):
     """Intensity measure with levels, also of plug-ins; other measures are refused with a reason."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from tdint.campaign.intensity import without_levels
+        from tdint.campaign.intensity import scaling_obstacle
 
-        if reason := without_levels(value):
+        if reason := scaling_obstacle(value):
             self.fail(
                 f"{value}: ground motions cannot be scaled to levels of this measure, because "
                 f"{reason}; use one of {', '.join(self.names())}",
@@ -49,9 +49,9 @@ class _Measure(Name):
 
 
 def _measures() -> tuple[str, ...]:
-    from tdint.campaign.intensity import levelled
+    from tdint.campaign.intensity import scalable_measures
 
-    return levelled()
+    return scalable_measures()
 
 
 @options.request

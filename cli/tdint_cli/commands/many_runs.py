@@ -86,14 +86,14 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     """Return the plan of the runs of a building under several records."""
     from tdint.campaign.batch import RunSettings
     from tdint.campaign.definition import (
-        AnalysisWishes,
+        AnalysisOverrides,
         CampaignFile,
         FactorsFile,
         ModelFiles,
         RecordFiles,
     )
     from tdint.campaign.inputs import Inputs, read_factors, read_listed_motions, read_motions
-    from tdint.campaign.motions import FoundMotions, Scales
+    from tdint.campaign.motions import CampaignMotions, Scales
     from tdint.campaign.plan import make_plan
 
     of_file = FactorsFile(request.factors) if request.factors is not None else None
@@ -104,7 +104,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         buildings=ModelFiles((model.source,)),
         records=(record_files := RecordFiles(records, request.choice)),
         intensity=of_file or Scales(request.scale or (1.0,)),
-        analysis=AnalysisWishes(request.method),
+        analysis=AnalysisOverrides(request.method),
         settings=RunSettings(
             request.dt,
             request.duration,
@@ -126,5 +126,5 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         record = model_record(with_motion(model, replace(request, scale=(1.0,))))
         if record is None:
             raise UsageError("--scale requires a record, and the model has no record: add RECORD")
-        motions = FoundMotions(suite_motions([record]))
+        motions = CampaignMotions(suite_motions([record]))
     return make_plan(campaign, Inputs((model,), motions=motions, factors=table))

@@ -1,7 +1,8 @@
-"""Chunks of runs: units of work that a thread or a remote worker processes with its input only.
+"""Chunks of runs. A chunk contains all input of its runs, so that a thread or a remote worker can
+process it without reading files.
 
-All runs of a building with the same time step are integrated together
-(`tdint.analysis.run.batch`). Failed runs are repeated with half the time step.
+All runs of a building with the same time step are integrated by one compiled call. Failed runs are
+repeated with half the time step.
 """
 
 from __future__ import annotations
@@ -58,9 +59,10 @@ class RunSettings:
     until_rest : bool
         Continue after the record until free vibration has decayed (`tdint.analysis.run.case`).
     stories : bool
-        Store the peaks of every story, to write them.
+        Store the peaks of every story, because the table of stories is written.
     profiles : bool
-        Store the peaks of every story, for their statistics over the motions.
+        Store the peaks of every story, because the table with their statistics over the motions is
+        written.
     check : bool
         Estimate the errors of the demands of each run, as `tdint.run` does.
     tolerance : float or None
@@ -83,10 +85,11 @@ class RunSettings:
 
 
 class Source(Protocol):
-    """Object that creates a building: the building, or a row of an inventory with its rules."""
+    """Object that provides a building: a building that exists already, or a row of an inventory,
+    from which rules derive the building when `subject` is called."""
 
     def subject(self) -> Subject:
-        """Return the building."""
+        """Return the building with its method."""
 
 
 class Run(NamedTuple):
@@ -109,21 +112,22 @@ class BuildingRuns(NamedTuple):
         Object that creates the building.
     runs : tuple of Run
         The runs.
-    largest : float or None
-        Maximum time step for a tolerance, s; None if no time step meets the tolerance.
+    max_step : float or None
+        Maximum time step that meets the tolerance of the campaign, s; None if no time step meets
+        the tolerance; infinity if the campaign has no tolerance.
     """
 
     number: int
     source: Source
     runs: tuple[Run, ...]
-    largest: float | None = math.inf
+    max_step: float | None = math.inf
 
 
 class RunRow(NamedTuple):
     """Values of a run in the order of `RUN`; missing values are None or NaN.
 
     If errors were estimated, `errors` contains the errors of the demands in the order of
-    `RUN_WITH_ERROR`. Values are also available by name: `row.status`.
+    `RUN_WITH_ERROR`; otherwise it is empty. Values are also available by name: `row.status`.
     """
 
     building: int
@@ -138,21 +142,22 @@ class RunRow(NamedTuple):
             raise AttributeError(name)
         return self.values[_INDICES[name]]
 
-    def but(self, **values: Any) -> RunRow:
-        """Return a copy of the row with other values."""
+    def changed(self, **changes: Any) -> RunRow:
+        """Return a copy of the row in which some values, given by name, are replaced."""
         return self._replace(
-            values=tuple(values.get(name, self.values[index]) for name, index in _INDICES.items())
+            values=tuple(changes.get(name, self.values[index]) for name, index in _INDICES.items())
         )
 
 
 _INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
+"""Index in `RunRow.values` by the name of the quantity."""
 
 
 class ShockRow(NamedTuple):
-    """Values of an event in a run of a sequence, in the order of `DEMANDED`.
+    """Demands of one event in a run of a sequence of earthquakes.
 
-    Events are numbered from 1. The row contains the time (s) of the first sample and the peak
-    ground acceleration (m/s^2).
+    `shock` is the number of the event, from 1; `start` is the time of its first sample, s; `pga` is
+    its peak ground acceleration, m/s^2. `values` contains the demands in the order of `DEMANDED`.
     """
 
     building: int
@@ -195,10 +200,13 @@ class Rows:
 
 
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
-    """Return the values that follow from the demands of each run, by name. The peaks have the shape
-    (runs, n)."""
+    """Return one dictionary per run: the demands, such as the peak drift ratio, by name. They are
+    computed from the peaks of the stories, which have the shape (runs, stories)."""
     columns = {name: column.tolist() for name, column in demand_columns(stories).items()}
-    return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
+    return [
+        dict(zip(columns, run_values, strict=True))
+        for run_values in zip(*columns.values(), strict=True)
+    ]
 
 
 def story_rows(
@@ -215,25 +223,30 @@ def story_rows(
     stories : StoryPeaks
         Peaks of the stories.
     check : ErrorEstimate, optional
-        Error estimate of the run.
+        Error estimate of the run. Without it, the errors in the rows are empty.
     """
-    by_story: list[Iterable[tuple[float, ...]]] = [
-        zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True)
-        if values
-        else repeat(())
-        for values in (stories, check and check.errors)
-    ]
-    cells = zip(stories.height.tolist(), *by_story, strict=False)
+    values = _values_by_story(stories)
+    errors = _values_by_story(check.errors) if check else repeat(())
+    # `repeat` does not end, so the iterables may have different lengths.
+    cells = zip(stories.height.tolist(), values, errors, strict=False)
     return [StoryRow(building, *run, story, *row) for story, row in enumerate(cells, start=1)]
+
+
+def _values_by_story(peaks: Any) -> Iterable[tuple[float, ...]]:
+    """Return one tuple per story with its values, or their errors, in the order of `STORY`."""
+    return zip(*(getattr(peaks, quantity.name).tolist() for quantity in STORY), strict=True)
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
     """Return the rows of the events of a run of a sequence, in chronological order."""
-    return [
-        ShockRow(building, *run, number, shock.start, shock.record.pga, tuple(cells.values()))
-        for number, shock in enumerate(shocks, start=1)
-        for cells in demand_cells(shock.stories)
-    ]
+    rows = []
+    for number, shock in enumerate(shocks, start=1):
+        # The peaks of an event belong to one run.
+        (demands,) = demand_cells(shock.stories)
+        rows.append(
+            ShockRow(building, *run, number, shock.start, shock.record.pga, tuple(demands.values()))
+        )
+    return rows
 
 
 # ---- Batch
@@ -254,15 +267,12 @@ def building_step(
     settings: RunSettings,
     tolerance: float,
 ) -> float | None:
-    """Return the maximum time step (s) that meets a tolerance of the peak drifts of a building, or
-    None if no time step does.
+    """Return the maximum time step (s) at which the estimated errors of the peak drifts of a
+    building stay below a tolerance.
 
-    The errors are estimated for some of the runs by `tdint.analysis.run.step_choice`. The time step
-    is chosen once and used for all runs of the building.
-
-    The discretization error depends on the motion as much as on the building, so a single motion,
-    even the strongest, is not representative. The runs are therefore distributed over motions and
-    scale factors, and the minimum of their time steps is used.
+    The errors are estimated for 4 to 8 of the runs (a quarter of them in between). The minimum of
+    their time steps is used for all runs of the building. None is returned if none of the tried
+    runs provides a time step.
 
     Parameters
     ----------
@@ -277,30 +287,15 @@ def building_step(
     tolerance : float
         Maximum estimated error, relative to the peak drifts.
     """
-    # Order the runs so that the first N use as many different motions as possible, with scale
-    # factors from the middle of the range.
-    runs_by_motion: dict[int, list[Run]] = {}
-    for run in sorted(runs, key=lambda run: abs(run.scale)):
-        runs_by_motion.setdefault(run.motion, []).append(run)
-    motions_by_pga = sorted(
-        runs_by_motion,
-        key=lambda motion: abs(runs_by_motion[motion][-1].scale) * records[motion].pga,
-    )
-    rounds = zip_longest(
-        *(_middle_first(runs_by_motion[motion]) for motion in _middle_first(motions_by_pga))
-    )
-    ordered = (run for run in chain.from_iterable(rounds) if run is not None)
-
-    # Runs that collapse or fail provide no time step: try other runs instead.
-    step, evaluated = math.inf, 0
-    required = min(max(_MIN_EVALUATED, len(runs) // 4), _MAX_EVALUATED)
-    for run in islice(ordered, _MAX_TRIALS):
+    step, evaluated_count = math.inf, 0
+    required_count = min(max(_MIN_EVALUATED, len(runs) // 4), _MAX_EVALUATED)
+    for run in islice(_representative_first(runs, records), _MAX_TRIALS):
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
-            case = case.under(
-                sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt).whole
-            )
+            sequence = sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt)
+            case = case.under(sequence.whole)
+        # Runs that collapse or fail provide no time step: try other runs instead.
         outcome = attempt(case, case.steps(settings.dt, settings.duration))
         if isinstance(outcome, Response) and outcome.collapse:
             continue
@@ -311,21 +306,50 @@ def building_step(
             )
         except FailedRun:
             continue
-        evaluated += 1
-        if evaluated == required:
+        evaluated_count += 1
+        if evaluated_count == required_count:
             break
-    return step if evaluated else None
+    return step if evaluated_count else None
+
+
+def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) -> Iterator[Run]:
+    """Yield the runs of a building in an order in which the first N are representative.
+
+    The discretization error depends on the motion as much as on the building, so a single motion,
+    even the strongest, is not representative. The first N runs therefore use as many different
+    motions as possible, beginning with medium ones, with scale factors from the middle of the
+    range.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        All runs of the building.
+    records : mapping of int to Record
+        Ground motions by number.
+    """
+    runs_by_motion: dict[int, list[Run]] = {}
+    for run in sorted(runs, key=lambda run: abs(run.scale)):
+        runs_by_motion.setdefault(run.motion, []).append(run)
+    motions_by_pga = sorted(
+        runs_by_motion,
+        key=lambda motion: abs(runs_by_motion[motion][-1].scale) * records[motion].pga,
+    )
+    # Each round has one run of every motion; None if the motion has no more runs.
+    rounds = zip_longest(
+        *(_middle_first(runs_by_motion[motion]) for motion in _middle_first(motions_by_pga))
+    )
+    return (run for run in chain.from_iterable(rounds) if run is not None)
 
 
 def _middle_first(items: Sequence[Item]) -> Iterator[Item]:
     """Yield the middle item, then the middle items of both halves, and so on."""
-    parts = deque([items])
-    while parts:
-        part = parts.popleft()
-        if part:
-            middle = len(part) // 2
-            yield part[middle]
-            parts += [part[:middle], part[middle + 1 :]]
+    segments = deque([items])
+    while segments:
+        segment = segments.popleft()
+        if segment:
+            middle = len(segment) // 2
+            yield segment[middle]
+            segments += [segment[:middle], segment[middle + 1 :]]
 
 
 _EQUAL_STEPS = 1e-9  # relative difference up to which time steps are equal
@@ -342,7 +366,7 @@ class _Job:
 
 @dataclass(frozen=True)
 class Batch:
-    """Runs of one building.
+    """Input of the runs of one building, which are integrated by `results`.
 
     Attributes
     ----------
@@ -351,7 +375,7 @@ class Batch:
     subject : Subject
         The building and its method.
     motions : Motions
-        Ground motions; all motions of `spectral` are included.
+        Ground motions with their numbers in the campaign.
     spectral : mapping of int to float or None
         Sa(T1) of each motion at the scale factor 1, m/s^2.
     settings : RunSettings
@@ -364,17 +388,18 @@ class Batch:
     spectral: dict[int, float | None]
     settings: RunSettings
 
-    def results(self, runs: Sequence[Run], largest: float | None = math.inf) -> Rows:
+    def results(self, runs: Sequence[Run], max_step: float | None = math.inf) -> Rows:
         """Integrate runs and return their rows.
 
         Parameters
         ----------
         runs : sequence of Run
             The runs.
-        largest : float or None
-            Maximum time step for a tolerance, s. The time step of each record is halved or doubled
-            to the maximum value up to this limit. None: no time step meets the tolerance. By
-            default the time steps of the settings are used.
+        max_step : float or None
+            Maximum time step that meets the tolerance, s. The time step of each record is halved or
+            doubled to the maximum value up to this limit. None: no time step meets the tolerance;
+            the runs are not integrated, and the status in their rows states this reason. By default
+            (infinity) the time steps of the settings are used.
 
         Raises
         ------
@@ -388,23 +413,24 @@ class Batch:
         results = Rows()
         for run in runs:
             if isinstance(self.motions.records[run.motion], JoinedRecord):
-                results.extend(self._sequence(run, largest))
+                results.extend(self._sequence(run, max_step))
         runs = [
             run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
         ]
         # The time step depends on the sampling interval of the motion, but not on the scale factor:
-        # compute it once for each motion.
-        chosen = math.inf if largest is None else largest
-        steps = {
-            motion: self._steps(motion, chosen)
+        # compute it once for each motion. Without a step within the tolerance, the rows contain the
+        # time steps of the settings.
+        step_limit = math.inf if max_step is None else max_step
+        steps_of_motion = {
+            motion: self._steps(motion, step_limit)
             for motion in dict.fromkeys(run.motion for run in runs)
         }
-        jobs = [_Job(run, steps[run.motion]) for run in runs]
-        # If no time step meets the tolerance, do not run; the status of the rows is the reason.
-        if largest is None:
+        jobs = [_Job(run, steps_of_motion[run.motion]) for run in runs]
+        if max_step is None:
             results.runs += [self._row(job, NO_STEP) for job in jobs]
             return results
-        # `_at_step` returns failed runs with a smaller time step, until no repetition is left.
+        # `_at_step` appends the rows of the other runs to the results, and returns the failed runs
+        # with half the time step until the maximum number of repetitions is reached.
         while jobs:
             failed: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
@@ -412,9 +438,20 @@ class Batch:
             jobs = failed
         return results
 
-    def _sequence(self, run: Run, largest: float | None) -> Rows:
-        """Run a sequence of events: integrate the joined record of this building, and evaluate
-        its parts."""
+    def _sequence(self, run: Run, max_step: float | None) -> Rows:
+        """Integrate a sequence of events and return its rows: the row of the run, the rows of its
+        stories, and one row per event.
+
+        The events are joined to one record. The time between two events depends on the building if
+        each event starts after the free vibration of the previous event.
+
+        Parameters
+        ----------
+        run : Run
+            Run whose ground motion is a JoinedRecord.
+        max_step : float or None
+            Maximum time step, as for `results`.
+        """
         case, dt = self._case(run), self.settings.dt
         record = case.record
         assert isinstance(record, JoinedRecord)
@@ -430,35 +467,45 @@ class Batch:
             spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
             settings=replace(self.settings, duration=sequence.whole.duration),
         )
-        rows = single_run_batch.results([run._replace(scale=1.0)], largest)
-        (row,) = rows.runs
-        # Compute the demands of each event, if the run has a result.
-        if row.steps is not None:
-            steps = replace(joined_case.steps(row.dt, sequence.whole.duration), count=row.steps)
-            shocks = event_responses(
-                joined_case, sequence, steps, check=self.settings.check and bool(record.fixed)
+        joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
+        (run_row,) = joined_rows.runs
+        # Compute the demands of each event, if the run has a result (a number of steps).
+        if run_row.steps is not None:
+            joined_steps = replace(
+                joined_case.steps(run_row.dt, sequence.whole.duration), count=run_row.steps
             )
-            rows.shocks = shock_rows(self.number, run, shocks)
-            # After events that only damage the building, the demands of the run are the demands of
-            # the last event.
+            shocks = event_responses(
+                joined_case,
+                sequence,
+                joined_steps,
+                check=self.settings.check and bool(record.fixed),
+            )
+            joined_rows.shocks = shock_rows(self.number, run, shocks)
+            # The first `fixed` events of the record are not scaled; they only damage the building
+            # before the event of interest. Then the demands of the run are those of the last event.
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
-                errors = (
-                    demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
+                last_errors = (
+                    demand_errors(last.stories, last.errors)
+                    if run_row.errors and last.errors
+                    else ()
                 )
-                row = row.but(**demand_cells(last.stories)[0])._replace(errors=errors)
-        stories = [story._replace(scale=run.scale) for story in rows.stories]
-        return Rows([row._replace(scale=run.scale)], stories, rows.shocks)
+                run_row = run_row.changed(**demand_cells(last.stories)[0])._replace(
+                    errors=last_errors
+                )
+        stories = [story._replace(scale=run.scale) for story in joined_rows.stories]
+        return Rows([run_row._replace(scale=run.scale)], stories, joined_rows.shocks)
 
-    def _steps(self, motion: int, largest: float) -> Steps:
+    def _steps(self, motion: int, max_step: float) -> Steps:
         """Return the time steps for a motion: the time step of the settings, doubled or halved as
-        often as necessary to be the longest one that does not exceed `largest` (s)."""
+        often as necessary to be the longest one that does not exceed `max_step` (s)."""
         case, duration = self._case(Run(motion, 1.0)), self.settings.duration
         steps = case.steps(self.settings.dt, duration)
-        if largest == math.inf:
+        if max_step == math.inf:
             return steps
-        # Time steps that are halved or doubled still end at samples of the record.
-        doublings = math.floor(math.log2(largest / steps.h) + _EQUAL_STEPS)
+        # Time steps that are halved or doubled still end at samples of the record. A negative
+        # number of doublings is a number of halvings. Steps that equal the limit are allowed.
+        doublings = math.floor(math.log2(max_step / steps.h) + _EQUAL_STEPS)
         if doublings > 0:
             return case.steps(steps.h * 2.0**doublings, duration)
         for _ in range(-doublings):
@@ -482,51 +529,55 @@ class Batch:
         Returns
         -------
         list of _Job
-            Failed runs, with a smaller time step.
+            Failed runs that must be repeated, with half the time step.
         """
-        runs, settings = [(job.run.motion, job.run.scale, job.steps) for job in jobs], self.settings
+        settings = self.settings
+        run_requests = [(job.run.motion, job.run.scale, job.steps) for job in jobs]
         outcomes = run_batch(
             self.subject,
             self.motions,
-            runs,
+            run_requests,
             check=settings.check,
             to_rest=settings.until_rest,
             status_only=True,
         )
-        repeated = []
-        for i, failure in outcomes.failures.items():
-            job = jobs[i]
+        jobs_to_repeat = []
+        for index, failure in outcomes.failures.items():
+            job = jobs[index]
             # A time step above the limit of the method is reported and not repeated.
             if failure.finer_may_help and job.repeats < REPEATS:
-                repeated.append(_Job(job.run, finer(job.steps), job.repeats + 1))
+                jobs_to_repeat.append(_Job(job.run, finer(job.steps), job.repeats + 1))
             else:
                 results.runs.append(self._row(job, failure.status))
         # Compute the demands of all runs as arrays, then create the rows.
-        demanded, statuses = demand_cells(outcomes.stories), outcomes.status
-        for i, job in enumerate(jobs):
-            if i in outcomes.failures:
+        demands, statuses = demand_cells(outcomes.stories), outcomes.status
+        for index, job in enumerate(jobs):
+            if index in outcomes.failures:
                 continue
-            peaks = outcomes.stories_of(i)
+            peaks = outcomes.stories_of(index)
             # A run that was integrated separately includes its error estimate.
-            check = outcomes.responses[i].check if i in outcomes.responses else None
-            values = demanded[i] | {
-                "energy_error": float(outcomes.energy_error[i]),
-                "steps": int(outcomes.steps[i]),
-                "at_rest": outcomes.at_rest[i],
+            response = outcomes.responses.get(index)
+            error_estimate = response.check if response else None
+            values = demands[index] | {
+                "energy_error": float(outcomes.energy_error[index]),
+                "steps": int(outcomes.steps[index]),
+                "at_rest": outcomes.at_rest[index],
             }
-            row = self._row(job, statuses.get(i, "done"), outcomes.collapses.get(i), **values)
-            if check:
-                row = row._replace(errors=demand_errors(peaks, check.errors))
+            row = self._row(
+                job, statuses.get(index, "done"), outcomes.collapses.get(index), **values
+            )
+            if error_estimate:
+                row = row._replace(errors=demand_errors(peaks, error_estimate.errors))
             results.runs.append(row)
             if settings.keeps_stories:
-                results.stories += story_rows(self.number, job.run, peaks, check)
-        return repeated
+                results.stories += story_rows(self.number, job.run, peaks, error_estimate)
+        return jobs_to_repeat
 
     def _row(
         self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any
     ) -> RunRow:
-        """Return the row of a run. Without a result it contains only time step, status, PGA, Sa(T1)
-        and number of repetitions.
+        """Return the row of a run. If a run has no result, its row contains only time step, status,
+        PGA, Sa(T1) and number of repetitions.
 
         Parameters
         ----------
@@ -541,6 +592,7 @@ class Batch:
         """
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
+        # A negative scale factor reverses the motion; intensities are positive.
         spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)
         values |= {
             "dt": job.steps.h,
@@ -584,17 +636,26 @@ class Done:
 
 
 def do(chunk: Chunk) -> Done:
-    """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
-    # Chunks run in parallel on threads, so that the time of the process would count all of them.
+    """Integrate the runs of a chunk and return their rows.
+
+    Raises
+    ------
+    UsageError
+        A time step does not fit a record.
+    AnalysisError
+        A method does not integrate a building.
+    """
+    # Measure the time of this thread: the time of the process includes chunks of other threads.
     began = time.thread_time()
     motions = Motions(chunk.records)
-    subjects = [part.source.subject() for part in chunk.buildings]
+    subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
 
     # Compute Sa(T1) for each motion at the periods of all buildings in one call.
+    # `spectral` has one dictionary per building, from the number of the motion to Sa(T1).
     spectral: list[dict[int, float | None]] = [{} for _ in subjects]
     subjects_of_motion: dict[int, list[int]] = {}
-    for index, part in enumerate(chunk.buildings):
-        for motion in dict.fromkeys(run.motion for run in part.runs):
+    for index, building_runs in enumerate(chunk.buildings):
+        for motion in dict.fromkeys(run.motion for run in building_runs.runs):
             subjects_of_motion.setdefault(motion, []).append(index)
     for motion, indices in subjects_of_motion.items():
         values = spectral_accelerations(
@@ -604,9 +665,9 @@ def do(chunk: Chunk) -> Done:
             spectral[index][motion] = value
     rows = Rows()
     # All runs of a building with the same time step are integrated by one compiled call.
-    for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
-        batch = Batch(part.number, subject, motions, sa, chunk.settings)
-        rows.extend(batch.results(part.runs, part.largest))
+    for building_runs, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
+        batch = Batch(building_runs.number, subject, motions, sa, chunk.settings)
+        rows.extend(batch.results(building_runs.runs, building_runs.max_step))
     return Done(chunk.number, rows, time.thread_time() - began)
 
 
@@ -626,18 +687,19 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
         Spectral accelerations; None for a period that is too short for the record.
     """
     if isinstance(record, JoinedRecord):
-        by_event = zip(
+        values_by_period = zip(
             *(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True
         )
+        # `filter` removes zeros, too; the maximum of zeros alone is 0.
         return [
             None if None in values else max(filter(None, values), default=0.0)
-            for values in by_event
+            for values in values_by_period
         ]
+    # The call fails if one of the periods is too short for the record. Then compute each period
+    # separately, so that only this period has no result.
     try:
         return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
     except AnalysisError:
         if len(periods) == 1:
             return [None]
-    # The call fails if one of the periods is too short for the record. Compute each period
-    # separately, so that only this period has no result.
     return [value for period in periods for value in spectral_accelerations(record, [period])]

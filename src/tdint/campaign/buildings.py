@@ -23,41 +23,41 @@ if TYPE_CHECKING:
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
-    """Return the output units that all models request; SI if they differ."""
+    """Return the output units that all models request; SI if they differ, and for an inventory."""
     units = {model.output_units for model in models_of(buildings)}
     return units.pop() if len(units) == 1 else SI
 
 
 def models_of(buildings: Buildings) -> list[Model]:
-    """Return the models of buildings of model files; empty for an inventory."""
+    """Return the models of the buildings; an empty list if the buildings are from an inventory."""
     return [
         building.made.model
-        for building in different(buildings)
-        if isinstance(building, GivenBuilding)
+        for building in with_all_methods(buildings)
+        if isinstance(building, ModelBuilding)
     ]
 
 
 def model_files(buildings: Buildings) -> dict[str, str]:
-    """Return the SHA-256 of the model files by name."""
-    texts = {model.source: model.text for model in models_of(buildings)}
-    return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
+    """Return a dictionary from the path of each model file to the SHA-256 of its content."""
+    contents = {model.source: model.text for model in models_of(buildings)}
+    return {file: hashlib.sha256(content).hexdigest() for file, content in contents.items()}
 
 
 def plugin_files(buildings: Buildings) -> dict[str, str]:
-    """Return the SHA-256 of the files of plug-ins that define methods and hysteretic laws of the
-    buildings, by name."""
-    if not CODE:
+    """Return a dictionary from each plug-in file, which defines a method or a hysteretic law of the
+    buildings, to the SHA-256 of its content."""
+    if not CODE:  # no plug-in is loaded
         return {}
-    methods = {f"method {building.method.partition(':')[0]}" for building in different(buildings)}
-    return code_of(
-        methods
-        | {f"law {story.law.name}" for model in models_of(buildings) for story in model.stories}
-    )
+    methods = {
+        f"method {building.method.partition(':')[0]}" for building in with_all_methods(buildings)
+    }
+    laws = {f"law {story.law.name}" for model in models_of(buildings) for story in model.stories}
+    return code_of(methods | laws)
 
 
 @dataclass(frozen=True)
-class GivenBuilding:
-    """Building of a model file, the same object for all runs.
+class ModelBuilding:
+    """Building of a model file. All runs use the same object.
 
     Attributes
     ----------
@@ -99,23 +99,27 @@ class GivenBuilding:
         return dict(self.made.model.varied_parameters)
 
 
-def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
-    """Return buildings with the names of their models, or of their files if several files have the
-    same name of the model."""
-    files = Counter(
-        name for name, _ in {(subject.model.name, subject.model.source) for subject in subjects}
-    )
+def model_buildings(subjects: Sequence[Subject]) -> tuple[ModelBuilding, ...]:
+    """Return the buildings with unique names.
+
+    The name is the name of the model; if several files contain models with the same name, it is the
+    path of the file. A variation of a sweep adds its label: `frame: damping=0.05`.
+    """
+    models_with_files = {(subject.model.name, subject.model.source) for subject in subjects}
+    file_count = Counter(model_name for model_name, _ in models_with_files)
     result = []
     for subject in subjects:
         model = subject.model
-        name = model.name if files[model.name] == 1 else model.source
-        result.append(GivenBuilding(f"{name}: {model.label}" if model.label else name, subject))
+        name = model.name if file_count[model.name] == 1 else model.source
+        result.append(ModelBuilding(f"{name}: {model.label}" if model.label else name, subject))
     return tuple(result)
 
 
 def digest_of(model: Model, method: str) -> str:
-    """Return the SHA-256 of the building and the time steps of a model, and of the method."""
+    """Return the SHA-256 of a model and a method. Two models with the same SHA-256 have the same
+    response to each ground motion."""
     # Remove everything that does not change the response, such as names and units of the output.
+    # The ground motion of the model is not used in a campaign.
     content = asdict(model)
     for name in (
         "name",
@@ -142,9 +146,11 @@ class Rules:
     ----------
     name : str
         Name of the set of rules.
-    stiffness, damping, seed : float, float, int
-        Standard deviations of random factors and random seed, as for
-        `tdint.model.inventory.derive_all`.
+    stiffness, damping : float
+        Standard deviations of the random factors (mean 1) by which stiffness and damping ratio of
+        each building are multiplied; 0: no factors.
+    seed : int
+        Random seed of the factors.
     method : str
         Time-integration method.
     collapse_drift : float
@@ -164,21 +170,20 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class RowBuilding:
-    """Building of an inventory, derived again for each use. Its attributes are those of
-    `GivenBuilding`."""
+    """Building of an inventory. Only its row is stored; `subject` derives the building for each
+    use."""
 
     row: InventoryRow
     rules: Rules
 
     def subject(self) -> Subject:
-        """Return the building, derived by the rules."""
+        """Return the building, derived by the rules and changed by the variation of the row."""
         rules = self.rules
         derived = derive_row(
             self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed
         )
-        undamped = simple_model(self.row.id, derived.stories)
         model = replace(
-            undamped,
+            simple_model(self.row.id, derived.stories),
             source="",
             damping=derived.damping,
             p_delta=rules.p_delta,
@@ -218,13 +223,15 @@ class RowBuilding:
 
     @property
     def cells(self) -> str:
-        """Further cells of the row, as JSON."""
+        """Cells of the columns of the inventory that are copied to tables, as a JSON list."""
         return self.row.cells
 
 
 class RowBuildings(LazySequence[RowBuilding]):
-    """Buildings of an inventory, each created on access. A sweep is checked immediately with the
-    first building of each number of stories.
+    """Buildings of an inventory, each created on access.
+
+    A sweep is checked immediately: all its variations are applied to the first building of each
+    number of stories, because parameters such as `story 3.mass` require a number of stories.
 
     Raises
     ------
@@ -235,7 +242,9 @@ class RowBuildings(LazySequence[RowBuilding]):
     def __init__(self, rows: InventoryRows, rules: Rules) -> None:
         self.rows, self.rules = rows, rules
         if rows.is_varied:
-            for first in sorted(np.unique(rows.stories, return_index=True)[1].tolist()):
+            # The variations of a building have consecutive numbers.
+            first_numbers = np.unique(rows.stories, return_index=True)[1].tolist()
+            for first in sorted(first_numbers):
                 for building in self[first : first + len(rows.changes)]:
                     building.subject()
 
@@ -247,18 +256,19 @@ class RowBuildings(LazySequence[RowBuilding]):
         return RowBuilding(self.rows.make(number), self.rules)
 
 
-Buildings = Sequence[GivenBuilding] | RowBuildings
+Buildings = Sequence[ModelBuilding] | RowBuildings
 """Buildings; the index is the number of the building."""
 
 
-def different(buildings: Buildings) -> Sequence[GivenBuilding | RowBuilding]:
-    """Return the buildings that may have different methods: the first building of an inventory,
-    because all rows have the same method."""
+def with_all_methods(buildings: Buildings) -> Sequence[ModelBuilding | RowBuilding]:
+    """Return enough buildings to know the methods of all: all buildings of model files, but only
+    the first building of an inventory, because all its rows have the same method."""
     return buildings[:1] if isinstance(buildings, RowBuildings) else buildings
 
 
 def digests_of(buildings: Buildings) -> list[str]:
-    """Return the SHA-256 of each building, or of the rules and the table of an inventory."""
+    """Return SHA-256 values that identify the buildings: one per building of model files; two for
+    an inventory, of its rules and of its table."""
     if not isinstance(buildings, RowBuildings):
         return [building.digest for building in buildings]
     return [
@@ -267,7 +277,7 @@ def digests_of(buildings: Buildings) -> list[str]:
     ]
 
 
-# ---- Limits of the buildings, as the store of a campaign contains them
+# ---- Limits of the buildings as text, which is written to the store of a campaign
 
 
 @dataclass(frozen=True)
@@ -279,7 +289,7 @@ class BuildingLimits:
     limits : tuple of Limit
         Limits of its model.
     isolators : tuple of int
-        Stories with isolators, from 1.
+        Numbers of the stories with isolators, from 1.
     """
 
     limits: tuple[Limit, ...] = ()
@@ -290,24 +300,28 @@ NO_LIMITS = BuildingLimits()
 
 
 def limits_text(buildings: Buildings) -> str:
-    """Return the limits and isolators of all buildings as JSON; empty without limits and isolators.
+    """Return the limits and isolators of all buildings as JSON; an empty text if no building has
+    any.
 
-    Variations of one model share their limits.
+    `sets` lists the different pairs of limits and isolators; `of` has the index in this list for
+    each building. Variations of one model share an item.
     """
-    numbers: dict[str, int] = {}
-    of_building = []
+    index_of_set: dict[str, int] = {}  # index in `sets` by the JSON text of the item
+    set_of_building = []
     for building in buildings:
         model = building.subject().model
         isolators = [i for i, story in enumerate(model.stories, start=1) if story.isolator]
         text = json.dumps([[limit.as_json() for limit in model.limits], isolators])
-        of_building.append(numbers.setdefault(text, len(numbers)))
-    if not numbers or list(numbers) == [json.dumps([[], []])]:
+        set_of_building.append(index_of_set.setdefault(text, len(index_of_set)))
+    has_no_limits = list(index_of_set) in ([], [json.dumps([[], []])])
+    if has_no_limits:
         return ""
-    return json.dumps({"sets": [json.loads(text) for text in numbers], "of": of_building})
+    return json.dumps({"sets": [json.loads(text) for text in index_of_set], "of": set_of_building})
 
 
 def limits_of_text(text: str) -> list[BuildingLimits]:
-    """Return the limits of each building from the text of `limits_text`."""
+    """Return the limits of each building from the JSON text of `limits_text`. An empty text results
+    in an empty list."""
     # Imported here, because most campaigns have no limits.
     from tdint.model.limits import Limit
 

@@ -57,8 +57,8 @@ class Cluster:
     key: str | None = None
 
     def __post_init__(self) -> None:
-        # Anyone who can connect to a scheduler can execute code on it, so remote schedulers require
-        # certificates.
+        """Check the address and the certificates. Anyone who can connect to a scheduler can execute
+        code on it, so a scheduler on another machine requires certificates."""
         parts = _parse_address(self.address)
         certificates = [self.ca, self.cert, self.key]
         if parts.scheme == "tls":
@@ -85,15 +85,17 @@ class Cluster:
 
 
 def _parse_address(address: str) -> Any:
-    """Split a scheduler address into its parts; raise UsageError if it is invalid."""
+    """Split a scheduler address into scheme, host and port; raise UsageError if it is invalid."""
     # For an invalid port, access to `port` raises a ValueError.
     with suppress(ValueError):
         parts = urlsplit(address)
-        is_bare = (
+        # An address with a path, a query or a user name is invalid.
+        has_only_host_and_port = (
             f"{parts.scheme}://{parts.netloc}".lower() == address.lower()
             and "@" not in parts.netloc
         )
-        if is_bare and parts.scheme in ("tcp", "tls") and parts.hostname and parts.port:
+        is_complete = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
+        if has_only_host_and_port and is_complete:
             return parts
     raise UsageError(
         f"invalid scheduler address {address!r}; expected tcp://HOST:PORT or tls://HOST:PORT"
@@ -172,6 +174,7 @@ def _connect(cluster: Cluster) -> Any:
     )
     connection: Future[Any] = Future()
 
+    # Connections within this machine may be unencrypted; then there are no certificates.
     def connect() -> None:
         try:
             secured = security if cluster.ca else None
@@ -213,8 +216,9 @@ def _results(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int])
     # and leave. Chunks are created when they are submitted, because all of them together may not
     # fit in memory.
     def submit_more(pending: int) -> int:
-        threads: dict[str, int] = client.nthreads()
-        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads.values()))
+        """Submit chunks until there are enough, and return the number of pending chunks."""
+        threads_of_workers: dict[str, int] = client.nthreads()
+        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads_of_workers.values()))
         for number in islice(numbers, max(0, limit - pending)):
             running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
             pending += 1
@@ -228,7 +232,7 @@ def _results(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int])
             raise AnalysisError(
                 f"workers failed repeatedly while processing the same runs: {error}"
             ) from None
-        # The result is here; let the scheduler free its memory.
+        # The result was transferred; let the scheduler free its memory.
         future.release()
         yield done
         pending = submit_more(pending - 1)

@@ -1,5 +1,5 @@
-"""Contents of a campaign file as typed values in SI units. The files that it names are not read
-here."""
+"""Contents of a campaign file as typed values in SI units. The files to which it refers, such as
+models and records, are read elsewhere."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tdint.campaign.batch import RunSettings
-from tdint.campaign.fragility.type_states import DamageWishes
+from tdint.campaign.fragility.type_states import DamageRequest
 from tdint.campaign.motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -47,7 +47,9 @@ DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Distribution:
-    """Distribution of a random parameter: an item of `DISTRIBUTIONS` with its two parameters."""
+    """Distribution of a random parameter: `kind` is a key of `DISTRIBUTIONS`; `first` and `second`
+    are the values of its two parameters, for example median and beta of a lognormal
+    distribution."""
 
     kind: str
     first: float
@@ -72,10 +74,11 @@ class Distribution:
 
         if self.kind == "uniform":
             return self.first + probability * (self.second - self.first)
+        # The second parameter is a standard deviation: of the logarithm, if lognormal.
         deviations = self.second * ndtri(probability)
-        return np.asarray(
-            self.first * np.exp(deviations) if self.kind == "lognormal" else self.first + deviations
-        )
+        if self.kind == "lognormal":
+            return np.asarray(self.first * np.exp(deviations))
+        return np.asarray(self.first + deviations)
 
 
 @dataclass(frozen=True)
@@ -89,16 +92,18 @@ class ParameterSweep:
     random : mapping of str to Distribution
         Independent random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover
         1979).
-    samples, seed : int
-        Number of samples, which are the same in each combination of the other values, and random
-        seed.
+    samples : int
+        Number of samples of the random parameters. Each combination of the other values is
+        analyzed with the same samples.
+    seed : int
+        Random seed of the samples.
     methods : tuple of str
         Methods with their parameters, in all combinations with the other values; empty: no
         variation.
     steps : tuple of float
         Time steps, s, in all combinations with the other values; empty: no variation.
     place : ModelFault, optional
-        Position of the sweep in the campaign file.
+        Position of the sweep in the campaign file, for error messages.
     """
 
     grids: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -111,8 +116,9 @@ class ParameterSweep:
 
     @contextmanager
     def reported_at_key(self) -> Iterator[None]:
-        """Convert errors of buildings with invalid variations (UsageError) to errors of the
-        campaign file (ModelError)."""
+        """Run the body of a `with` statement, which creates the buildings. A UsageError, raised
+        because of an invalid variation, is converted to a ModelError with the position of the sweep
+        in the campaign file."""
         try:
             yield
         except UsageError as error:
@@ -121,7 +127,10 @@ class ParameterSweep:
             raise ModelError([replace(self.place, message=str(error))]) from None
 
     def changes(self) -> list[dict[str, float]]:
-        """Return the values of the parameters in each variation; grids are the outermost loops.
+        """Return one dictionary per variation, from the name of a parameter to its value.
+
+        The variations are all combinations of the grid values, each with all samples of the random
+        parameters. Methods and time steps are not included.
 
         Raises
         ------
@@ -136,58 +145,62 @@ class ParameterSweep:
                 f"the sweep has {count} variations of each building; at most "
                 f"{_MAX_VARIATIONS} are allowed"
             )
-        grid = [
+        grid_points = [
             dict(zip(self.grids, values, strict=True))
             for values in itertools.product(*self.grids.values())
         ]
         if not self.random:
-            return grid
+            return grid_points
 
         # A Latin hypercube covers the range of each parameter even with few samples.
         from scipy.stats import qmc
 
         sampler = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed))
         probabilities = sampler.random(self.samples)  # shape (samples, parameters)
-        columns = [
+        values_by_parameter = [
             distribution.at(probabilities[:, i]).tolist()
             for i, distribution in enumerate(self.random.values())
         ]
         samples = [
-            dict(zip(self.random, values, strict=True)) for values in zip(*columns, strict=True)
+            dict(zip(self.random, values, strict=True))
+            for values in zip(*values_by_parameter, strict=True)
         ]
         for sample in samples:
             for name, value in sample.items():
                 check_value(name, value)
-        return [point | sample for point in grid for sample in samples]
+        return [point | sample for point in grid_points for sample in samples]
 
     def of(self, models: Sequence[Model]) -> tuple[Model, ...]:
-        """Return all variations of models, model by model.
+        """Return all variations of all models: first those of the first model, and so on.
+
+        A variation is a combination of parameter values, method and time step. Without a list of
+        methods or time steps, each model keeps its own.
 
         Raises
         ------
         UsageError
             A varied parameter does not exist, or a value is out of range.
         """
-        changes = self.changes()
-        return tuple(
-            replace(
-                model.changed(change),
-                analysis=replace(
+        variations = list(
+            itertools.product(
+                enumerate(self.changes(), start=1), self.methods or (None,), self.steps or (None,)
+            )
+        )
+        varied_models = []
+        for model in models:
+            for (number, change), method, dt in variations:
+                analysis = replace(
                     model.analysis,
                     method=method or model.analysis.method,
                     dt=dt or model.analysis.dt,
-                ),
-                label=self._label(change, number, method, dt),
-            )
-            for model in models
-            for number, change in enumerate(changes, start=1)
-            for method in self.methods or (None,)
-            for dt in self.steps or (None,)
-        )
+                )
+                label = self._label(change, number, method, dt)
+                varied_models.append(replace(model.changed(change), analysis=analysis, label=label))
+        return tuple(varied_models)
 
     def of_rows(self, rows: InventoryRows) -> InventoryRows:
-        """Return all variations of the buildings of an inventory. All variations of a building have
-        the same random factors and sampled motions.
+        """Return an inventory with all variations of its buildings. All variations of a building
+        have the same random factors of stiffness and damping, and the same ground motions.
 
         Raises
         ------
@@ -205,27 +218,32 @@ class ParameterSweep:
     def _label(
         self, change: Mapping[str, float], number: int, method: str | None, dt: float | None
     ) -> str:
-        """Return the label of a variation.
+        """Return the label of a variation, such as `damping=0.05, draw 3, dt=0.01`. Sampled values
+        are replaced by the number of the sample (`draw`).
 
         Parameters
         ----------
         change : mapping of str to float
             Values of the parameters.
         number : int
-            Number of the variation, from 1.
+            Number of the combination of parameter values, from 1. The samples are the inner loop.
         method : str or None
             Method, if varied.
         dt : float or None
             Time step, s, if varied.
         """
-        parts: list[Any] = [
+        texts = [
             f"{name}={value:.{_LABEL_DIGITS}g}"
             for name, value in change.items()
             if name in self.grids
         ]
-        parts += [f"draw {(number - 1) % self.samples + 1}"] if self.random else []
-        parts += [method] if method else []
-        return ", ".join(parts + ([f"dt={dt:g}"] if dt else []))
+        if self.random:
+            texts.append(f"draw {(number - 1) % self.samples + 1}")
+        if method:
+            texts.append(method)
+        if dt:
+            texts.append(f"dt={dt:g}")
+        return ", ".join(texts)
 
 
 _NUMBER = Bounds(ratio=True)
@@ -237,7 +255,18 @@ _VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median:
 
 
 def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | None:
-    """Return the distribution of a key; None after an error."""
+    """Return the distribution that a key of the file defines; None if its parameters are invalid,
+    which is recorded as an error of the file.
+
+    Parameters
+    ----------
+    value : Value
+        Value of the key.
+    kind : str
+        Name of the distribution, a key of `DISTRIBUTIONS`.
+    **numbers : float
+        The two parameters by name, in the order of `DISTRIBUTIONS`.
+    """
     try:
         return Distribution(kind, *numbers.values())
     except UsageError as error:
@@ -265,19 +294,26 @@ _RANDOM = Keys(
 
 @dataclass(frozen=True)
 class Varied:
-    """Parameters with their values or distributions, number of samples and seed."""
+    """Type of the key `vary` of a campaign file: parameters with their values or distributions,
+    number of samples and seed."""
 
     def schema(self) -> Schema:
-        """Return the JSON schema. Names of story parameters are those of `Model.replace`."""
+        """Return the JSON schema. Names of story parameters are those of `Model.replace`, such as
+        `story 2.mass`."""
         values = {"type": "array", "items": _NUMBER.schema(), "minItems": 1}
-        either = {"anyOf": [values, _RANDOM.schema() | {"minProperties": 1, "maxProperties": 1}]}
-        named = {name: {"description": meaning, **either} for name, meaning in PARAMETERS.items()}
-        pattern = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": either}
+        # The mapping of a distribution has exactly one key, its name.
+        distribution = _RANDOM.schema() | {"minProperties": 1, "maxProperties": 1}
+        values_or_distribution = {"anyOf": [values, distribution]}
+        parameters = {
+            name: {"description": meaning, **values_or_distribution}
+            for name, meaning in PARAMETERS.items()
+        }
+        sampling = {key.name: {"description": key.meaning, **key.kind.schema()} for key in _SAMPLES}
+        story_parameters = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": values_or_distribution}
         return {
             "type": "object",
-            "properties": named
-            | {key.name: {"description": key.meaning, **key.kind.schema()} for key in _SAMPLES},
-            "patternProperties": pattern,
+            "properties": parameters | sampling,
+            "patternProperties": story_parameters,
             "additionalProperties": False,
         }
 
@@ -285,14 +321,15 @@ class Varied:
 def read_sweep(
     vary: Value | None, methods: Value | None, steps: Value | None, *, models: bool
 ) -> ParameterSweep | None:
-    """Return the sweep of a campaign; None without a sweep. Errors are recorded in the document.
+    """Return the sweep of a campaign; None if the file requests no variations. Errors are recorded
+    in the document that contains the values.
 
     Parameters
     ----------
     vary, methods, steps : Value or None
         Values of the keys `vary`, `methods` and of a list of time steps.
     models : bool
-        True if the buildings are model files.
+        True if the buildings are model files, False if they are from an inventory.
     """
     for value in (methods, steps):
         if value and not models:
@@ -303,20 +340,20 @@ def read_sweep(
             return None
     if not (vary or methods or steps):
         return None
-    texts = (
+    parameters_sweep = _read_vary(vary) if vary else None
+    method_items = (
         methods.items("a list of methods", "is empty; give at least one method")
         if methods
         else None
-    ) or ()
+    )
+    # `fromkeys` removes duplicates. An invalid method is None.
+    distinct_methods = dict.fromkeys(item.parsed(parse_method) for item in method_items or ())
+    time_steps = steps.read() if steps else None
     return replace(
-        (_read_vary(vary) if vary else None) or ParameterSweep(),
+        parameters_sweep or ParameterSweep(),
         place=vary.place if vary else None,
-        methods=tuple(
-            method.label
-            for method in dict.fromkeys(item.parsed(parse_method) for item in texts)
-            if method
-        ),
-        steps=tuple(dict.fromkeys((steps.read() if steps else None) or ())),
+        methods=tuple(method.label for method in distinct_methods if method),
+        steps=tuple(dict.fromkeys(time_steps or ())),
     )
 
 
@@ -356,9 +393,9 @@ def _read_vary(value: Value) -> ParameterSweep | None:
 
 
 def _values(entry: Value, name: str) -> tuple[float, ...]:
-    """Return the values of a parameter."""
-    numbers: dict[float, None] = {}
-    # Ignore duplicate values, because they would repeat the same building.
+    """Return the values of the parameter `name` in a list. Duplicate values are ignored, because
+    they would repeat the same building; invalid values are recorded as errors of the file."""
+    numbers: dict[float, None] = {}  # keys of a dictionary keep their order
     for item in entry.items(_VALUES_TEXT) or ():
         number = item.number(_NUMBER if name == "damping" else ANY)
         try:
@@ -395,7 +432,8 @@ class InventoryFile:
     classes : str or None
         CSV file of the classes, for rules that require it.
     as_published : bool
-        As for `tdint.model.capacity.CapacityFacts`.
+        For the rules of capacity curves: multiply forces and stiffness by the factor that the
+        published program applies.
     mapping : str or None
         CSV file with the columns of an inventory for each taxonomy of an exposure model.
     mass_only : bool
@@ -501,8 +539,8 @@ class FactorsFile:
 
 
 @dataclass(frozen=True)
-class AnalysisWishes:
-    """Settings for all buildings; None: the setting of each model.
+class AnalysisOverrides:
+    """Settings for all buildings. None: each building has the setting of its model.
 
     Attributes
     ----------
@@ -533,13 +571,13 @@ class CampaignFile:
         Ground motions.
     intensity : Scales, MeasureLevels or FactorsFile
         Scale factors.
-    analysis : AnalysisWishes
+    analysis : AnalysisOverrides
         Settings for all buildings.
     settings : RunSettings
         Settings of the runs and of the results to store.
     sweep : ParameterSweep or None
         Variations of every building.
-    damage : DamageWishes or None
+    damage : DamageRequest or None
         Definition of the damage states; None: as in the models.
     outputs : tuple of str or None
         Tables to write; None: all tables.
@@ -555,10 +593,10 @@ class CampaignFile:
     buildings: ModelFiles | InventoryFile
     records: RecordFiles | SequenceFile | GridFile | FieldFile
     intensity: Scales | MeasureLevels | FactorsFile
-    analysis: AnalysisWishes
+    analysis: AnalysisOverrides
     settings: RunSettings
     sweep: ParameterSweep | None = None
-    damage: DamageWishes | None = None
+    damage: DamageRequest | None = None
     outputs: tuple[str, ...] | None = None
     style: str = ""
     pair_demand: str | None = None

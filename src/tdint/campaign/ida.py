@@ -1,4 +1,5 @@
-"""Incremental dynamic analysis of a building under several records, as in `tdint ida`."""
+"""Incremental dynamic analysis: runs of a building under several records, each scaled to increasing
+levels of intensity until the building collapses."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import UNSTABLE
 from tdint.analysis.run.prepared import Motions
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
-from tdint.campaign.buildings import GivenBuilding
+from tdint.campaign.buildings import ModelBuilding
 from tdint.campaign.ida_curve import (
     DamagedState,
     IdaCurve,
@@ -107,7 +108,7 @@ class IdaSettings:
 
 @dataclass(frozen=True, repr=False)
 class IdaStudy(Tabular):
-    """Curves of a building under several records.
+    """Result of an incremental dynamic analysis: curves of a building under several records.
 
     Attributes
     ----------
@@ -134,8 +135,8 @@ class IdaStudy(Tabular):
         Rule that combines the demands of the two components of a pair: an item of
         `tdint.campaign.pairs.PAIR_DEMANDS`.
     partners : mapping of int to int
-        Index of the first component of a pair for the index of each second component in the
-        records.
+        Pairs of components. The key is the index of the second component in the records; the value
+        is the index of the first component.
     """
 
     model: Model
@@ -176,15 +177,16 @@ class IdaStudy(Tabular):
         """Curve of each motion. A pair has one curve, unless its components count separately."""
         if self.pair_demand == SEPARATE or not self.partners:
             return self.curves
-        seconds = {first: second for second, first in self.partners.items()}
+        second_components = {first: second for second, first in self.partners.items()}
         curves: list[IdaCurve] = []
         for state in self.states:
             for index, curve in enumerate(state.curves):
-                if index in seconds:
-                    other = state.curves[seconds[index]]
-                    curves.append(PairCurve.of(curve, other, self.pair_demand))
-                elif index not in self.partners:
-                    curves.append(curve)
+                if index in self.partners:
+                    continue  # the second component was added with the first component
+                if index in second_components:
+                    second_curve = state.curves[second_components[index]]
+                    curve = PairCurve.of(curve, second_curve, self.pair_demand)
+                curves.append(curve)
         return tuple(curves)
 
     def in_units(self, units: OutputUnits) -> IdaStudy:
@@ -280,33 +282,29 @@ def ida(
     suite = [motion_of(motion) for motion in motions]
     if check_pair_demand(pair_demand) != SEPARATE:
         suite = join_pairs(suite)
-    chosen = measure_of(measure) if isinstance(measure, str) else measure or sa(subject.period)
+    measure = measure_of(measure) if isinstance(measure, str) else measure or sa(subject.period)
     # A pair is a motion with two records, which have the same intensity.
-    parts = [(motion, record) for motion in suite for record in components(motion)]
-    records = [record for _, record in parts]
-    # Records are identified by name in the tables and in the directory.
-    names = [record.name for record in records]
-    duplicates = [name for i, name in enumerate(names) if name in names[:i]]
-    if duplicates:
-        raise UsageError(f"{duplicates[0]}: the record is specified twice; remove one of them")
-    if not names:
-        raise UsageError("no record: an incremental dynamic analysis requires at least one record")
+    motions_and_records = [(motion, record) for motion in suite for record in components(motion)]
+    records = [record for _, record in motions_and_records]
+    _check_record_names([record.name for record in records])
     # Compile before the threads start, because each thread would wait for the compilation.
     subject.prepared.compile([subject.integrator])
-    states = _states(subject, records, mainshock, settings)
     # A work item is a record and a state of the building. Its levels depend only on its runs.
-    ordered = [
-        (*part, damaged_state)
-        for state in states
-        for part, damaged_state in zip(parts, state, strict=True)
-    ]
-    works = [
-        _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, damaged_state)
-        for number, (motion, record, damaged_state) in enumerate(ordered)
-    ]
-    paired = pair if len(parts) > len(suite) else None
+    works: list[_Work] = []
+    for damaged_states in _states(subject, records, mainshock, settings):
+        for (motion, record), damaged_state in zip(
+            motions_and_records, damaged_states, strict=True
+        ):
+            intensity = measure.of(motion, pair)
+            number = len(works)
+            works.append(
+                _Work.of(number, subject, record, measure, intensity, settings, damaged_state)
+            )
+    pair_intensity = pair if len(records) > len(suite) else None
     # The input of the runs is stored with them, so that another study in the directory is refused.
-    identity = _identity(subject, chosen, settings, [work.record for work in works], paired)
+    identity = _identity(
+        subject, measure, settings, [work.record for work in works], pair_intensity
+    )
     with (
         _open_locked(Path(folder) if folder else None, identity) as (store, remarks),
         progress_reporter(progress, len(works), "record") as report_progress,
@@ -314,33 +312,40 @@ def ida(
         runs_of_works, resumed = _run_all(works, store, jobs, report_progress)
     collapse_drift = subject.model.collapse_drift
     # Curves are in the order of the work items: all records of a state, then of the next state.
-    curves = [
-        IdaCurve(
-            record,
-            runs,
-            collapse_drift,
-            *((state.drift, state.residual_drift_ratio) if state else ()),
-        )
-        for (_, record, state), runs in zip(ordered, runs_of_works, strict=True)
-    ]
+    curves = tuple(
+        work.curve(runs, collapse_drift) for work, runs in zip(works, runs_of_works, strict=True)
+    )
     # The collapse drift is always the last threshold.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
-    common = subject.model, chosen, subject.integrator.label, thresholds
+    # The second component of a pair follows the first component.
     partners = {
         index: index - 1
-        for index, (motion, record) in enumerate(parts)
+        for index, (motion, record) in enumerate(motions_and_records)
         if isinstance(motion, Horizontals) and record is motion.second
     }
     return IdaStudy(
-        *common,
-        tuple(curves),
-        paired,
-        resumed,
-        tuple(remarks),
-        settings.check,
-        pair_demand,
-        partners,
+        subject.model,
+        measure,
+        subject.integrator.label,
+        thresholds,
+        curves,
+        pair=pair_intensity,
+        resumed=resumed,
+        remarks=tuple(remarks),
+        checked=settings.check,
+        pair_demand=pair_demand,
+        partners=partners,
     )
+
+
+def _check_record_names(names: Sequence[str]) -> None:
+    """Raise UsageError if there is no record or two records have the same name. Records are
+    identified by their names in the tables and in the directory."""
+    duplicates = [name for i, name in enumerate(names) if name in names[:i]]
+    if duplicates:
+        raise UsageError(f"{duplicates[0]}: the record is specified twice; remove one of them")
+    if not names:
+        raise UsageError("no record: an incremental dynamic analysis requires at least one record")
 
 
 STORE = "ida.sqlite"
@@ -349,8 +354,8 @@ STORE = "ida.sqlite"
 
 @contextmanager
 def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
-    """Lock the directory of a study and open its store, or a store in memory without a directory.
-    The context is the store and messages about it."""
+    """Lock the directory of a study and open its store; without a directory (None), open a store in
+    memory. Yield the store and messages for the user about it, one sentence each."""
     with locked(folder) if folder else nullcontext():
         store, remarks = open_or_begin(folder / STORE if folder else None, identity, log=False)
         with store:
@@ -359,12 +364,12 @@ def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Stor
 
 @dataclass(frozen=True)
 class _Work:
-    """Runs of a record.
+    """Work item: all runs of a building, in one state, under one record.
 
     Attributes
     ----------
     number : int
-        Number of the record.
+        Number of the work item.
     batch : Batch
         Object that integrates the runs.
     measure : IntensityMeasure
@@ -373,6 +378,10 @@ class _Work:
         Intensity of the unscaled record.
     levels : LevelSearch
         Search that determines the levels.
+    unscaled : Record
+        Record of the study, without the mainshock.
+    damaged_state : DamagedState or None
+        State of the building before the record; None: undamaged.
     """
 
     number: int
@@ -380,11 +389,19 @@ class _Work:
     measure: IntensityMeasure
     intensity: float
     levels: LevelSearch
+    unscaled: Record
+    damaged_state: DamagedState | None
 
     @property
     def record(self) -> Record:
-        """Record that is scaled."""
+        """Record of the runs, which includes the mainshock if the building is damaged by one."""
         return self.batch.motions.records[self.number]
+
+    def curve(self, runs: RecordRuns, collapse_drift: float) -> IdaCurve:
+        """Return the curve of the building with its runs and its collapse drift ratio."""
+        state = self.damaged_state
+        damage, residual = (state.drift, state.residual_drift_ratio) if state else (0.0, 0.0)
+        return IdaCurve(self.unscaled, runs, collapse_drift, damage, residual)
 
     @classmethod
     def of(
@@ -402,7 +419,7 @@ class _Work:
         Parameters
         ----------
         number : int
-            Number of the record.
+            Number of the work item.
         subject : Subject
             The building and its method.
         record : Record
@@ -416,37 +433,47 @@ class _Work:
         damaged_state : DamagedState, optional
             State of the building before the record; by default undamaged.
         """
-        # A drift threshold must exceed the residual drift of the mainshock. Otherwise it is
-        # exceeded before the record starts.
+        # Thresholds below the residual drift of the mainshock are exceeded before the record
+        # starts, so they are not searched.
         residual_drift = damaged_state.residual_drift_ratio if damaged_state else 0.0
-        elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
+        searched_thresholds = [
+            drift
+            for drift in settings.thresholds or ()
+            if drift > _MIN_RESIDUAL_MULTIPLE * residual_drift
+        ]
         # The first level is below yield in the first mode, so that the curve starts elastic.
+        elastic_scale = _elastic_scale(
+            subject.prepared.building, record, subject.model.collapse_drift
+        )
         levels = LevelSearch(
-            start=intensity * elastic**measure.growth,
+            start=intensity * elastic_scale**measure.scale_exponent,
             precision=settings.precision,
-            lowest_drift=min(
-                (
-                    drift
-                    for drift in settings.thresholds or ()
-                    if drift > _MIN_RESIDUAL_MULTIPLE * residual_drift
-                ),
-                default=math.inf,
-            ),
-            most=settings.max_im,
+            lowest_drift=min(searched_thresholds, default=math.inf),
+            max_level=settings.max_im,
         )
         run_settings = RunSettings(
             settings.dt, settings.duration, settings.until_rest, check=settings.check
         )
-        # The scale factor of the mainshock is constant; the factor of the record increases.
+        # The scale factor of the mainshock is constant (`fixed`: one event that is not scaled); the
+        # factor of the record increases.
+        run_record = record
         if damaged_state:
             mainshock = damaged_state.record
-            record = JoinedRecord.of([mainshock, record], damaged_state.rest, fixed=1)
-        batch = Batch(0, subject, Motions({number: record}), {number: None}, run_settings)
-        return cls(number, batch, measure, intensity, levels)
+            run_record = JoinedRecord.of([mainshock, record], damaged_state.rest, fixed=1)
+        # Sa(T1) is not needed (None).
+        batch = Batch(0, subject, Motions({number: run_record}), {number: None}, run_settings)
+        return cls(number, batch, measure, intensity, levels, record, damaged_state)
 
     def done(self) -> tuple[Done, RecordRuns]:
         """Integrate all runs of the record. A run without a result is repeated with half the time
         step.
+
+        Returns
+        -------
+        Done
+            Rows of the runs for the store, and the computing time.
+        RecordRuns
+            The runs in ascending order of their levels.
 
         Raises
         ------
@@ -470,19 +497,24 @@ class _Work:
         return Done(self.number, rows, time.thread_time() - began), runs
 
     def kept(self, rows: Sequence[RunRow]) -> RecordRuns | None:
-        """Return the stored runs, or None if they differ from the runs that `done` would
-        execute."""
-        by_scale = {row.scale: row for row in rows}
+        """Return the runs from their stored rows; None if the levels of the rows are not the levels
+        that the search selects."""
+        row_of_scale = {row.scale: row for row in rows}
+        # Repeat the search with the stored rows instead of new runs. A missing level is a KeyError.
         try:
-            runs = self._runs_at_levels(by_scale.__getitem__)
+            runs = self._runs_at_levels(row_of_scale.__getitem__)
         except KeyError:
             return None
         return runs if len(runs) == len(rows) else None
 
     def _runs_at_levels(self, run: Callable[[float], RunRow]) -> RecordRuns:
-        """Return the runs at all levels in ascending order of the levels.
+        """Return the runs at all levels in ascending order of the levels. Each level depends on the
+        preceding runs.
 
-        `run` returns the run of a scale factor. Each level depends on the preceding runs.
+        Parameters
+        ----------
+        run : callable
+            Function that returns the row of the run with a scale factor.
         """
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
@@ -531,21 +563,30 @@ def _run_all(
 def _prepared(
     model: Model, settings: IdaSettings, method: str | None
 ) -> tuple[Subject, IdaSettings]:
-    """Return the assembled building and validated settings."""
+    """Return the building with its method, and the settings with all defaults replaced by values.
+
+    Raises
+    ------
+    UsageError
+        A setting is out of range.
+    ModelError
+        A story has no height.
+    """
     collapse_drift = settings.collapse_drift or model.collapse_drift
     if not 0.0 < settings.precision <= 0.5:
         raise UsageError(
             "the precision of a capacity must be above 0 and at most 50 %, got "
             f"{settings.precision:g}"
         )
-    # Default thresholds are the damage states of the model, if these are drift ratios.
-    states = model.damage if model.damage and model.damage.demand == "drift_ratio" else None
-    medians = (
-        tuple(median for median in states.medians if median <= collapse_drift)
-        if states
-        else THRESHOLDS
-    )
-    thresholds = medians if settings.thresholds is None else settings.thresholds
+    # Default thresholds are the medians of the damage states of the model, if these are drift
+    # ratios.
+    thresholds = settings.thresholds
+    if thresholds is None:
+        if model.damage and model.damage.demand == "drift_ratio":
+            medians = model.damage.medians
+            thresholds = tuple(median for median in medians if median <= collapse_drift)
+        else:
+            thresholds = THRESHOLDS
     for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:
             raise UsageError(
@@ -556,17 +597,17 @@ def _prepared(
         raise UsageError(f"the maximum intensity must be positive, got {settings.max_im:g}")
     # An isolator has no drift ratio and needs no height, but at least one story must have a drift
     # ratio.
-    without_height = [
-        i
-        for i, story in enumerate(model.stories, start=1)
+    stories_without_height = [
+        number
+        for number, story in enumerate(model.stories, start=1)
         if story.height is None and not story.isolator
     ]
     if all(story.isolator for story in model.stories):
-        without_height = [1]
-    if without_height:
+        stories_without_height = [1]
+    if stories_without_height:
         raise ModelError(
             f"{model.source}: an incremental dynamic analysis requires drift ratios; add the "
-            f"height of story {without_height[0]}"
+            f"height of story {stories_without_height[0]}"
         )
     subject = Subject(
         replace(model, collapse_drift=collapse_drift),
@@ -578,10 +619,11 @@ def _prepared(
 def _states(
     subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
 ) -> list[list[DamagedState | None]]:
-    """Return the state of the building before each record, for each state of the study.
+    """Return the states of the building before the records.
 
-    The first state is undamaged (None). In the other states a mainshock has caused a specified
-    drift.
+    Each item of the result is a list with the state before each record. In the first item, the
+    building is undamaged (None). In each other item, a mainshock has caused one of the specified
+    drift ratios.
 
     Parameters
     ----------
@@ -599,47 +641,53 @@ def _states(
     UsageError
         A drift is not positive, or not below the collapse drift.
     """
-    drift = subject.model.collapse_drift
+    collapse_drift = subject.model.collapse_drift
     damages = sorted(set(mainshock.damages if mainshock else ()))
     for damage in damages:
-        if not 0.0 < damage < drift:
+        if not 0.0 < damage < collapse_drift:
             raise UsageError(
                 f"damage {damage:g}: must be a drift ratio above 0 and below the collapse drift, "
-                f"{drift:g}"
+                f"{collapse_drift:g}"
             )
-    by_key: dict[tuple[str, float], DamagedState] = {}
+    state_of_mainshock: dict[tuple[str, float], DamagedState] = {}
     states: list[list[DamagedState | None]] = [[None] * len(records)]
     for damage in damages:
-        state: list[DamagedState | None] = []
+        damaged_states: list[DamagedState | None] = []
         for record in records:
             assert mainshock is not None
-            main = mainshock.before(record)
+            main_record = mainshock.before(record)
             # Records of the same component have the same mainshock, which is scaled once.
-            key = (main.name, damage)
-            if key not in by_key:
-                first = _elastic_scale(subject.prepared.building, main, drift)
-                by_key[key] = damaged(subject, main, damage, first=first, dt=settings.dt)
-            state.append(by_key[key])
-        states.append(state)
+            key = (main_record.name, damage)
+            if key not in state_of_mainshock:
+                first_factor = _elastic_scale(
+                    subject.prepared.building, main_record, collapse_drift
+                )
+                state_of_mainshock[key] = damaged(
+                    subject, main_record, damage, first_factor=first_factor, dt=settings.dt
+                )
+            damaged_states.append(state_of_mainshock[key])
+        states.append(damaged_states)
     return states
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
     """Return the scale factor of a record at which no story yields in the first mode of the elastic
-    building."""
+    building: the largest drift is 0.7 times the yield drift, or a tenth of the collapse drift if
+    this is smaller."""
     omega, shape = building.vibration.first
     has_height = np.isfinite(building.heights)  # an isolator has no drift ratio
     heights = building.heights[has_height]
-    # Drift ratios of the first mode for a unit spectral displacement, in which `shape @ mass` is
-    # the participation factor
-    ratios = (
-        float(shape @ building.mass) * np.abs(np.diff(shape, prepend=0.0))[has_height] / heights
-    )
+    # Drift ratios of the first mode for a unit spectral displacement. The mode is normalized by
+    # mass, so `shape @ mass` is the participation factor.
+    participation = float(shape @ building.mass)
+    story_shape = np.abs(np.diff(shape, prepend=0.0))[has_height]
+    unit_drift_ratios = participation * story_shape / heights
+    # The yield drift is infinite if a story does not yield.
     yield_ratios = building.yield_drift[has_height] / heights
     limits = np.where(np.isfinite(yield_ratios), yield_ratios * _YIELD_FRACTION, math.inf)
     limits = np.minimum(limits, _MAX_FIRST_DRIFT * collapse_drift)
     spectral_displacement = sa(2.0 * math.pi / omega).of(record) / omega**2
-    return float(np.min(limits / (ratios * spectral_displacement)))
+    return float(np.min(limits / (unit_drift_ratios * spectral_displacement)))
 
 
 def _identity(
@@ -647,9 +695,10 @@ def _identity(
     measure: IntensityMeasure,
     settings: IdaSettings,
     records: Sequence[Record],
-    paired: str | None,
+    pair_intensity: str | None,
 ) -> Identity:
-    """Return the input that the runs depend on.
+    """Return the input on which the runs depend. It is stored with them, so that runs of another
+    study in the directory are recognized.
 
     Parameters
     ----------
@@ -661,21 +710,21 @@ def _identity(
         Settings of the study.
     records : sequence of Record
         Record of each work item.
-    paired : str or None
-        Combination of the components of pairs.
+    pair_intensity : str or None
+        Combination of the components of pairs in the intensity measure; None without pairs.
     """
     # Only spectral measures have periods and a damping ratio.
     spectral = measure if isinstance(measure, SpectralIntensity) else None
-    about = {name.replace("_", " "): value for name, value in asdict(settings).items()} | {
+    description = {name.replace("_", " "): value for name, value in asdict(settings).items()} | {
         "study": "ida",
         "measure": measure.name,
         "periods": list(spectral.periods) if spectral else [],
         "damping": spectral.damping if spectral else None,
         "thresholds": sorted(settings.thresholds or ()),
-        "pairs": paired,
+        "pairs": pair_intensity,
     }
     name, count = subject.model.name, len(records)
     motions = [SuiteMotion(record, record.source, record.component, record) for record in records]
     return Identity(
-        name, "study", as_json(about), [GivenBuilding(name, subject)], motions, chunks=count
+        name, "study", as_json(description), [ModelBuilding(name, subject)], motions, chunks=count
     )

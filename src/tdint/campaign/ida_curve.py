@@ -1,11 +1,12 @@
-"""Curve of a building under one record in an incremental dynamic analysis: runs, search for levels,
-and capacities. Also the state of a building after a mainshock."""
+"""Curve of a building under one record in an incremental dynamic analysis: its runs, the search for
+the intensity levels of the next runs, and its capacities. Also the state of a building after a
+mainshock."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Self
 
@@ -24,16 +25,17 @@ from tdint.model.damage_states import DONE, FALLEN
 
 # ---- Curve of a building under one record: runs at levels of intensity, and search for levels
 #
-# A level depends only on the runs so far, so that an interrupted study can continue: hunt, bisect,
-# fill (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), then probe
-# above the capacity, where a building may not collapse (structural resurrection).
+# A level depends only on the runs so far, so that an interrupted study can continue. The search
+# increases the level to collapse (hunt), bisects the bracket of the collapse, fills gaps
+# (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), and then tries
+# levels above the capacity, where a building may not collapse (structural resurrection).
 
 _ROW_NAMES = {
     "drift_ratio": "peak_drift_ratio",
     "acceleration": "peak_absolute_acceleration",
     "residual_drift_ratio": "residual_drift_ratio",
 }
-"""Names in `RunRow` of the demands of an `IdaRun`."""
+"""Name of a value in `RunRow` by the name of the same demand in `IdaRun`."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +76,14 @@ class IdaRun:
 
     @classmethod
     def of(cls, im: float, row: RunRow) -> IdaRun:
-        """Return the run at a level from its row."""
-        names = [column.name for column in RUN_WITH_ERROR]
-        errors = dict(zip(names, row.errors, strict=False))
+        """Return the run at the intensity `im` from its row."""
+        # The row has no errors if they were not estimated.
+        error_names = [column.name for column in RUN_WITH_ERROR]
+        errors = dict(zip(error_names, row.errors, strict=False))
         values: dict[str, float | None] = {"energy_error": row.energy_error}
-        for demand, name in _ROW_NAMES.items():
-            values |= {demand: getattr(row, name), f"{demand}_error": errors.get(name)}
+        for demand, row_name in _ROW_NAMES.items():
+            values[demand] = getattr(row, row_name)
+            values[f"{demand}_error"] = errors.get(row_name)
         numbers = {
             name: math.nan if value is None else float(value) for name, value in values.items()
         }
@@ -87,13 +91,14 @@ class IdaRun:
 
     @property
     def stable(self) -> bool:
-        """True if the building did not collapse."""
+        """True if the analysis was completed without collapse. False after a collapse and for a run
+        without a result."""
         return self.status == DONE
 
     @property
     def collapsed(self) -> bool:
-        """True if the building collapsed in the analysis. Statuses other than collapse and `done`
-        provide no information."""
+        """True if the building collapsed. False if it did not collapse, and for a run without a
+        result."""
         return self.status in FALLEN
 
 
@@ -102,7 +107,7 @@ _HUNT = 1.5
 
 _MAX_HUNTS = 40  # maximum number of increases or decreases of the level by this ratio
 _GAP_RATIO = 1.2
-"""Ratio of drifts of adjacent levels above which a level is added between them."""
+"""Maximum ratio of the drifts of adjacent levels; above it, a level is added between them."""
 
 _PROBES = (1.25, 1.5)
 """Levels above the first collapse at which resurrection is checked, divided by the level of the
@@ -130,14 +135,14 @@ class LevelSearch:
         Relative width of the bracket of the capacity: upper level divided by lower level, less 1.
     lowest_drift : float
         Lowest threshold: at least one run has a smaller drift ratio.
-    most : float
+    max_level : float
         Maximum level; capacities above it are censored.
     """
 
     start: float
     precision: float = 0.05
     lowest_drift: float = math.inf
-    most: float = math.inf
+    max_level: float = math.inf
 
     def next(self, runs: Sequence[IdaRun]) -> float | None:
         """Return the next level, or None if the curve is complete.
@@ -153,75 +158,100 @@ class LevelSearch:
             Runs so far, in any order.
         """
         if not runs:
-            return min(self.start, self.most)
+            return min(self.start, self.max_level)
         if len(runs) >= MOST_RUNS:
             return None
         runs = sorted(runs, key=lambda run: run.im)
+        # `stable` are the runs without collapse below the first collapse.
         stable, collapse = list(below_collapse(runs)), first_collapse(runs)
         lowest, highest = runs[0].im, runs[-1].im
-        min_level, max_level = self.start / _HUNT**_MAX_HUNTS, self.start * _HUNT**_MAX_HUNTS
+        hunt_range = _HUNT**_MAX_HUNTS  # ratio of the limits of the search and the first level
 
         # Hunt: increase the level until collapse, or decrease it until there is no collapse.
-        if collapse is None and highest < self.most and highest <= max_level:
-            return min(highest * _HUNT, self.most)
-        if collapse and not stable and lowest > min_level:
+        if collapse is None and highest < self.max_level and highest <= self.start * hunt_range:
+            return min(highest * _HUNT, self.max_level)
+        if collapse and not stable and lowest > self.start / hunt_range:
             return lowest / _HUNT
-        # Bisect the capacity.
+        # Bisect the bracket of the collapse capacity.
         if collapse and stable and collapse.im > stable[-1].im * (1.0 + self.precision):
             level = _between(stable[-1].im, collapse.im, runs)
             if level is not None:
                 return level
-        # Decrease the level until a drift is below the lowest threshold: in proportion to the
-        # drift, but not below a tenth of the level in one step.
-        if stable and stable[0].drift_ratio >= self.lowest_drift and lowest >= min_level:
-            return lowest * max(
-                0.1, min(1.0 / _HUNT, 0.8 * self.lowest_drift / stable[0].drift_ratio)
-            )
-        # Fill gaps between adjacent levels with very different drifts.
+        # Decrease the level until a drift is below the lowest threshold. If the drift is
+        # proportional to the level, the next drift is 0.8 times the threshold; the level decreases
+        # at least by the ratio of the hunt and at most to a tenth.
+        if (
+            stable
+            and stable[0].drift_ratio >= self.lowest_drift
+            and lowest >= self.start / hunt_range
+        ):
+            proportional = 0.8 * self.lowest_drift / stable[0].drift_ratio
+            return lowest * max(0.1, min(1.0 / _HUNT, proportional))
+        return self._level_in_gap(stable, runs) or self._probe_level(collapse, runs)
+
+    def _level_in_gap(self, stable: Sequence[IdaRun], runs: Sequence[IdaRun]) -> float | None:
+        """Return a level between two adjacent levels with very different drifts; None if there is
+        no such gap.
+
+        Parameters
+        ----------
+        stable : sequence of IdaRun
+            Runs below the first collapse in ascending order of levels.
+        runs : sequence of IdaRun
+            All runs.
+        """
         for low, high in pairwise(stable):
             small, large = sorted((low.drift_ratio, high.drift_ratio))
             if large > _GAP_RATIO * small and high.im > low.im * (1.0 + self.precision):
                 level = _between(low.im, high.im, runs)
                 if level is not None:
                     return level
-        # Probe above the first collapse.
-        for level in (probe * collapse.im for probe in _PROBES) if collapse else ():
-            if level <= self.most and all(
-                abs(run.im - level) > _EQUAL_LEVELS * level for run in runs
-            ):
+        return None
+
+    def _probe_level(self, collapse: IdaRun | None, runs: Sequence[IdaRun]) -> float | None:
+        """Return a level above the first collapse at which the building may not collapse; None if
+        all these levels have been run, or if there is no collapse."""
+        if collapse is None:
+            return None
+        for level in (probe * collapse.im for probe in _PROBES):
+            is_new = all(abs(run.im - level) > _EQUAL_LEVELS * level for run in runs)
+            if level <= self.max_level and is_new:
                 return level
         return None
 
 
 def first_collapse(runs: Sequence[IdaRun]) -> IdaRun | None:
-    """Return the run with the lowest level at which the building collapses, or None."""
+    """Return the run with the lowest level at which the building collapses; None without
+    collapse."""
     return min((run for run in runs if run.collapsed), key=lambda run: run.im, default=None)
 
 
 def below_collapse(runs: Sequence[IdaRun]) -> Iterator[IdaRun]:
-    """Return the runs without collapse below the first collapse in ascending order."""
+    """Return the runs without collapse at levels below the first collapse, in ascending order of
+    the levels."""
     collapse = first_collapse(runs)
     limit = math.inf if collapse is None else collapse.im
     return (run for run in sorted(runs, key=lambda run: run.im) if run.stable and run.im < limit)
 
 
 def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
-    """Return a level between two adjacent levels at which no run without a result exists, or None.
+    """Return a level between two levels that has not been tried; None if all positions between them
+    have been tried.
 
     Parameters
     ----------
     low, high : float
-        Adjacent levels.
+        Adjacent levels of runs with a result. There may be runs without a result between them.
     runs : sequence of IdaRun
         Runs so far.
     """
-    tried = [run.im for run in runs if low < run.im < high]
+    tried_levels = [run.im for run in runs if low < run.im < high]
     tolerance = _EQUAL_LEVELS * math.log(high / low)
-    levels = (low * (high / low) ** position for position in _POSITIONS)
-    return next(
-        (level for level in levels if all(abs(math.log(im / level)) > tolerance for im in tried)),
-        None,
-    )
+    for position in _POSITIONS:
+        level = low * (high / low) ** position
+        if all(abs(math.log(tried / level)) > tolerance for tried in tried_levels):
+            return level
+    return None
 
 
 @dataclass(frozen=True)
@@ -235,7 +265,8 @@ class Capacity:
     capacity : float
         Intensity. It is a lower bound if censored, and NaN if unknown.
     lower, upper : float
-        Adjacent levels of runs: below, not exceeded; above, exceeded (NaN if censored).
+        Levels of the two adjacent runs: the drift ratio is not exceeded at `lower`, and exceeded at
+        `upper` (NaN if censored).
     censored : bool
         True if the drift ratio was not exceeded up to the maximum level.
     """
@@ -249,7 +280,7 @@ class Capacity:
 
 @dataclass(frozen=True)
 class IdaCurve:
-    """Runs of a record.
+    """Curve of a building under one record: its runs at increasing levels of intensity.
 
     Attributes
     ----------
@@ -260,7 +291,8 @@ class IdaCurve:
     collapse_drift : float
         Drift ratio of collapse.
     damage, left : float
-        For a building damaged by a mainshock: maximum and residual drift ratio.
+        For a building damaged by a mainshock: maximum drift ratio and residual drift ratio after
+        the mainshock; 0 for an undamaged building.
     """
 
     record: Record
@@ -288,14 +320,14 @@ class IdaCurve:
 
     @cached_property
     def collapse(self) -> Capacity:
-        """Collapse capacity: geometric mean of the last level without and the first level with
-        collapse."""
-        lower, high = self.stable[-1].im if self.stable else math.nan, first_collapse(self.runs)
-        if high is None:
+        """Collapse capacity: geometric mean of the last level without collapse and the first level
+        with collapse."""
+        lower = self.stable[-1].im if self.stable else math.nan
+        first = first_collapse(self.runs)
+        if first is None:
             return Capacity(self.collapse_drift, lower, lower, math.nan, censored=True)
-        return Capacity(
-            self.collapse_drift, math.sqrt(lower * high.im), lower, high.im, censored=False
-        )
+        capacity = math.sqrt(lower * first.im)
+        return Capacity(self.collapse_drift, capacity, lower, first.im, censored=False)
 
     def capacity(self, threshold: float) -> Capacity:
         """Return the capacity for a drift ratio: the intensity at which the curve first reaches it,
@@ -316,35 +348,29 @@ class IdaCurve:
                 continue
             if threshold <= self.left:
                 return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
-            if i == 0:  # Interpolate linearly from the origin or from the residual drift.
+            # Below the first run, interpolate linearly from intensity 0, at which the drift is the
+            # residual drift (0 if undamaged).
+            if i == 0:
                 fraction = (threshold - self.left) / (run.drift_ratio - self.left)
                 return Capacity(threshold, run.im * fraction, 0.0, run.im, censored=False)
             lower = self.stable[i - 1]
             fraction = math.log(threshold / lower.drift_ratio) / math.log(
                 run.drift_ratio / lower.drift_ratio
             )
-            return Capacity(
-                threshold,
-                lower.im * (run.im / lower.im) ** fraction,
-                lower.im,
-                run.im,
-                censored=False,
-            )
-        collapse = self.collapse
-        return Capacity(
-            threshold, collapse.capacity, collapse.lower, collapse.upper, collapse.censored
-        )
+            capacity = lower.im * (run.im / lower.im) ** fraction
+            return Capacity(threshold, capacity, lower.im, run.im, censored=False)
+        return replace(self.collapse, threshold=threshold)
 
     def intensity_at(self, drift_ratios: Array) -> Array:
-        """Return the capacities for drift ratios, shape (k,): inf if censored, NaN if unknown."""
-        capacities = [self.capacity(drift) for drift in drift_ratios.tolist()]
-        values = np.array(
-            [
-                math.inf if limit.censored and limit.capacity > 0.0 else limit.capacity
-                for limit in capacities
-            ]
-        )
-        return np.where(drift_ratios <= self.left, 0.0, values)
+        """Return the capacities for drift ratios, shape (k,): infinity if censored, NaN if unknown,
+        and 0 if the residual drift of a damaged building already reaches the drift ratio."""
+        values = []
+        for drift in drift_ratios.tolist():
+            capacity = self.capacity(drift)
+            # Without any run below collapse, the lower bound is NaN: the capacity is unknown.
+            is_infinite = capacity.censored and capacity.capacity > 0.0
+            values.append(math.inf if is_infinite else capacity.capacity)
+        return np.where(drift_ratios <= self.left, 0.0, np.array(values))
 
 
 @dataclass(frozen=True)
@@ -369,7 +395,7 @@ class PairCurve(IdaCurve):
 
     @classmethod
     def of(cls, first: IdaCurve, second: IdaCurve, demand: str) -> Self:
-        """Return the curve of two components.
+        """Return the curve of a pair from the curves of its two components.
 
         Parameters
         ----------
@@ -378,22 +404,25 @@ class PairCurve(IdaCurve):
         demand : str
             `larger` or `mean`.
         """
-        parts = first, second
-        highest = min(part.stable[-1].im if part.stable else 0.0 for part in parts)
-        levels = sorted({run.im for part in parts for run in part.stable if run.im <= highest})
-        drifts = combine(np.array([_drifts_at(part, levels) for part in parts]), demand)
+        curves = first, second
+        # Drifts are known up to the smaller of the last levels below collapse.
+        last_common_level = min(curve.stable[-1].im if curve.stable else 0.0 for curve in curves)
+        levels = sorted(
+            {run.im for curve in curves for run in curve.stable if run.im <= last_common_level}
+        )
+        drifts = combine(np.array([_drifts_at(curve, levels) for curve in curves]), demand)
         runs = (
             IdaRun(im, math.nan, DONE, drift)
             for im, drift in zip(levels, drifts.tolist(), strict=True)
         )
-        residual = float(combine(np.array([part.left for part in parts]), demand))
+        residual = float(combine(np.array([curve.left for curve in curves]), demand))
         return cls(
             first.record,
             tuple(runs),
             first.collapse_drift,
             first.damage,
             residual,
-            parts=parts,
+            parts=curves,
             demand=demand,
         )
 
@@ -414,32 +443,34 @@ class PairCurve(IdaCurve):
             return self.collapse
         if self.demand == MEAN:
             return super().capacity(threshold)
-        limits = [part.capacity(threshold) for part in self.parts]
-        unknown = [limit for limit in limits if math.isnan(limit.capacity)]
-        return unknown[0] if unknown else min(limits, key=lambda limit: limit.capacity)
+        capacities = [part.capacity(threshold) for part in self.parts]
+        # If the capacity of a component is unknown, so is the capacity of the pair.
+        unknown = [item for item in capacities if math.isnan(item.capacity)]
+        return unknown[0] if unknown else min(capacities, key=lambda item: item.capacity)
 
 
 def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
-    """Return the drift ratios of a curve at levels up to its last stable level, shape (k,)."""
+    """Return the drift ratios of a curve at intensity levels, shape (k,). The levels must not
+    exceed the last level of the curve below collapse."""
     if not levels:
         return np.empty(0)
     im = np.array([run.im for run in curve.stable])
     drift = np.array([run.drift_ratio for run in curve.stable])
     intensities = np.asarray(levels)
-    # Interpolate linearly from the residual drift to the first run, then on logarithmic axes.
-    first = curve.left + (drift[0] - curve.left) * intensities / im[0]
-    later = np.exp(np.interp(np.log(intensities), np.log(im), np.log(drift)))
-    return np.asarray(np.where(intensities < im[0], first, later))
+    # Interpolate linearly from the residual drift at intensity 0 to the first run, then on
+    # logarithmic axes.
+    below_first_run = curve.left + (drift[0] - curve.left) * intensities / im[0]
+    between_runs = np.exp(np.interp(np.log(intensities), np.log(im), np.log(drift)))
+    return np.asarray(np.where(intensities < im[0], below_first_run, between_runs))
 
 
 def fractiles(
     curves: Sequence[IdaCurve], drift_ratios: Array, fractions: Sequence[float] = (0.16, 0.5, 0.84)
 ) -> Array:
-    """Return, for each drift ratio, the fractiles of the intensity over the records, shape
-    (len(fractions), k).
+    """Return, for each drift ratio, the fractiles of the intensity over the records.
 
     Records without a run below collapse are omitted. A fractile between two records is interpolated
-    linearly in the logarithm; it is NaN if the intensity of one record is censored (infinite),
+    linearly in the logarithm; it is NaN if the intensity of one of them is censored (infinite),
     unknown (NaN), or zero.
 
     Parameters
@@ -450,6 +481,11 @@ def fractiles(
         Drift ratios.
     fractions : sequence of float
         Fractions of the fractiles; by default 16 %, 50 % and 84 %.
+
+    Returns
+    -------
+    ndarray, shape (len(fractions), k)
+        Intensities.
     """
     used = [curve for curve in curves if curve.stable]
     result = np.full((len(fractions), drift_ratios.size), math.nan)
@@ -541,19 +577,20 @@ class DamagedState:
 
 
 def damaged(
-    subject: Subject, main: Record, drift: float, *, first: float, dt: float | None
+    subject: Subject, mainshock: Record, drift: float, *, first_factor: float, dt: float | None
 ) -> DamagedState:
-    """Scale a mainshock so that the maximum drift ratio of a building first reaches a value.
+    """Scale a mainshock so that the maximum drift ratio of a building reaches a value, with the
+    smallest scale factor found.
 
     Parameters
     ----------
     subject : Subject
         The building and its method.
-    main : Record
+    mainshock : Record
         The mainshock.
     drift : float
         Drift ratio.
-    first : float
+    first_factor : float
         Scale factor at which the search starts; it continues upwards.
     dt : float or None
         Time step, s; None: the default of the building.
@@ -569,19 +606,58 @@ def damaged(
         The building collapses before it reaches the drift ratio.
     """
 
+    factor = _factor_for_drift(subject, mainshock, drift, first_factor=first_factor, dt=dt)
+    # Run only the mainshock, until free vibration has decayed, to compute the residual drift.
+    scaled = mainshock.scaled(factor)
+    case = subject.case(scaled)
+    # The second event of this sequence starts when free vibration has decayed.
+    sequence = sequence_of(case, [scaled, scaled], dt=dt)
+    rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
+    single_event = ShockSequence(sequence.records[:1], (0,))
+    single_case = case.under(single_event.whole)
+    steps = single_case.steps(dt, scaled.duration + rest)
+    (shock,) = event_responses(single_case, single_event, steps)
+    return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
+
+
+def _factor_for_drift(
+    subject: Subject, mainshock: Record, drift: float, *, first_factor: float, dt: float | None
+) -> float:
+    """Return the scale factor of a mainshock at which the maximum drift ratio equals `drift`. The
+    parameters are those of `damaged`.
+
+    Parameters
+    ----------
+    subject : Subject
+        The building and its method.
+    mainshock : Record
+        The unscaled mainshock.
+    drift : float
+        Drift ratio.
+    first_factor : float
+        Scale factor at which the search starts.
+    dt : float or None
+        Time step, s; None: the default of the building.
+
+    Raises
+    ------
+    AnalysisError
+        The building collapses before it reaches the drift ratio.
+    """
+
     # Failed runs and collapses count as infinite drift: the factor must be smaller.
     def drift_of(factor: float) -> float:
         """Return the maximum drift ratio for a scale factor."""
-        case = subject.case(main, factor)
+        case = subject.case(mainshock, factor)
         try:
-            response = case.integrate(case.steps(dt, main.duration))
+            response = case.integrate(case.steps(dt, mainshock.duration))
         except FailedRun:
             return math.inf
         return math.inf if response.collapse else demands(response.stories).drift_ratio.value
 
-    # Increase the factor until the drift is reached, then bisect. If the response jumps over the
-    # drift, no factor exists.
-    low, high = 0.0, first
+    # Increase the factor until the drift is reached, then bisect. The drift may jump over the value
+    # because the building collapses; then no factor exists.
+    low, high = 0.0, first_factor
     for _ in range(_MAX_DAMAGE_HUNTS):
         if drift_of(high) >= drift:
             break
@@ -590,20 +666,12 @@ def damaged(
         factor = 0.5 * (low + high)
         reached_drift = drift_of(factor)
         if abs(reached_drift - drift) <= _DRIFT_TOLERANCE * drift:
-            break
-        low, high = (factor, high) if reached_drift < drift else (low, factor)
-    else:
-        raise AnalysisError(
-            f"{main.name}: no scale factor leads to a drift of {100.0 * drift:g} % without collapse"
-        )
-
-    # Run only the mainshock, until free vibration has decayed, to compute the residual drift.
-    scaled = main.scaled(factor)
-    case = subject.case(scaled)
-    sequence = sequence_of(case, [scaled, scaled], dt=dt)
-    single = ShockSequence(sequence.records[:1], (0,))
-    joined = case.under(single.whole)
-    # The second event of the sequence starts when free vibration has decayed.
-    rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
-    (shock,) = event_responses(joined, single, joined.steps(dt, scaled.duration + rest))
-    return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
+            return factor
+        if reached_drift < drift:
+            low = factor
+        else:
+            high = factor
+    raise AnalysisError(
+        f"{mainshock.name}: no scale factor leads to a drift of {100.0 * drift:g} % without "
+        "collapse"
+    )

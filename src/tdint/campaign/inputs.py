@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tdint.campaign.definition import (
-    AnalysisWishes,
+    AnalysisOverrides,
     CampaignFile,
     FactorsFile,
     FieldFile,
@@ -27,13 +27,13 @@ from tdint.campaign.definition import (
 from tdint.campaign.fragility.type_states import ClassDamage, read_class_damage
 from tdint.campaign.motions import (
     Assignment,
+    CampaignMotions,
     FactorTable,
-    FieldDraws,
     FieldMotions,
-    FoundMotions,
-    GridDraws,
     GridFile,
     GridMotions,
+    GridSamples,
+    SiteEvents,
     meters,
     nearest,
 )
@@ -67,7 +67,7 @@ _FACTOR_COLUMNS = ("record", "component", "factor")
 
 @dataclass(frozen=True)
 class Inputs:
-    """Contents of the files that a campaign names.
+    """Contents of the files that a campaign file lists.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Inputs:
         Models of the model files, with the campaign's settings for all buildings.
     rows : InventoryRows or None
         Buildings of the inventory.
-    motions : FoundMotions
+    motions : CampaignMotions
         Ground motions.
     assignment : Assignment or None
         Ground motions of each building; None: all motions for all buildings.
@@ -91,7 +91,7 @@ class Inputs:
 
     models: tuple[Model, ...] = ()
     rows: InventoryRows | None = None
-    motions: FoundMotions = field(default_factory=FoundMotions)
+    motions: CampaignMotions = field(default_factory=CampaignMotions)
     assignment: Assignment | None = None
     factors: FactorTable | None = None
     damage: ClassDamage = field(default_factory=ClassDamage)
@@ -100,7 +100,7 @@ class Inputs:
 
 
 def read_inputs(campaign: CampaignFile) -> Inputs:
-    """Read all files that a campaign names.
+    """Read all files that a campaign file lists.
 
     Parameters
     ----------
@@ -110,8 +110,8 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     Raises
     ------
     ModelError
-        Models or the inventory are invalid; the error lists all entries. The file of factors cannot
-        be read.
+        Models or the inventory are invalid; the error lists all invalid entries. The file of
+        factors cannot be read.
     RecordError
         No record can be used.
     UsageError
@@ -131,39 +131,38 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     factors = (
         read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
     )
+    # Without a list of files, the records are those of the table of factors.
     if factors and isinstance(campaign.records, RecordFiles) and not campaign.records.files:
         factors, motions = read_listed_motions(factors, campaign.records)
     else:
         motions = _READERS[type(campaign.records)](campaign.records)
-    # Omit buildings that are too far from all sites before a sweep multiplies them.
-    far: tuple[ModelFault, ...] = ()
-    if (
-        isinstance(campaign.records, GridFile | FieldFile)
-        and motions.places is not None
-        and motions.places.places
-    ):
-        rows, unlocated, far = _select_located(campaign, campaign.records, motions.places, rows)
-        faults = (*faults, *((ModelError(unlocated),) if unlocated else ()))
+    # Omit buildings that are too far from all sites before a sweep multiplies them. The sites have
+    # no locations if the inventory names the site of each building.
+    too_far: tuple[ModelFault, ...] = ()
+    has_site_locations = motions.places is not None and motions.places.places
+    if isinstance(campaign.records, GridFile | FieldFile) and has_site_locations:
+        assert motions.places is not None
+        rows, unlocated, too_far = _select_located(campaign, campaign.records, motions.places, rows)
+        if unlocated:
+            faults = (*faults, ModelError(unlocated))
     # Costs are used only after all runs. Check them now, so that an error does not waste the runs.
     if rows and campaign.damage:
         _check_costs(rows)
     with sweep.reported_at_key():
         rows = sweep.of_rows(rows) if rows and campaign.sweep else rows
-    assignment, damage = (
-        _assignment(campaign, motions.places, rows, len(models)),
-        read_class_damage(campaign.damage),
-    )
-    return Inputs(models, rows, motions, assignment, factors, damage, faults, far)
+    assignment = _assignment(campaign, motions.places, rows, len(models))
+    damage = read_class_damage(campaign.damage)
+    return Inputs(models, rows, motions, assignment, factors, damage, faults, too_far)
 
 
-def read_models(buildings: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
+def read_models(buildings: ModelFiles, analysis: AnalysisOverrides) -> tuple[Model, ...]:
     """Read model files and apply the campaign's settings for all buildings.
 
     Parameters
     ----------
     buildings : ModelFiles
         Paths of the files.
-    analysis : AnalysisWishes
+    analysis : AnalysisOverrides
         Analysis settings of the campaign.
 
     Raises
@@ -179,20 +178,21 @@ def read_models(buildings: ModelFiles, analysis: AnalysisWishes) -> tuple[Model,
         except ModelError as error:
             errors.append(error)
     if errors:
+        # An error without faults has no position in its file, only a text: the file cannot be read.
         faults = [fault for error in errors for fault in error.faults]
         texts = [str(error) for error in errors if not error.faults]
         raise ModelError(faults if not texts else "\n".join([*texts, *map(str, faults)]))
     return tuple(models)
 
 
-def adapted(model: Model, analysis: AnalysisWishes) -> Model:
+def adapted(model: Model, analysis: AnalysisOverrides) -> Model:
     """Return a model with the campaign's settings for all buildings.
 
     Parameters
     ----------
     model : Model
         The model.
-    analysis : AnalysisWishes
+    analysis : AnalysisOverrides
         Analysis settings of the campaign.
 
     Raises
@@ -219,7 +219,7 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
     rows : InventoryRows
         Valid rows.
     faults : tuple of ModelError
-        Errors of the skipped rows.
+        One error with all invalid rows, which are skipped; empty if all rows are valid.
 
     Raises
     ------
@@ -241,17 +241,16 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
 
 
 def _check_costs(rows: InventoryRows) -> None:
-    """Raise ModelError for all invalid costs and numbers of buildings, before any run."""
+    """Raise ModelError, with all invalid cells, if the inventory has columns with the cost or the
+    number of buildings and a cell is not zero or a positive number. Empty cells are allowed."""
+
+    def describe_error(_: int, text: str) -> str:
+        is_valid = not text or number(text) >= 0.0
+        return "" if is_valid else number_error(text, "zero or a positive number")
+
     faults: list[ModelFault] = []
     for name in filter(rows.table.table.has, (COST, NUMBER)):
-        faults += rows.faults(
-            name,
-            lambda _, text: (
-                number_error(text, "zero or a positive number")
-                if text and not number(text) >= 0.0
-                else ""
-            ),
-        )
+        faults += rows.faults(name, describe_error)
     if faults:
         raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
 
@@ -262,8 +261,9 @@ def _select_located(
     motions: GridMotions | FieldMotions,
     rows: InventoryRows | None,
 ) -> tuple[InventoryRows, list[ModelFault], tuple[ModelFault, ...]]:
-    """Select the buildings that have a location close enough to a site. For fields, the nearest
-    site and its distance are added before the columns of the inventory that are copied to tables.
+    """Select the buildings that have a location and are close enough to a site. For ground motion
+    fields, the nearest site and its distance are added to each selected building; tables contain
+    them as columns.
 
     Parameters
     ----------
@@ -278,11 +278,11 @@ def _select_located(
 
     Returns
     -------
-    kept : InventoryRows
+    selected : InventoryRows
         Selected buildings.
-    lost : list of ModelFault
+    unlocated : list of ModelFault
         Errors of the buildings without a location.
-    far : tuple of ModelFault
+    too_far : tuple of ModelFault
         Buildings that are too far from all sites.
 
     Raises
@@ -297,42 +297,47 @@ def _select_located(
             f"{campaign.source}: motions at sites require an inventory with Latitude and Longitude"
         )
     # A row without a location is an error of the file; a row that is too far away is not.
-    faults: list[ModelFault] = []
+    unlocated: list[ModelFault] = []
     is_unlocated = np.isnan(rows.places[:, 0] + rows.places[:, 1])
     if is_unlocated.any():
         missing = "is missing; motions at sites require the location of each building"
         for name in ("Latitude", "Longitude"):
-            faults += rows.only(is_unlocated).faults(name, lambda _, text: "" if text else missing)
-        faults.sort(key=lambda fault: (fault.line, fault.column))
+            unlocated += rows.only(is_unlocated).faults(
+                name, lambda _, text: "" if text else missing
+            )
+        unlocated.sort(key=lambda fault: (fault.line, fault.column))
     located = rows.only(~is_unlocated)
     if not located:
-        raise ModelError(faults)
+        raise ModelError(unlocated)
     # The nearest site may be determined in degrees; its distance is always in m.
-    sites = nearest(located.places, motions.places, records.distance)
-    distance = meters(located.places, np.array(motions.places)[sites])
-    too_far = distance > records.max_distance
-    kept, far_km = located.only(~too_far), 1e-3 * distance[too_far]
+    nearest_sites = nearest(located.places, motions.places, records.distance)
+    distances = meters(located.places, np.array(motions.places)[nearest_sites])
+    is_too_far = distances > records.max_distance
+    selected, distances_km = located.only(~is_too_far), 1e-3 * distances[is_too_far]
     if isinstance(motions, FieldMotions):
-        kept = replace(kept, near=(motions.sites, sites[~too_far], distance[~too_far]))
+        selected = replace(
+            selected, near=(motions.sites, nearest_sites[~is_too_far], distances[~is_too_far])
+        )
     limit = f"max_distance is {1e-3 * records.max_distance:g} km"
-    far = located.only(too_far).faults(
-        "Latitude", lambda row, _: f"{far_km[row]:.4g} km from the nearest site; {limit}"
+    too_far = located.only(is_too_far).faults(
+        "Latitude", lambda row, _: f"{distances_km[row]:.4g} km from the nearest site; {limit}"
     )
-    if not kept:
-        raise ModelError([*faults, *far])
-    return kept, faults, tuple(far)
+    if not selected:
+        raise ModelError([*unlocated, *too_far])
+    return selected, unlocated, tuple(too_far)
 
 
 def _assignment(
     campaign: CampaignFile,
     motions: GridMotions | FieldMotions | None,
     rows: InventoryRows | None,
-    models: int,
+    model_count: int,
 ) -> Assignment | None:
-    """Return the motions of each building, or None if all buildings use all motions.
+    """Return the assignment of motions to buildings; None if all buildings use all motions.
 
-    The motions are samples of the nearest grid points, or the events of the nearest site, of the
-    site that the inventory names or, without sites, all events.
+    A building has samples of the motions of its nearest grid points, or all events of its site. The
+    site is the nearest one, or the site that the inventory names. If the fields have no sites, a
+    building has all events.
 
     Parameters
     ----------
@@ -342,8 +347,8 @@ def _assignment(
         Motions of a grid or of fields.
     rows : InventoryRows or None
         Buildings of the inventory.
-    models : int
-        Number of models.
+    model_count : int
+        Number of models; used if there is no inventory.
 
     Raises
     ------
@@ -357,33 +362,36 @@ def _assignment(
         return None
     if isinstance(motions, GridMotions):
         assert isinstance(records, GridFile) and rows is not None
-        return GridDraws(rows, motions, records)
-    # Without sites, all buildings have the same ground motion in an event.
+        return GridSamples(rows, motions, records)
+    # Without sites, all buildings have the same ground motion in an event. A file without a column
+    # of sites has one site with an empty name.
     if motions.sites == ("",):
-        return FieldDraws(motions, np.zeros(len(rows) if rows else models, dtype=np.int64))
+        return SiteEvents(motions, np.zeros(len(rows) if rows else model_count, dtype=np.int64))
     if rows and rows.near is not None:
-        return FieldDraws(motions, np.repeat(rows.near[1], len(rows.changes)))
+        return SiteEvents(motions, np.repeat(rows.near[1], len(rows.changes)))
     if not rows or not rows.table.table.has("site"):
         raise UsageError(
             f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
             "key `sites` of the records, a file with the locations of the sites"
         )
-    # The locations of the sites are not specified, so that the inventory must name the site of each
-    # building.
-    numbers = {site: number for number, site in enumerate(motions.sites)}
+    # The locations of the sites are not specified, so the inventory must name the site of each
+    # building. All variations of a building, which are consecutive, have the same site.
+    site_numbers = {site: number for number, site in enumerate(motions.sites)}
     reason = (
         f"is not a site in {records.file}; its sites are "
-        f"{', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
+        f"{', '.join(motions.sites[:5])}{' ...' * (len(site_numbers) > 5)}"
     )
-    faults = rows.faults("site", lambda _, text: "" if text in numbers else f"{text!r} {reason}")
+    faults = rows.faults(
+        "site", lambda _, text: "" if text in site_numbers else f"{text!r} {reason}"
+    )
     if faults:
         raise ModelError(faults)
-    return FieldDraws(
-        motions, np.repeat([numbers[site] for site in rows.texts("site")], len(rows.changes))
+    return SiteEvents(
+        motions, np.repeat([site_numbers[site] for site in rows.texts("site")], len(rows.changes))
     )
 
 
-def read_motions(records: RecordFiles) -> FoundMotions:
+def read_motions(records: RecordFiles) -> CampaignMotions:
     """Read the records of files and directories.
 
     Parameters
@@ -399,10 +407,10 @@ def read_motions(records: RecordFiles) -> FoundMotions:
     suite = read_suite(records.files, records.choice, records.pairs)
     if not suite.motions:
         raise RecordError("\n".join(map(str, suite.failures)) or "the campaign contains no records")
-    return FoundMotions(suite_motions(suite.motions), suite.failures, suite.notes)
+    return CampaignMotions(suite_motions(suite.motions), suite.failures, suite.notes)
 
 
-def read_sequences(sequences: SequenceFile) -> FoundMotions:
+def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     """Read sequences of events from a CSV file.
 
     The file has the columns sequence, record (path relative to the file) and, optionally,
@@ -433,36 +441,41 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
         for name in ("component", "factor", "units")
     ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
-    shocks: dict[str, list[_Shock]] = {}
-    for name, record, component, text, unit, (line, _) in zip(
+    shocks_of_sequence: dict[str, list[_Shock]] = {}
+    for name, record, component, factor_text, unit, (line, _) in zip(
         names, records, *optional, table.rows, strict=True
     ):
         file = resolve(record, Path(sequences.file).parent)
-        factor = _factor(sequences.file, line, text or "1")
-        shocks.setdefault(name, []).append(_Shock(file, component, factor, unit.strip()))
-    motions, failures, notes = list[SuiteMotion](), list[TdintError](), dict[str, None]()
+        factor = _factor(sequences.file, line, factor_text or "1")
+        shocks_of_sequence.setdefault(name, []).append(
+            _Shock(file, component, factor, unit.strip())
+        )
+    motions, failures = list[SuiteMotion](), list[TdintError]()
+    notes: dict[str, None] = {}  # keys of a dictionary: each note once, in order
     # Sequences that cannot be used are reported and skipped.
-    for name, rows in shocks.items():
+    for name, shocks in shocks_of_sequence.items():
         try:
-            motions += _sequence(name, rows, sequences, notes)
+            motions += _sequence(name, shocks, sequences, notes)
         except (RecordError, UsageError) as error:
             failures.append(RecordError(f"sequence {name}: {error}"))
     if not motions:
         raise RecordError("\n".join(map(str, failures)))
-    return FoundMotions(tuple(motions), tuple(failures), tuple(notes))
+    return CampaignMotions(tuple(motions), tuple(failures), tuple(notes))
 
 
-_READERS: dict[type, Callable[[Any], FoundMotions]]
+_READERS: dict[type, Callable[[Any], CampaignMotions]]
 _READERS = {
     GridFile: read_grid,
     FieldFile: read_field,
     SequenceFile: read_sequences,
     RecordFiles: read_motions,
 }
+"""Function that reads the ground motions, by the type of the records in the campaign file."""
 
 
 class _Shock(NamedTuple):
-    """Row of a file of sequences."""
+    """Event of a sequence, as in a row of the file: path of the record, name of the component
+    (empty: all components), scale factor, and units of the samples (empty: units of the record)."""
 
     file: str
     component: str
@@ -473,7 +486,8 @@ class _Shock(NamedTuple):
 def _sequence(
     name: str, shocks: Sequence[_Shock], sequences: SequenceFile, notes: dict[str, None]
 ) -> Iterator[SuiteMotion]:
-    """Yield a motion for each component that all events of a sequence have.
+    """Yield the ground motions of a sequence: one joined record for each component that the records
+    of all its events have.
 
     Parameters
     ----------
@@ -485,27 +499,34 @@ def _sequence(
         Settings for all records.
     notes : dict
         Receives notes of the reader as keys.
+
+    Raises
+    ------
+    RecordError
+        A record cannot be used; the records have different components.
     """
-    by_shock: list[list[Record]] = []
-    common = sequences.choice
+    components_of_shocks: list[list[Record]] = []
+    defaults = sequences.choice
     for shock in shocks:
-        # Units of a row override the units for all rows.
-        units = {"*": shock.units} if shock.units else common.units
-        choice = replace(common, component=shock.component or common.component, units=units)
+        # Units of a row override the units for all rows ("*": all components).
+        units = {"*": shock.units} if shock.units else defaults.units
+        choice = replace(defaults, component=shock.component or defaults.component, units=units)
         suite = read_components([shock.file], choice)
         for error in suite.failures:
             raise error
         notes |= dict.fromkeys(suite.notes)
-        by_shock.append([record.scaled(shock.factor) for record in suite.records])
+        components_of_shocks.append([record.scaled(shock.factor) for record in suite.records])
     # Components with the same name are joined. Records with a single component are joined
     # regardless of its name.
-    names = [[record.component for record in records] for records in by_shock]
-    if any(part != names[0] for part in names) and any(len(part) > 1 for part in names):
+    names = [[record.component for record in records] for records in components_of_shocks]
+    have_equal_names = all(names_of_shock == names[0] for names_of_shock in names)
+    have_single_component = all(len(names_of_shock) <= 1 for names_of_shock in names)
+    if not (have_equal_names or have_single_component):
         raise RecordError(
             "the records of the sequence have different components; specify one component for each "
             "record in the column component"
         )
-    for records in zip(*by_shock, strict=True):
+    for records in zip(*components_of_shocks, strict=True):
         joined = JoinedRecord.of(records, sequences.rest)
         yield SuiteMotion(joined, name, joined.component, joined.shocks[0])
 
@@ -525,55 +546,58 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
         The file cannot be read.
     """
     file = factors_file.file
-    needs = (
+    format_text = (
         f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` "
         "writes such a file"
     )
-    table = read_table(file, needs, columns=_FACTOR_COLUMNS)
+    table = read_table(file, format_text, columns=_FACTOR_COLUMNS)
     table.need(*_FACTOR_COLUMNS)
-    names = zip(table.texts("record"), table.texts("component"), strict=True)
+    motions = zip(table.texts("record"), table.texts("component"), strict=True)
     # A motion may have several factors; duplicate factors are ignored.
-    by_motion: dict[tuple[str, str], dict[float, None]] = {}
-    for name, (line, text) in zip(names, table.lines("factor"), strict=True):
-        by_motion.setdefault(name, {})[_factor(file, line, text)] = None
+    factors_of_motion: dict[tuple[str, str], dict[float, None]] = {}
+    for motion, (line, text) in zip(motions, table.lines("factor"), strict=True):
+        factors_of_motion.setdefault(motion, {})[_factor(file, line, text)] = None
 
     # Read the settings that `tdint scale` wrote next to the table, if they belong to this table.
     # The file is optional.
     settings_file = Path(file.removesuffix(".gz")).with_suffix(".json")
-    scaled = {}
+    scale_settings = {}
     with suppress(OSError, ValueError, KeyError, TypeError, ModelError):
-        settings = json.loads(content := read_at_most(settings_file, MOST_BYTES, ModelError))
+        content = read_at_most(settings_file, MOST_BYTES, ModelError)
+        settings = json.loads(content)
         digest = sha256(read_at_most(file, MOST_BYTES, ModelError)).hexdigest()
         if settings["schema"]["name"] == "tdint scale" and settings["factors_sha256"] == digest:
-            scaled = settings
-    if scaled:
+            scale_settings = settings
+    if scale_settings:
         record_digest(settings_file, content)
-    return FactorTable(file, {name: tuple(numbers) for name, numbers in by_motion.items()}, scaled)
+    by_name = {motion: tuple(numbers) for motion, numbers in factors_of_motion.items()}
+    return FactorTable(file, by_name, scale_settings)
 
 
 def read_listed_motions(
     table: FactorTable, records: RecordFiles
-) -> tuple[FactorTable, FoundMotions]:
+) -> tuple[FactorTable, CampaignMotions]:
     """Read the records that a table of factors lists.
 
     Returns
     -------
     table : FactorTable
         Table with the paths of the files.
-    motions : FoundMotions
+    motions : CampaignMotions
         Motions that have a factor.
 
     Raises
     ------
     ModelError
-        As for `read_listed`.
+        Files of the table are not found; the component of a row is missing from its file or
+        ambiguous.
     RecordError
         No record can be used; the message has the reasons, one line each.
     """
     table, suite = read_listed(table, records.choice, records.pairs)
     if not suite.motions:
         raise RecordError("\n".join(map(str, suite.failures)))
-    return table, FoundMotions(suite_motions(suite.motions), suite.failures, suite.notes)
+    return table, CampaignMotions(suite_motions(suite.motions), suite.failures, suite.notes)
 
 
 def read_listed(
@@ -609,16 +633,19 @@ def read_listed(
     files = tuple(dict.fromkeys(file for file, _ in table.by_name))
     suite = read_suite(files, choice, pairs)
 
-    # Each row belongs to one component; an empty component belongs to all components of the file.
-    rows: dict[tuple[str, str], list[SuiteMotion]] = {row: [] for row in table.by_name}
+    # Keys: file and component of a row of the table. The row of a motion has the component by which
+    # the motion was selected or its full name; a row with an empty component belongs to all
+    # components of the file.
+    motions_of_row: dict[tuple[str, str], list[SuiteMotion]] = {row: [] for row in table.by_name}
     for motion in suite_motions(suite.motions):
         for component in dict.fromkeys((motion.component, motion.record.component, "")):
-            if (motion.name, component) in rows:
-                rows[motion.name, component].append(motion)
+            if (motion.name, component) in motions_of_row:
+                motions_of_row[motion.name, component].append(motion)
                 break
-    failed = " ".join(map(str, suite.failures))
-    for (file, component), motions in rows.items():
-        if component and len(motions) != 1 and file not in failed:
+    failure_text = " ".join(map(str, suite.failures))
+    for (file, component), motions in motions_of_row.items():
+        # A file that could not be read is reported among the failures.
+        if component and len(motions) != 1 and file not in failure_text:
             problem = (
                 f"has {len(motions)} components named {component}"
                 if motions
@@ -628,9 +655,9 @@ def read_listed(
                 f"{table.source}: {file} {problem}; specify the full id of the component in the "
                 "table"
             )
-    listed = {id(motion.whole) for motions in rows.values() for motion in motions}
-    kept = tuple(motion for motion in suite.motions if id(motion) in listed)
-    return table, replace(suite, motions=kept)
+    listed_ids = {id(motion.whole) for motions in motions_of_row.values() for motion in motions}
+    listed_motions = tuple(motion for motion in suite.motions if id(motion) in listed_ids)
+    return table, replace(suite, motions=listed_motions)
 
 
 def _located(table: FactorTable) -> FactorTable:
@@ -642,18 +669,20 @@ def _located(table: FactorTable) -> FactorTable:
         Files are not found.
     """
     directory = Path(table.source).parent
-    located: dict[str, str] = {}
+    located: dict[str, str] = {}  # path at which the file exists, by the path in the table
     for file in dict.fromkeys(file for file, _ in table.by_name):
         candidates = (Path(file), directory / file)
-        path = next((item for item in candidates if file and item.is_file()), None)
+        path = next((candidate for candidate in candidates if file and candidate.is_file()), None)
         if path is not None:
             located[file] = file if path == candidates[0] else str(path)
     missing = [file for file, _ in table.by_name if file not in located]
     if missing:
-        named = abbreviate(list(dict.fromkeys(file or "(empty)" for file in missing)), _MOST_NAMES)
+        missing_text = abbreviate(
+            list(dict.fromkeys(file or "(empty)" for file in missing)), _MOST_NAMES
+        )
         raise ModelError(
-            f"{table.source}: records not found: {named}; a record is a file relative to the "
-            "working directory or to the directory of the table"
+            f"{table.source}: records not found: {missing_text}; the path of a record must be "
+            "relative to the working directory or to the directory of the table"
         )
     by_name = {
         (located[file], component): values for (file, component), values in table.by_name.items()

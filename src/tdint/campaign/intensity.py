@@ -1,10 +1,9 @@
-"""Intensity measures by which records are scaled: Sa at a period, its average over periods, and
-measures of the ground motion such as PGA, PGV, Arias intensity and CAV
-(`tdint.ground_motion.measures`).
+"""Intensity measures by which records are scaled: the pseudo-acceleration Sa at a period, its
+average over periods, and measures of the ground motion such as PGA, PGV, Arias intensity and CAV.
 
 The intensity of a pair of horizontal components is the geometric mean of both components, or a
 percentile over all directions (RotD, Boore 2010). An intensity is proportional to a power of the
-scale factor; Arias intensity is proportional to its square.
+scale factor (`scale_exponent`): 1 for most measures, 2 for Arias intensity.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ class SpectralIntensity:
     periods: tuple[float, ...]
     damping: float
     unit: str = "m/s^2"
-    growth: ClassVar[float] = 1.0
+    scale_exponent: ClassVar[float] = 1.0
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
         """Return the intensity of a motion, m/s^2.
@@ -80,8 +79,8 @@ class SpectralIntensity:
 
 @dataclass(frozen=True)
 class MotionIntensity:
-    """Intensity measure that depends only on the ground motion: a name in
-    `tdint.ground_motion.measures.MEASURES`."""
+    """Intensity measure that depends only on the ground motion, not on a period. The name is a key
+    of `tdint.ground_motion.measures.MEASURES`; the default unit is that of the measure."""
 
     name: str
     unit: str = ""
@@ -90,8 +89,9 @@ class MotionIntensity:
         object.__setattr__(self, "unit", self.unit or MEASURES[self.name].unit)
 
     @property
-    def growth(self) -> float:
-        """Exponent of the scale factor in the intensity."""
+    def scale_exponent(self) -> float:
+        """Exponent of the scale factor in the intensity; NaN if the intensity is not proportional
+        to a power of the scale factor."""
         return MEASURES[self.name].power or math.nan
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
@@ -116,46 +116,57 @@ class MotionIntensity:
         first, second = motion.first, motion.second
         if percentile is None:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
-        # Compute the ground motion in each direction of half a circle. In the opposite directions
-        # only the sign differs.
+        # Compute the intensity in each direction of half a circle. In the opposite directions only
+        # the sign of the motion differs.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
         values = [
-            value(Record(math.cos(a) * x + math.sin(a) * y, dt, "", "", "", ""))
-            for a in angles.tolist()
+            value(Record(math.cos(angle) * x + math.sin(angle) * y, dt, "", "", "", ""))
+            for angle in angles.tolist()
         ]
         return _positive(float(np.percentile(values, percentile)), self.name, motion)
 
 
-def without_levels(name: str) -> str:
-    """Return the reason why motions cannot be scaled to levels of a measure; empty if they can, or
-    if the measure is unknown."""
+def scaling_obstacle(name: str) -> str:
+    """Return the reason why motions cannot be scaled to levels of the measure with a name; an empty
+    text if they can, or if the measure is unknown."""
     if name == "sdi":
         return "it is not proportional to a power of the scale factor"
     return MEASURES[name].without_levels if name in MEASURES else ""
 
 
-def levelled() -> tuple[str, ...]:
-    """Return the names of the measures with levels that motions can be scaled to."""
-    return (*(name for name, measure in MEASURES.items() if not measure.without_levels), *SPECTRAL)
+def scalable_measures() -> tuple[str, ...]:
+    """Return the names of the intensity measures to whose levels motions can be scaled."""
+    motion_measures = [name for name, measure in MEASURES.items() if not measure.without_levels]
+    return (*motion_measures, *SPECTRAL)
 
 
 IntensityMeasure = SpectralIntensity | MotionIntensity
 
 
-def factor_to(value: float, measure: IntensityMeasure, measured: float) -> float:
-    """Return the factor that scales a motion from a measured intensity to a value."""
-    return float((value / measured) ** (1.0 / measure.growth))
+def factor_to(value: float, measure: IntensityMeasure, unscaled: float) -> float:
+    """Return the factor that scales a motion to a value of an intensity measure.
+
+    Parameters
+    ----------
+    value : float
+        Requested intensity of the scaled motion.
+    measure : IntensityMeasure
+        Intensity measure.
+    unscaled : float
+        Intensity of the motion without scaling, in the same unit.
+    """
+    return float((value / unscaled) ** (1.0 / measure.scale_exponent))
 
 
 def pga() -> SpectralIntensity:
-    """Return the measure peak ground acceleration, at the samples."""
+    """Return the intensity measure PGA, the maximum absolute acceleration of the samples."""
     return SpectralIntensity("pga", (0.0,), SA_DAMPING)
 
 
 def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
-    """Return the measure pseudo-acceleration at a period (s), exact for motions that are linear
-    between samples."""
+    """Return the intensity measure Sa(T), the pseudo-acceleration at a period (s). It is computed
+    exactly for motions that are linear between samples."""
     check_period(period)
     return SpectralIntensity(f"sa({period:.6g})", (float(period),), damping)
 
@@ -163,27 +174,29 @@ def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
 def sa_average(
     period: float, damping: float = SA_DAMPING, multiples: Grid = AVERAGE
 ) -> SpectralIntensity:
-    """Return the measure geometric mean of pseudo-accelerations over logarithmically spaced
-    multiples of a period (s)."""
+    """Return the intensity measure average Sa: the geometric mean of pseudo-accelerations over
+    logarithmically spaced multiples of a period (s)."""
     check_period(period)
     periods = tuple((period * multiples.values()).tolist())
     return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
 
 
 SPECTRAL: dict[str, Callable[[float, float], IntensityMeasure]] = {"sa": sa, "sa-avg": sa_average}
-"""Measures that depend on a period."""
+"""Function that returns the measure for a period and a damping ratio, by the name of the measure.
+Only these measures depend on a period."""
 
 
 def measure_at(name: str, damping: float, period: float) -> IntensityMeasure:
-    """Return the measure of a name of `levelled`, at a period (s) if the measure depends on it."""
+    """Return the intensity measure with a name of `scalable_measures`. The period (s) and the
+    damping ratio are used only if the measure depends on them."""
     if name in SPECTRAL:
         return SPECTRAL[name](period, damping)
     return pga() if name == "pga" else MotionIntensity(name)
 
 
 def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
-    """Return the measure of a name as in tables: `sa(1.0)`, `sa-avg(1.0)` with periods in s, `pga`,
-    or another measure of the ground motion.
+    """Return the intensity measure for a name as in tables: `sa(1.0)`, `sa-avg(1.0)` with periods
+    in s, `pga`, or another measure of the ground motion.
 
     Raises
     ------
@@ -191,15 +204,16 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
         The measure is unknown, or motions cannot be scaled to its levels.
     """
     base_name, _, period = name.strip().removesuffix(")").partition("(")
-    if reason := without_levels(base_name):
+    if reason := scaling_obstacle(base_name):
         raise UsageError(f"{name} cannot be used for scaling: {reason}")
-    if base_name in levelled() and base_name not in SPECTRAL and not period:
-        return measure_at(base_name, damping, 1.0)
+    if base_name in scalable_measures() and base_name not in SPECTRAL and not period:
+        return measure_at(base_name, damping, 1.0)  # any period: the measure does not depend on it
     try:
         return SPECTRAL[base_name](float(period), damping)
     except (KeyError, ValueError):
-        names = (known for known in levelled() if known not in SPECTRAL)
-        raise unknown_measure(name, (*names, "sa(T)", "sa-avg(T) with T in s")) from None
+        motion_measures = (known for known in scalable_measures() if known not in SPECTRAL)
+        known_names = (*motion_measures, "sa(T)", "sa-avg(T) with T in s")
+        raise unknown_measure(name, known_names) from None
 
 
 def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageError:
@@ -211,8 +225,8 @@ def unknown_measure(name: str, known: Iterable[str], hint: str = "") -> UsageErr
 
 
 def percentile_of(pair: str) -> int | None:
-    """Return the percentile over all directions for a name of `PAIRS`, or None for the geometric
-    mean.
+    """Return the percentile over all directions for a name of `PAIRS`: 50 for `rotd50`, 100 for
+    `rotd100`, None for the geometric mean.
 
     Raises
     ------
@@ -275,7 +289,8 @@ def check_period(period: float) -> None:
 
 
 def _positive(value: float, name: str, motion: GroundMotion) -> float:
-    """Return an intensity, or raise RecordError if it is not positive."""
+    """Return the intensity `value` of a motion; raise RecordError if it is not positive, because
+    the motion is zero and cannot be scaled."""
     if not (math.isfinite(value) and value > 0.0):
         label = f"{motion.source} {motion.component}".strip() or "record"
         raise RecordError(f"{label}: {name} is {value:g}; the motion cannot be scaled")

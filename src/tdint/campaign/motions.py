@@ -41,8 +41,9 @@ Places = Sequence[tuple[float, float]] | Array
 
 
 class Draw(NamedTuple):
-    """Motion of a building: its number, the number of the sample (0 without sampling), and its
-    factor at the point of a grid or in the field."""
+    """Ground motion assigned to a building: number of the motion, number of the sample (0 without
+    sampling; the number of the event in ground motion fields), and the factor that the grid or the
+    field specifies for the motion."""
 
     motion: int
     sample: int
@@ -107,7 +108,8 @@ class FieldMotions:
         return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), places)
 
     def draws(self, site: int) -> list[Draw]:
-        """Return the motions at a site. The sample number is the number of the event."""
+        """Return the motions at a site. The sample number of a motion is the number of its
+        event."""
         site_rows = slice(int(self.start[site]), int(self.start[site + 1]))
         rows = zip(
             self.event[site_rows].tolist(),
@@ -115,17 +117,18 @@ class FieldMotions:
             self.value[site_rows].tolist(),
             strict=True,
         )
-        return sorted(
-            Draw(motion, event, value / divisor)
-            for event, record, value in rows
-            for motion, divisor in self.motions[record]
-        )
+        draws = []
+        for event, record, value in rows:
+            # A record has one motion for each of its components.
+            for motion, divisor in self.motions[record]:
+                draws.append(Draw(motion, event, value / divisor))
+        return sorted(draws)
 
 
 @dataclass(frozen=True)
-class FieldDraws:
-    """Assignment of all events of its site to each building, without sampling, which preserves the
-    spatial correlation of the fields.
+class SiteEvents:
+    """Assignment of motions to buildings: each building has all events of its site. There is no
+    sampling, so the spatial correlation of the fields is preserved.
 
     Attributes
     ----------
@@ -143,7 +146,15 @@ class FieldDraws:
         return self.field.draws(int(self.site_of[building]))
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """Return the number of runs of each building; see `EveryMotion.counts`."""
+        """Return the number of runs of each building.
+
+        Parameters
+        ----------
+        buildings : int
+            Number of buildings.
+        runs : callable
+            Function that returns the number of runs of a motion.
+        """
         field = self.field
         # The rows are sorted by site: differences of the cumulative number of runs are the number
         # of runs at each site.
@@ -155,11 +166,12 @@ class FieldDraws:
         return np.asarray(np.diff(cumulative[field.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment for the fingerprint."""
+        """Return the settings of the assignment, which identify the campaign together with other
+        settings (fingerprint)."""
         field = self.field
         digest = hashlib.sha256(repr((field.sites, field.motions)).encode())
-        for part in (field.start, field.event, field.record, field.value, self.site_of):
-            digest.update(part.tobytes())
+        for array in (field.start, field.event, field.record, field.value, self.site_of):
+            digest.update(array.tobytes())
         return {"events": field.events, "field_sha256": digest.hexdigest()}
 
 
@@ -184,9 +196,22 @@ class GridMotions:
 
 
 @dataclass(frozen=True)
-class FoundMotions:
-    """Ground motions, errors of motions that could not be read, notes for the user, locations, and
-    annual rates of events."""
+class CampaignMotions:
+    """Ground motions of a campaign.
+
+    Attributes
+    ----------
+    motions : tuple of SuiteMotion
+        The motions; their index is their number.
+    failures : tuple of TdintError
+        Errors of motions that could not be read.
+    notes : tuple of str
+        Notes for the user.
+    places : GridMotions or FieldMotions, optional
+        Motions by their location; None if all buildings have all motions.
+    rates : mapping of str to float
+        Annual rate of each event, 1/year; empty if not specified.
+    """
 
     motions: tuple[SuiteMotion, ...] = ()
     failures: tuple[TdintError, ...] = ()
@@ -218,7 +243,8 @@ class EveryMotion:
         return np.full(buildings, sum(map(runs, range(self.count))), dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment for the fingerprint."""
+        """Return the settings of the assignment, which identify the campaign together with other
+        settings (fingerprint): none."""
         return {}
 
 
@@ -257,8 +283,9 @@ class GridFile:
 
 
 @dataclass(frozen=True)
-class GridDraws:
-    """Samples of motions for each building.
+class GridSamples:
+    """Assignment of motions to buildings: each building has random samples of the motions at its
+    nearest points of a grid.
 
     Attributes
     ----------
@@ -266,7 +293,7 @@ class GridDraws:
         Buildings with their locations.
     grid : GridMotions
         Points that have motions.
-    wanted : GridFile
+    settings : GridFile
         Settings of the sampling.
     """
 
@@ -275,61 +302,68 @@ class GridDraws:
     settings: GridFile
 
     def draws(self, building: int) -> Sequence[Draw]:
-        """Return the sampled motions: points are sampled by weight with replacement, then one of
-        the motions of each point with equal probability."""
+        """Return the sampled motions of a building. Points are sampled by weight with replacement;
+        then one of the motions of each sampled point is selected with equal probability. All
+        components of this motion have the same sample number."""
         random = np.random.default_rng([self.settings.seed, *self.rows[building].id.encode()])
-        near, weights = self.weights(building)
-        points = random.choice(near, size=self.settings.samples, p=weights)
+        near_points, weights = self.weights(building)
+        points = random.choice(near_points, size=self.settings.samples, p=weights)
         draws = []
         for sample, point in enumerate(points.tolist(), start=1):
-            choices = self.grid.motions[point]
-            chosen, factor = choices[int(random.integers(len(choices)))]
-            draws += [Draw(motion, sample, factor) for motion in chosen]
+            point_motions = self.grid.motions[point]
+            components, factor = point_motions[int(random.integers(len(point_motions)))]
+            draws += [Draw(motion, sample, factor) for motion in components]
         return sorted(draws)
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """Return the number of runs of each building; see `EveryMotion.counts`."""
+        """Return the number of runs of each building.
+
+        Parameters
+        ----------
+        buildings : int
+            Number of buildings.
+        runs : callable
+            Function that returns the number of runs of a motion.
+        """
         # Usually all motions have the same number of runs. Then the number of runs of a building
         # does not depend on the sampled motions, and the sampling, which takes time, is omitted.
         run_counts = {
-            sum(map(runs, chosen)) for choices in self.grid.motions for chosen, _ in choices
+            sum(map(runs, components))
+            for point_motions in self.grid.motions
+            for components, _ in point_motions
         }
         if len(run_counts) == 1:
             return np.full(buildings, self.settings.samples * run_counts.pop(), dtype=np.int64)
-        return np.array(
-            [
-                sum(runs(draw.motion) for draw in self.draws(building))
-                for building in range(buildings)
-            ],
-            dtype=np.int64,
-        )
+        counts = [
+            sum(runs(draw.motion) for draw in self.draws(building)) for building in range(buildings)
+        ]
+        return np.array(counts, dtype=np.int64)
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
-        """Return the points near a building and their probabilities, which are proportional to 1 /
-        distance^2."""
+        """Return the nearest points of a building, as indices, and their probabilities, which are
+        proportional to 1 / distance^2."""
         count = min(self.settings.neighbors, self._tree.n)
-        distances, near = self._tree.query(self._places[building], k=np.arange(1, count + 1))
-        # If the building is at a point of the grid, only this point is sampled, because its weight
-        # is infinite.
+        distances, near_points = self._tree.query(self._places[building], k=np.arange(1, count + 1))
+        # If the building is at a point of the grid, the weight of this point is infinite: sample
+        # only this point.
         is_at_point = distances == 0.0
         if is_at_point.any():
             weights = is_at_point.astype(float)
         else:
             weights = (distances[0] / distances) ** 2
-        return near.astype(np.int64), weights / weights.sum()
+        return near_points.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
-        """Return the settings of the assignment for the fingerprint."""
-        grid_file, grid = self.settings, repr((self._tree.data.tolist(), self.grid.motions))
-        numbers = {
-            "neighbors": grid_file.neighbors,
-            "samples": grid_file.samples,
-            "draw_seed": grid_file.seed,
-        }
+        """Return the settings of the assignment, which identify the campaign together with other
+        settings (fingerprint)."""
+        settings = self.settings
+        grid_text = repr((self._tree.data.tolist(), self.grid.motions))
         return {
-            **numbers,
-            "distance": grid_file.distance,
-            "grid_sha256": hashlib.sha256(grid.encode()).hexdigest(),
+            "neighbors": settings.neighbors,
+            "samples": settings.samples,
+            "draw_seed": settings.seed,
+            "distance": settings.distance,
+            "grid_sha256": hashlib.sha256(grid_text.encode()).hexdigest(),
         }
 
     @cached_property
@@ -343,8 +377,9 @@ class GridDraws:
         return cKDTree(coordinates(self.grid.places, self.settings.distance))
 
 
-Assignment = EveryMotion | FieldDraws | GridDraws
-"""Assignment of motions to buildings. The methods are described in `EveryMotion`."""
+Assignment = EveryMotion | SiteEvents | GridSamples
+"""Assignment of motions to buildings: `draws` returns the motions of a building, `counts` the
+number of runs of each building, and `description` the settings."""
 
 
 def nearest(places: Places, candidates: Places, distance: str) -> NDArray[np.int64]:
@@ -352,26 +387,30 @@ def nearest(places: Places, candidates: Places, distance: str) -> NDArray[np.int
 
     Parameters
     ----------
-    here, there : Places
-        Longitudes and latitudes, degrees.
+    places : Places
+        Longitudes and latitudes of the locations, degrees.
+    candidates : Places
+        Longitudes and latitudes of the candidates, degrees.
     distance : str
         Unit of distances: a key of `COORDINATES`.
     """
-    return np.asarray(
-        cKDTree(coordinates(candidates, distance)).query(coordinates(places, distance))[1],
-        dtype=np.int64,
-    )
+    tree = cKDTree(coordinates(candidates, distance))
+    _, indices = tree.query(coordinates(places, distance))
+    return np.asarray(indices, dtype=np.int64)
 
 
 def meters(places: Places, others: Places) -> Array:
-    """Return the distance on the earth between corresponding locations, m."""
+    """Return the distance on the earth between corresponding locations, m.
+
+    The distance is 2 R arcsin(c / 2), where c is the length of the chord on the unit sphere.
+    """
     chord = np.linalg.norm(coordinates(places, "km") - coordinates(others, "km"), axis=1)
     return np.asarray(2.0 * _EARTH_RADIUS * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
 def coordinates(places: Places, distance: str) -> Array:
-    """Convert longitudes and latitudes in degrees to points with distances of the selected type
-    (`COORDINATES`)."""
+    """Convert longitudes and latitudes, in degrees, to points whose Euclidean distances can be
+    compared. `distance` is a key of `COORDINATES`."""
     return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
@@ -392,8 +431,9 @@ COORDINATES: Mapping[str, Callable[[Array], Array]] = {
     "km": unit_vectors,
     "degrees": lambda degrees: degrees,
 }
-"""Types of distances: on the earth, or, as in SimCenter's workflow, in a plane of longitude and
-latitude in degrees, which have equal weight and are not periodic."""
+"""Function that converts longitudes and latitudes to points, by the type of distance. The distance
+`km` is measured on the earth; `degrees`, as in SimCenter's workflow, is measured in a plane of
+longitude and latitude, which have equal weight and are not periodic."""
 
 
 @dataclass(frozen=True)
@@ -404,16 +444,16 @@ class Scales:
     ----------
     values : tuple of float
         Scale factors.
-    by_period : bool
+    depends_on_period : bool
         True if factors depend on the first period of the building, which is then computed.
-    of_value : bool
-        True if factors scale a motion to a value, so that its factor in a grid is ignored;
-        otherwise both factors are multiplied.
+    ignores_motion_factor : bool
+        True if factors scale a motion to a value of an intensity measure, so that the factor of the
+        motion in a grid or field is ignored. False if both factors are multiplied.
     """
 
     values: tuple[float, ...]
-    by_period: bool = field(default=False, init=False)
-    of_value: bool = field(default=False, init=False)
+    depends_on_period: bool = field(default=False, init=False)
+    ignores_motion_factor: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
         """Return the number of factors of a motion."""
@@ -432,7 +472,8 @@ class Scales:
         return [self.values] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the settings for the fingerprint."""
+        """Return the settings, which identify the campaign together with other settings
+        (fingerprint)."""
         return {"scales": list(self.values)}
 
 
@@ -445,8 +486,8 @@ class FactorTable:
     ----------
     source : str
         Path of the file.
-    by_name : mapping
-        (record, component) -> factors.
+    by_name : mapping of (str, str) to tuple of float
+        Factors by record and component.
     scaled : mapping
         Settings that `tdint scale` wrote next to the file; empty if not available.
     """
@@ -456,8 +497,8 @@ class FactorTable:
     scaled: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, motion: SuiteMotion) -> tuple[float, ...]:
-        """Return the factors of a motion, by its name, by the name of its file, or by the name of
-        its pair.
+        """Return the factors of a motion. The table may list the motion by its name, by the name of
+        its file without the directory, or by the name of the pair to which it belongs.
 
         Raises
         ------
@@ -467,9 +508,10 @@ class FactorTable:
         whole = motion.whole
         names = dict.fromkeys([motion.name, Path(motion.name).name, whole.source])
         components = dict.fromkeys([motion.component, whole.component, ""])
-        for key in ((name, component) for name in names for component in components):
-            if key in self.by_name:
-                return self.by_name[key]
+        for name in names:
+            for component in components:
+                if (name, component) in self.by_name:
+                    return self.by_name[name, component]
         raise ModelError(
             f"{self.source}: no factor for {motion.name} {motion.component}; add a row for it, or "
             "remove the key `files` to use only the records of the table"
@@ -483,27 +525,31 @@ class FactorTable:
         ModelError
             A motion has no factor, or several factors.
         """
-        factors: dict[int, dict[float, None]] = {}
-        for motion in suite_motions(motions):
-            factors.setdefault(id(motion.whole), {}).update(dict.fromkeys(self.of(motion)))
-        for whole in motions:
-            values = factors[id(whole)]
+        # Distinct factors of the components of each motion, by the identity of the motion.
+        distinct_factors: dict[int, dict[float, None]] = {}
+        for component in suite_motions(motions):
+            values = distinct_factors.setdefault(id(component.whole), {})
+            values.update(dict.fromkeys(self.of(component)))
+        factors: list[float] = []
+        for motion in motions:
+            values = distinct_factors[id(motion)]
             if len(values) > 1:
-                listed = ", ".join(f"{value:g}" for value in values)
+                values_text = ", ".join(f"{value:g}" for value in values)
                 raise ModelError(
-                    f"{self.source}: {whole.source} {whole.component} has the factors {listed}; "
-                    "specify a single factor"
+                    f"{self.source}: {motion.source} {motion.component} has the factors "
+                    f"{values_text}; specify a single factor"
                 )
-        return [next(iter(factors[id(whole)])) for whole in motions]
+            factors += values
+        return factors
 
 
 @dataclass(frozen=True)
-class GivenFactors:
+class MotionFactors:
     """Scale factors of each motion by its number, computed by `tdint scale`."""
 
     by_motion: Mapping[int, tuple[float, ...]]
-    by_period: bool = field(default=False, init=False)
-    of_value: bool = field(default=False, init=False)
+    depends_on_period: bool = field(default=False, init=False)
+    ignores_motion_factor: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
         """Return the number of factors of a motion."""
@@ -514,7 +560,8 @@ class GivenFactors:
         return [self.by_motion[motion]] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the settings for the fingerprint."""
+        """Return the settings, which identify the campaign together with other settings
+        (fingerprint)."""
         return {"factors": {str(motion): list(values) for motion, values in self.by_motion.items()}}
 
 
@@ -541,49 +588,60 @@ class MeasureLevels:
     values: tuple[float, ...]
     pair: str
     motions: Sequence[SuiteMotion] = ()
-    of_value: bool = field(default=True, init=False)
+    ignores_motion_factor: bool = field(default=True, init=False)
 
     def count(self, motion: int) -> int:
         """Return the number of factors of a motion."""
         return len(self.values)
 
     @property
-    def by_period(self) -> bool:
+    def depends_on_period(self) -> bool:
         """True if the factors depend on the first period of the building."""
         return self.period is None
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
-        """Return the factors of a motion for each building. Both components of a pair have the same
-        factors."""
+        """Return the factors of a motion for each building, one per level. Both components of a
+        pair have the same factors.
+
+        Parameters
+        ----------
+        motion : int
+            Number of the motion.
+        periods : sequence of float
+            First period of each building, s.
+        """
         # The intensity of a pair is computed from the pair, not from one of its components.
-        recording, by_period = self.motions[motion].whole, dict[float, tuple[float, ...]]()
+        recording = self.motions[motion].whole
+        factors_at_period: dict[float, tuple[float, ...]] = {}
         for period in dict.fromkeys(self._measure_periods(periods)):
             measure = self.measure(period)
-            measured = measure.of(recording, self.pair)
-            by_period[period] = tuple(factor_to(value, measure, measured) for value in self.values)
-        return [by_period[period] for period in self._measure_periods(periods)]
+            unscaled = measure.of(recording, self.pair)
+            factors_at_period[period] = tuple(
+                factor_to(level, measure, unscaled) for level in self.values
+            )
+        return [factors_at_period[period] for period in self._measure_periods(periods)]
 
     def _measure_periods(self, periods: Sequence[float]) -> Sequence[float]:
         """Return the period of the measure for each building, s."""
         return periods if self.period is None else [self.period] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """Return the settings for the fingerprint. The default damping ratio is omitted."""
-        measure = self.measure(1.0)
-        name, damping = measure.name.partition("(")[0], getattr(measure, "damping", SA_DAMPING)
-        period = "T1" if self.period is None else self.period
-        other = {} if damping == SA_DAMPING else {"damping": damping}
+        """Return the settings, which identify the campaign together with other settings
+        (fingerprint). The default damping ratio is omitted."""
+        measure = self.measure(1.0)  # name and damping do not depend on the period
+        damping = getattr(measure, "damping", SA_DAMPING)
         return {
-            "measure": name,
-            "period": period,
+            "measure": measure.name.partition("(")[0],
+            "period": "T1" if self.period is None else self.period,
             "levels": list(self.values),
             "pair": self.pair,
-            **other,
+            **({} if damping == SA_DAMPING else {"damping": damping}),
         }
 
 
-Levels = Scales | GivenFactors | MeasureLevels
-"""Factors of motions. The methods are described in `Scales`."""
+Levels = Scales | MotionFactors | MeasureLevels
+"""Scale factors of motions: `count` returns the number of factors of a motion, `factors` its
+factors for each building, and `description` the settings."""
 
 
 def read_max_distance(section: Section) -> float:

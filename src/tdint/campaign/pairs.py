@@ -1,7 +1,7 @@
-"""Demand of a pair: combination of the two horizontal components of a recording in the results of a
-suite of ground motions.
+"""Demand of a pair: rule that combines the results under the two horizontal components of a
+recording to the result of one ground motion.
 
-The choice is declared once (`pair_demand` of the records, `--pair-demand`) and used by profiles,
+The rule is specified once (`pair_demand` of the records, `--pair-demand`) and used by profiles,
 damage, losses, maps, incremental dynamic analyses and fragility functions:
 
 - `larger`: the pair is one motion, and each demand is the larger value of the two components
@@ -50,7 +50,7 @@ _DESCRIPTIONS = {
 
 
 def check_pair_demand(demand: str) -> str:
-    """Return the demand of a pair if it is one of `PAIR_DEMANDS`.
+    """Return the name of a rule for the demand of a pair if it is one of `PAIR_DEMANDS`.
 
     Raises
     ------
@@ -66,32 +66,40 @@ def check_pair_demand(demand: str) -> str:
 
 
 def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
-    """Return the recording of each record: the number of its first component.
+    """Assign each record to a recording, which is identified by the number of its first component.
 
     Parameters
     ----------
     records : mapping of int to (str, str, int)
         Name, component and direction of each record by its number. The direction of the second
         component of a pair that was read as such is 2, and its number follows the first one's.
+
+    Returns
+    -------
+    dict of int to int
+        Number of the first component of the recording, by the number of the record. For a record
+        without a partner, both numbers are equal.
     """
-    groups: dict[str, list[int]] = defaultdict(list)
+    records_of_name: dict[str, list[int]] = defaultdict(list)
     names = motion_names([name for name, _, _ in records.values()])
     for number, name in zip(records, names, strict=True):
-        groups[name].append(number)
-    numbers = {number: number for number in records}
+        records_of_name[name].append(number)
+    first_component = {number: number for number in records}
 
     # Two records with the same name apart from the component are one recording, if the directions
     # of the components are at right angles.
-    for first, *others in groups.values():
-        if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
-            numbers[others[0]] = first
+    for first, *others in records_of_name.values():
+        if len(others) == 1:
+            (second,) = others
+            if at_right_angles(records[first][1], records[second][1]):
+                first_component[second] = first
 
     # The second component of a pair that was read as a pair has the direction 2; the first
     # component is the record before it.
     for number, (_, _, direction) in records.items():
         if direction > 1:
-            numbers[number] = number - 1
-    return numbers
+            first_component[number] = number - 1
+    return first_component
 
 
 @dataclass(frozen=True)
@@ -103,8 +111,9 @@ class PairRule:
     demand : str
         An item of `PAIR_DEMANDS`.
     recordings : mapping of int to int
-        The recording of each record, as `recording_numbers` returns it. Results under the two
-        components of a recording are correlated under every rule.
+        Number of the first component of the recording to which a record belongs, by the number of
+        the record. Results under the two components of a recording are correlated, whichever rule
+        is used.
     """
 
     demand: str = LARGER
@@ -112,7 +121,7 @@ class PairRule:
 
     @classmethod
     def of_motions(cls, motions: Sequence[SuiteMotion], demand: str | None) -> Self:
-        """Return the rule of motions that have been read.
+        """Return the rule for motions that have been read.
 
         Parameters
         ----------
@@ -133,8 +142,9 @@ class PairRule:
         return sum(number != first for number, first in self.recordings.items())
 
     @property
-    def stated(self) -> str:
-        """Demand of a pair if there are pairs; empty if the choice has no effect."""
+    def demand_if_pairs(self) -> str:
+        """Name of the rule if there are pairs; empty if there are none, because the rule then has
+        no effect."""
         return self.demand if self.pairs else ""
 
     @property
@@ -143,70 +153,82 @@ class PairRule:
         return {number: first for number, first in self.recordings.items() if number != first}
 
     def motion(self, record: int) -> int:
-        """Return the number of the motion to which a record belongs."""
+        """Return the number of the motion to which a record belongs: its own number if components
+        are separate motions, otherwise the number of the first component."""
         return record if self.demand == SEPARATE else self.recordings[record]
 
     def combine(self, values: Array) -> Array:
-        """Return `combine` of the demands of the components with the demand of this rule."""
+        """Return the demand of a motion from the demands of its components, along the first
+        axis."""
         return combine(values, self.demand)
 
     def groups(self, records: Iterable[int]) -> dict[int, list[int]]:
-        """Return the indices of the records of each motion, by the number of the motion."""
+        """Group records by motion.
+
+        Parameters
+        ----------
+        records : iterable of int
+            Numbers of the records.
+
+        Returns
+        -------
+        dict of int to list of int
+            Indices in `records` by the number of the motion.
+        """
         indices: dict[int, list[int]] = {}
         for index, record in enumerate(records):
             indices.setdefault(self.motion(record), []).append(index)
         return indices
 
     def note(self) -> str:
-        """Return one line that reports the default choice; empty without pairs."""
+        """Return one line that reports how the components of pairs are combined; empty without
+        pairs."""
         return pairs_note(self.pairs, self.demand) if self.pairs else ""
 
 
 def check_pairs(motions: Sequence[SuiteMotion], rule: PairRule) -> None:
-    """Refuse components that count as one motion by their names, but are not of one recording.
-
-    Raises
-    ------
-    RecordError
-        Sampling intervals, lengths or events are different.
-    """
+    """Raise RecordError if two components count as one motion, because of their names, but cannot
+    belong to the same recording: their sampling intervals, lengths or events differ."""
     if rule.demand == SEPARATE:
         return
     for second, first in rule.partners.items():
-        # Components that were read as a pair (direction 2) have been checked then.
+        # Components that were read as a pair (direction 2) have been checked by the reader.
         if motions[second].direction != 2:
             check_components(motions[first].record, motions[second].record)
 
 
 def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
-    """Return ground motions in which two records of the same recording, by their names, are a pair.
+    """Return the ground motions, with two single records replaced by a pair if their names state
+    that they belong to the same recording.
 
     Raises
     ------
     RecordError
-        Two such records are not a pair, as for `find_horizontals`.
+        Two such records cannot be a pair, for example because their sampling intervals differ.
     """
+    # Direction 0: not read as a component of a pair.
     singles = {
         number: (motion.source, motion.component, 0)
         for number, motion in enumerate(motions)
         if isinstance(motion, Record)
     }
     recordings = recording_numbers(singles)
-    others = {first: number for number, first in recordings.items() if number != first}
+    second_components = {first: number for number, first in recordings.items() if number != first}
     joined: list[GroundMotion] = []
     for number, motion in enumerate(motions):
         if recordings.get(number, number) != number:
             continue  # the second component was added with the first component
-        other = motions[others[number]] if number in others else None
-        if isinstance(motion, Record) and isinstance(other, Record):
-            joined.append(find_horizontals([motion, other]))
+        second = motions[second_components[number]] if number in second_components else None
+        if isinstance(motion, Record) and isinstance(second, Record):
+            joined.append(find_horizontals([motion, second]))
         else:
             joined.append(motion)
     return joined
 
 
 def combine(values: Array, demand: str) -> Array:
-    """Return the demand of a motion from the demands of its components, along the first axis."""
+    """Return the demand of a motion from the demands of its components, along the first axis.
+    `demand` is an item of `PAIR_DEMANDS`; for `separate` there is a single component."""
     return np.asarray(np.mean(values, axis=0) if demand == MEAN else np.max(values, axis=0))
 
 
@@ -216,7 +238,7 @@ def describe_demand(demand: str) -> str:
 
 
 def motions_text(records: int, pairs: int) -> str:
-    """Return the number of motions; a pair is one motion: 11 pairs and 2 single records.
+    """Return the number of motions as text, such as `11 pairs and 2 single records`.
 
     Parameters
     ----------
@@ -233,7 +255,8 @@ def motions_text(records: int, pairs: int) -> str:
 
 
 def pairs_note(pairs: int, demand: str) -> str:
-    """Return one line that reports recognized pairs and the choice that was not made explicitly."""
+    """Return one line that reports the number of recognized pairs, the rule for their demand, which
+    the user did not specify, and the option that changes it."""
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
     return (
         f"{pluralize(pairs, 'pair')} of horizontal components: {describe_demand(demand)} "

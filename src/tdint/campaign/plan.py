@@ -1,7 +1,7 @@
-"""Plan of a campaign: all runs in order, divided into chunks. The plan does not depend on the
-number of processes.
+"""Plan of a campaign: all runs, numbered from 0 in the order of the buildings, and their division
+into chunks. The plan does not depend on the number of processes.
 
-A plan is made from data in memory; no file is opened here.
+A plan is made from data in memory; this module does not open files.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from tdint.analysis.run.batch import Subject
 from tdint.arrays import cached_property
 from tdint.campaign.batch import BuildingRuns, Chunk, Run, RunSettings, Source, building_step
-from tdint.campaign.buildings import Buildings, RowBuildings, Rules, given_buildings, models_of
+from tdint.campaign.buildings import Buildings, RowBuildings, Rules, model_buildings, models_of
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
@@ -29,9 +29,9 @@ from tdint.campaign.motions import (
     Assignment,
     Draw,
     EveryMotion,
-    GivenFactors,
     Levels,
     MeasureLevels,
+    MotionFactors,
     Scales,
 )
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
@@ -119,6 +119,7 @@ class Plan:
     pair_demand: str | None = None
     scaled: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    # Maximum time step of each building by its number, which one thread computes for all threads.
     _chosen: dict[int, Future[float | None]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -126,8 +127,9 @@ class Plan:
 
     @property
     def unused(self) -> list[tuple[str, str]]:
-        """Inputs that could not be used, as pairs: the type, `record` or `building`, and the
-        reasons. Errors in the same line of a file are one pair."""
+        """Inputs that could not be used. Each item is a tuple of the category, `record` or
+        `building`, and the reasons. Errors in the same line of a file are one item."""
+        # Keys: category, and a text that is equal for reasons that are reported together.
         reasons_of: dict[tuple[str, str], list[str]] = {
             ("building", str(fault)): [str(fault)] for fault in self.too_far_from_sites
         }
@@ -135,11 +137,10 @@ class Plan:
             if not isinstance(error, ModelError):
                 reasons_of[("record", str(error))] = [str(error)]
             else:
-                for fault in error.faults:
-                    reasons_of.setdefault(("building", f"{fault.source}:{fault.line}"), []).append(
-                        str(fault)
-                    )
-        return [(kind, "; ".join(reasons)) for (kind, _), reasons in reasons_of.items()]
+                for invalid_entry in error.faults:
+                    key = "building", f"{invalid_entry.source}:{invalid_entry.line}"
+                    reasons_of.setdefault(key, []).append(str(invalid_entry))
+        return [(category, "; ".join(reasons)) for (category, _), reasons in reasons_of.items()]
 
     @property
     def models(self) -> list[Model]:
@@ -161,18 +162,21 @@ class Plan:
         return int(self._cuts[chunk + 1] - self._cuts[chunk])
 
     def buildings_of(self, chunks: Sequence[int]) -> list[int]:
-        """Return the buildings with runs in some chunks. A building without runs belongs to the
-        chunk of the next runs."""
-        firsts = np.searchsorted(self._ends, self._cuts[:-1], side="right")
-        firsts[0] = 0
-        # If the runs of a building are divided between two chunks, it is the last building of the
-        # first chunk and the first building of the second chunk.
-        lasts = np.append(
-            firsts[1:] + (self._starts[firsts[1:]] < self._cuts[1:-1]), len(self.buildings)
-        )
-        return sorted(
-            {building for chunk in chunks for building in range(firsts[chunk], lasts[chunk])}
-        )
+        """Return the numbers of the buildings that have runs in the given chunks. A building
+        without runs belongs to the chunk with the next run."""
+        # Number of the first building of each chunk: the building of its first run.
+        first_buildings = np.searchsorted(self._ends, self._cuts[:-1], side="right")
+        first_buildings[0] = 0
+        # Number of the last building of each chunk, plus 1. If the runs of a building are divided
+        # between two chunks, it is the last building of the first chunk and the first building of
+        # the second chunk.
+        next_firsts = first_buildings[1:]
+        is_divided = self._starts[next_firsts] < self._cuts[1:-1]
+        end_buildings = np.append(next_firsts + is_divided, len(self.buildings))
+        selected = set[int]()
+        for chunk in chunks:
+            selected.update(range(first_buildings[chunk], end_buildings[chunk]))
+        return sorted(selected)
 
     def chunk(self, number: int) -> Chunk:
         """Return a chunk with its complete input.
@@ -182,20 +186,20 @@ class Plan:
         RecordError, AnalysisError
             An intensity measure cannot be computed for a motion.
         """
-        first, last = int(self._cuts[number]), int(self._cuts[number + 1])
-        # A chunk may start or end within the runs of a building: determine the slice of its runs.
-        building = int(np.searchsorted(self._ends, first, side="right"))
-        chosen: list[tuple[int, slice]] = []
-        while first < last:
-            start, end = int(self._starts[building]), int(self._ends[building])
-            until = min(last, end)
-            chosen.append((building, slice(first - start, until - start)))
-            first, building = until, building + 1
-        parts = self._with_runs(chosen)
-        used = sorted({run.motion for part in parts for run in part.runs})
-        return Chunk(
-            number, parts, {motion: self.motions[motion].record for motion in used}, self.settings
-        )
+        run, end_run = int(self._cuts[number]), int(self._cuts[number + 1])
+        # A chunk may start or end within the runs of a building: for each building, determine the
+        # slice of its runs, counted from its first run.
+        building = int(np.searchsorted(self._ends, run, side="right"))
+        slices: list[tuple[int, slice]] = []
+        while run < end_run:
+            building_start, building_end = int(self._starts[building]), int(self._ends[building])
+            slice_end = min(end_run, building_end)
+            slices.append((building, slice(run - building_start, slice_end - building_start)))
+            run, building = slice_end, building + 1
+        buildings = self._with_runs(slices)
+        used_motions = sorted({run.motion for part in buildings for run in part.runs})
+        records = {motion: self.motions[motion].record for motion in used_motions}
+        return Chunk(number, buildings, records, self.settings)
 
     def check_steps(self) -> None:
         """Raise UsageError if a time step does not fit a record. All buildings of an inventory have
@@ -203,18 +207,20 @@ class Plan:
         from tdint.analysis.time_steps import choose_steps
 
         settings = self.settings
-        analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models} or {
-            (None, None)
-        }
+        analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models}
+        analyses = analyses or {(None, None)}  # an inventory has no settings of its own
+        # Records with the same sampling interval have the same result: check the first of them.
+        first_motions = {motion.record.dt: motion for motion in reversed(self.motions)}
         for dt, duration in sorted(analyses, key=str):
-            for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
-                record = motion.record
+            for first_motion in first_motions.values():
+                record = first_motion.record
                 try:
                     choose_steps(
                         settings.dt or dt, settings.duration or duration, record.dt, record.duration
                     )
                 except UsageError as error:
-                    raise UsageError(f"{motion.name} {motion.component}: {error}") from None
+                    label = f"{first_motion.name} {first_motion.component}"
+                    raise UsageError(f"{label}: {error}") from None
 
     @cached_property
     def _counts(self) -> NDArray[np.int64]:
@@ -233,51 +239,67 @@ class Plan:
 
     @cached_property
     def _cuts(self) -> NDArray[np.int64]:
-        """Number of the first run of each chunk, and number of all runs."""
-        steps = np.mean([motion.record.acceleration.size for motion in self.motions])
+        """Number of the first run of each chunk, followed by the number of all runs."""
+        mean_samples = np.mean([motion.record.acceleration.size for motion in self.motions])
         buildings = self.buildings
         stories = (
             buildings.rows.stories
             if isinstance(buildings, RowBuildings)
-            else np.array([building.stories for building in buildings])
+            else np.array([last_building.stories for last_building in buildings])
         )
-        counts = np.maximum(self._counts, 1)
+        run_counts = np.maximum(self._counts, 1)
         # The estimated time of a run is the time of its time steps, and a part of the time to
         # create its building.
-        run_times = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
-        costs = np.cumsum(run_times * counts)
-        length = min(max(costs[-1] / _MIN_CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
-        targets = np.arange(length, costs[-1], length)
-        # Divide the runs by their estimated time, so that all chunks take about the same time: find
-        # the building in which a chunk ends, and the run of this building.
-        building = np.searchsorted(costs, targets)
-        excess = targets - (costs[building] - run_times[building] * counts[building])
-        cuts = self._starts[building] + np.ceil(excess / run_times[building]).astype(np.int64)
+        run_times = stories * mean_samples * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / run_counts
+        cumulative_time = np.cumsum(run_times * run_counts)
+        chunk_time = min(max(cumulative_time[-1] / _MIN_CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
+        end_times = np.arange(chunk_time, cumulative_time[-1], chunk_time)
+        # Divide the runs so that all chunks take about the same estimated time: find the building
+        # in which each chunk ends, and the run of this building.
+        last_building = np.searchsorted(cumulative_time, end_times)
+        run_time = run_times[last_building]
+        time_in_building = end_times - (
+            cumulative_time[last_building] - run_time * run_counts[last_building]
+        )
+        runs_in_building = np.ceil(time_in_building / run_time).astype(np.int64)
+        cuts = self._starts[last_building] + runs_in_building
         return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
 
-    def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
-        """Return buildings with slices of their runs."""
-        sources = [self.buildings[number] for number, _ in chosen]
-        draws = [self.assignment.draws(number) for number, _ in chosen]
+    def _with_runs(self, slices: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
+        """Return buildings with some of their runs.
+
+        Parameters
+        ----------
+        slices : sequence of (int, slice)
+            Number of each building, and the slice of its runs to return.
+        """
+        sources = [self.buildings[number] for number, _ in slices]
+        draws = [self.assignment.draws(number) for number, _ in slices]
         factors = self._factors(sources, draws)
-        parts = []
-        for index, (number, part) in enumerate(chosen):
+        result = []
+        for index, (number, run_slice) in enumerate(slices):
             runs = []
             for draw in draws[index]:
                 # If the motions are scaled to levels of an intensity measure, only the sign of the
                 # sampled factor is used.
-                factor = math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
+                factor = (
+                    math.copysign(1.0, draw.factor)
+                    if self.levels.ignores_motion_factor
+                    else draw.factor
+                )
                 runs += [
                     Run(draw.motion, factor * scale, draw.sample)
                     for scale in factors[index, draw.motion]
                 ]
-            largest = self._largest_step(number, sources[index], runs)
-            parts.append(BuildingRuns(number, sources[index], tuple(runs[part]), largest))
-        return tuple(parts)
+            # The time step is chosen from all runs of the building, so that it does not depend on
+            # the division into chunks.
+            max_step = self._max_step(number, sources[index], runs)
+            result.append(BuildingRuns(number, sources[index], tuple(runs[run_slice]), max_step))
+        return tuple(result)
 
-    def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
-        """Return the maximum time step of a building for the tolerance, s. It is computed once for
-        all chunks.
+    def _max_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
+        """Return the maximum time step of a building that meets the tolerance, s; None if no time
+        step does; infinity without a tolerance. It is computed once for all chunks.
 
         Parameters
         ----------
@@ -296,31 +318,46 @@ class Plan:
         with self._choosing:
             is_first = number not in self._chosen
             if is_first:
+                # Limit the memory: remove the time steps of the buildings that were added first.
                 while len(self._chosen) >= _MAX_STORED_STEPS:
                     self._chosen.pop(next(iter(self._chosen)))
                 self._chosen[number] = Future()
-            chosen = self._chosen[number]
+            future_step = self._chosen[number]
         if is_first:
             try:
                 records = {run.motion: self.motions[run.motion].record for run in runs}
-                chosen.set_result(
+                future_step.set_result(
                     building_step(source.subject(), records, runs, self.settings, tolerance)
                 )
             except BaseException as error:
-                chosen.set_exception(error)
-        return chosen.result()
+                future_step.set_exception(error)
+        return future_step.result()
 
     def _factors(
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
     ) -> dict[tuple[int, int], tuple[float, ...]]:
-        """Return the factors by index of the building and number of the motion."""
+        """Return the scale factors of the motions of some buildings.
+
+        Parameters
+        ----------
+        sources : sequence of Source
+            Objects that create the buildings.
+        draws : sequence of sequence of Draw
+            Motions of each building.
+
+        Returns
+        -------
+        dict of (int, int) to tuple of float
+            Scale factors by the index of the building in `sources` and the number of the motion.
+        """
         # Compute the spectrum of each motion once for the periods of all buildings.
         buildings_of_motion: dict[int, list[int]] = {}
         for index, building_draws in enumerate(draws):
             for motion in dict.fromkeys(draw.motion for draw in building_draws):
                 buildings_of_motion.setdefault(motion, []).append(index)
         periods = [
-            source.subject().period if self.levels.by_period else math.nan for source in sources
+            source.subject().period if self.levels.depends_on_period else math.nan
+            for source in sources
         ]
         factors: dict[tuple[int, int], tuple[float, ...]] = {}
         for motion, indices in buildings_of_motion.items():
@@ -358,7 +395,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         levels = replace(campaign.intensity, motions=motions.motions)
     else:
         assert inputs.factors is not None
-        levels = GivenFactors(
+        levels = MotionFactors(
             {number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)}
         )
     duration = campaign.settings.duration
@@ -459,4 +496,4 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             method = DEFAULT_METHOD
             notes.append(f"{model.source}: no method is specified; using {DEFAULT_METHOD}")
         subjects.append(Subject(model, method))
-    return given_buildings(subjects)
+    return model_buildings(subjects)

@@ -1,10 +1,10 @@
-"""Peaks over the height of a building under a suite of ground motions: values of each motion, and
-mean, fractiles and maximum.
+"""Profiles: peaks in each story of a building under a suite of ground motions, as values of each
+motion, mean, fractiles and maximum. Also floor response spectra under a suite.
 
 The order of operations is that of design codes: maximum of each motion over time, in each story;
-mean over the motions; maximum over the stories. The demand of a pair of horizontal components is
-computed by the rule of `tdint.campaign.pairs`. Runs with collapse or without a result are counted,
-but excluded from all statistics.
+mean over the motions; maximum over the stories. The two components of a pair are combined to one
+motion, unless they count separately. Motions with collapse or without a result are counted, but
+excluded from all statistics.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ _NUMBERED_LEVEL = ("level", "")
 
 @dataclass(frozen=True)
 class Statistics:
-    """Statistics of a quantity over the motions, in each story; arrays of shape (n,), NaN without a
-    motion."""
+    """Statistics of a quantity over the motions, in each of n stories: mean, median, 16 % and 84 %
+    fractiles, and maximum. Each array has the shape (n,); it is NaN if there is no motion."""
 
     mean: Array
     median: Array
@@ -73,27 +73,31 @@ class Statistics:
         values, errors : ndarray, shape (motions, n)
             Values and their errors.
         """
-        return cls(
-            *_maximum_error(
-                lambda samples: np.array(list(vars(cls.of(samples)).values())), values, errors
-            )
-        )
+
+        def statistics_of(samples: Array) -> Array:
+            """Return the statistics of samples in the order of the fields of the class."""
+            return np.array(list(vars(cls.of(samples)).values()))
+
+        return cls(*_maximum_error(statistics_of, values, errors))
 
 
-def _maximum_error(rising: Callable[[Array], Array], values: Array, errors: Array) -> Array:
-    """Return the maximum error of a function that increases with all values, for errors of the same
-    sign.
+def _maximum_error(
+    increasing_function: Callable[[Array], Array], values: Array, errors: Array
+) -> Array:
+    """Return the maximum error of a function that increases with each of its values. The error is
+    maximum if all values are increased, or all are decreased, by their errors.
 
     Parameters
     ----------
-    rising : callable
-        Function.
+    increasing_function : callable
+        Function of the values.
     values, errors : ndarray
         Values and their errors.
     """
-    result = rising(values)
-    upper, lower = rising(values + errors) - result, result - rising(values - errors)
-    return np.asarray(np.maximum(upper, lower))
+    result = increasing_function(values)
+    increase = increasing_function(values + errors) - result
+    decrease = result - increasing_function(values - errors)
+    return np.asarray(np.maximum(increase, decrease))
 
 
 @dataclass(frozen=True)
@@ -105,10 +109,10 @@ class SuiteLevel:
     scale : float
         Scale factor of all motions; NaN if motions have different factors.
     level : float
-        Value of the intensity measure, SI units; if motions have several individual factors, number
-        of the factor, from 1; NaN if `scale` is sufficient.
+        Value of the intensity measure, SI units. If each motion has several individual factors,
+        number of the factor, from 1. NaN if the level is a factor (`scale`).
     completed : list of list of Run
-        Completed runs of each motion, two for a pair.
+        Runs of each motion without collapse: one run, or two for a pair.
     pairs : int
         Number of motions that are pairs of components, including collapsed and failed runs.
     collapsed, failed : int
@@ -131,7 +135,7 @@ class SuiteLevel:
 
     @property
     def level_text(self) -> str:
-        """Text of the level, as in `level_text`."""
+        """Text of the level, such as `scale 2` or `sa(T1) 2.94 m/s^2`."""
         return level_text(self.scale, self.level, self.measure)
 
     @property
@@ -205,7 +209,8 @@ class Profile(SuiteLevel):
 
     @property
     def isolator_check(self) -> LimitCheck | None:
-        """Displacement of the isolators with an infinite limit; None without isolators."""
+        """Comparison that reports the displacement of the isolators; its limit is infinite. None
+        without isolators."""
         limits = isolator_limits(self.isolators, len(self.height))
         return next(iter(check_limits(limits, self.peaks, self.height, self.motions)), None)
 
@@ -214,8 +219,9 @@ class Profile(SuiteLevel):
         return Statistics.of(self.peaks[quantity.name])
 
     def errors(self, quantity: Quantity) -> Statistics | None:
-        """Return the effect of the errors of the runs on the statistics in each story, or None. The
-        uncertainty due to the selection of motions is not included."""
+        """Return the errors of the statistics in each story, which result from the errors of the
+        runs; None if these were not estimated. The uncertainty due to the selection of motions is
+        not included."""
         if not self.peak_errors:
             return None
         return Statistics.errors(self.peaks[quantity.name], self.peak_errors[quantity.name])
@@ -230,8 +236,10 @@ class Ratios:
     ----------
     building, baseline : str
         Names of the buildings.
-    scale, level : float
-        As in `Profile`.
+    scale : float
+        Scale factor of all motions; NaN if motions have different factors.
+    level : float
+        Value of the intensity measure or number of the level; NaN if the level is a factor.
     quantity : Quantity
         Quantity that is compared.
     mean, median, max : ndarray, shape (1 + stories,)
@@ -277,35 +285,48 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     UsageError
         The baseline does not exist, or is the only building.
     """
-    check_baseline(baseline, (other.building for other in profiles))
+    check_baseline(baseline, (profile.building for profile in profiles))
     # The keys are texts, because scale or level may be NaN, which is not equal to NaN.
     baseline_profiles = {
-        (repr(other.scale), repr(other.level)): other
-        for other in profiles
-        if other.building == baseline
+        (repr(profile.scale), repr(profile.level)): profile
+        for profile in profiles
+        if profile.building == baseline
     }
-    compared = []
-    for profile in profiles:
-        base = baseline_profiles.get((repr(profile.scale), repr(profile.level)))
-        if base is None or profile.building == baseline:
+    result = []
+    for compared in profiles:
+        baseline_profile = baseline_profiles.get((repr(compared.scale), repr(compared.level)))
+        if baseline_profile is None or compared.building == baseline:
             continue
         for quantity in STORY:
-            compared_values, base_values = profile.statistics(quantity), base.statistics(quantity)
-            values = {
-                name: _story_ratios(getattr(compared_values, name), getattr(base_values, name))
-                for name in ("mean", "median", "max")
-            }
-            compared.append(
-                Ratios(profile.building, baseline, profile.scale, profile.level, quantity, **values)
+            compared_values, base_values = (
+                compared.statistics(quantity),
+                baseline_profile.statistics(quantity),
             )
-    return compared
+            ratio_by_statistic = {
+                statistic: _story_ratios(
+                    getattr(compared_values, statistic), getattr(base_values, statistic)
+                )
+                for statistic in ("mean", "median", "max")
+            }
+            result.append(
+                Ratios(
+                    compared.building,
+                    baseline,
+                    compared.scale,
+                    compared.level,
+                    quantity,
+                    **ratio_by_statistic,
+                )
+            )
+    return result
 
 
 def _story_ratios(compared_values: Array, base_values: Array) -> Array:
-    """Return the ratios of the maxima over all stories, and of each common story."""
+    """Return the ratios of a building to the baseline: first the ratio of the maxima over all
+    stories, then the ratio of each story that both buildings have; NaN if the value of the baseline
+    is zero or missing."""
     common = min(compared_values.size, base_values.size)
-    # The first ratio is that of the maxima over all stories, which may occur in different stories
-    # of the two buildings.
+    # The maxima may occur in different stories of the two buildings.
     maxima = [
         np.max(values[np.isfinite(values)], initial=-math.inf)
         for values in (compared_values, base_values)
@@ -324,27 +345,28 @@ def profiles(store: Store) -> Iterator[Profile]:
         return
     # Query the tables before the loop, because there may be a million buildings.
     records = store.records()
-    counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
-    rules, checked = SuiteRules.of(store), store.checked
+    story_counts = dict(store.connection.execute("SELECT id, stories FROM buildings"))
+    rules, has_errors = SuiteRules.of(store), store.checked
     names = motion_names([name for name, _, _ in records.values()])
     name_of_record = dict(zip(records, names, strict=True))
     for number, (name, _) in store.buildings().items():
         # Read the values of the stories of each run, with their errors if these were estimated.
         quantities = [quantity.column for quantity in STORY]
         columns = ", ".join(
-            ("height_m", *quantities, *(f"{name}_error" for name in quantities if checked))
+            ("height_m", *quantities, *(f"{name}_error" for name in quantities if has_errors))
         )
         query = (
             f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY "
             "1, 2, 3, story"
         )
-        by_run: dict[Run, list[list[float]]] = defaultdict(list)
+        rows_of_run: dict[Run, list[list[float]]] = defaultdict(list)
         for record, scale, sample, *values in store.connection.execute(query, (number,)):
-            by_run[Run(record, scale, sample)].append(values)
-        values_of_run = {key: np.array(rows, dtype=np.float64) for key, rows in by_run.items()}
+            rows_of_run[Run(record, scale, sample)].append(values)
+        values_of_run = {run: np.array(rows, dtype=np.float64) for run, rows in rows_of_run.items()}
         for level in rules.levels_of(store, number):
-            motions = tuple(name_of_record[keys[0].motion] for keys in level.completed)
-            height, peaks, errors = _peaks(level, values_of_run, counts[number], checked)
+            # The name of a pair is the name of the record of its first component.
+            motions = tuple(name_of_record[runs[0].motion] for runs in level.completed)
+            height, peaks, errors = _peaks(level, values_of_run, story_counts[number], has_errors)
             yield Profile(
                 **vars(level),
                 building=name,
@@ -381,7 +403,7 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
 
 @dataclass(frozen=True)
 class SuiteRules:
-    """Rules that combine the runs of a building.
+    """Rules that group the runs of a building by intensity level and ground motion.
 
     Attributes
     ----------
@@ -390,7 +412,8 @@ class SuiteRules:
     values : sequence of float
         Values of the levels of an intensity measure; empty without a measure.
     has_several_levels : bool
-        True if there are several levels (`has_levels`).
+        True if each motion has several levels that are not common factors of all motions
+        (`has_levels`).
     measure : tuple of str
         Name and unit of the levels.
     """
@@ -402,8 +425,9 @@ class SuiteRules:
 
     @classmethod
     def of(cls, store: Store) -> SuiteRules:
-        """Return the rules of a campaign."""
+        """Return the rules of a campaign from its store."""
         settings = store.parameters()
+        # The order is that of the absolute scale factors, by which `levels` ranks the runs.
         values = sorted(settings.get("levels", ()), key=abs)
         measure = _NUMBERED_LEVEL
         if values:
@@ -413,60 +437,70 @@ class SuiteRules:
         return cls(store.pair_rule(), values, has_levels(store), measure)
 
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
-        """Yield the levels of a building of the store in ascending order of factors."""
+        """Yield the levels of a building of the store, in ascending order of the absolute scale
+        factors."""
         query = (
             "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
             "record, scale, sample"
         )
-        return self.levels(
-            {Run(*key): status for *key, status in store.connection.execute(query, (building,))}
-        )
+        rows = store.connection.execute(query, (building,))
+        return self.levels({Run(*run): status for *run, status in rows})
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
-        """Yield the levels of a building in ascending order of factors, from the statuses of its
-        runs."""
-        by_rank: dict[int, list[Run]] = defaultdict(list)
+        """Yield the levels of a building, in ascending order of the absolute scale factors, from
+        the status of each of its runs."""
+        runs_of_rank: dict[int, list[Run]] = defaultdict(list)
         # Motions may have different factors for the same level. The level of a run is therefore the
         # rank of its factor.
-        for key, rank in level_ranks(status).items():
-            by_rank[rank].append(key)
-        for rank, keys in sorted(by_rank.items()):
-            scales = {key.scale for key in keys}
-            grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
-            for key in keys:
-                grouped[self.pairs.motion(key.motion), key.sample].append(key)
+        for run, rank in level_ranks(status).items():
+            runs_of_rank[rank].append(run)
+        for rank, level_runs in sorted(runs_of_rank.items()):
+            runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
+            for run in level_runs:
+                runs_of_motion[self.pairs.motion(run.motion), run.sample].append(run)
             # A motion failed or collapsed if the run of one of its components did. A motion with a
             # failed and a collapsed component counts as failed.
-            failed = [
-                runs
-                for runs in grouped.values()
-                if any(status[key] not in (DONE, *FALLEN) for key in runs)
-            ]
-            collapsed = [
-                runs for runs in grouped.values() if any(status[key] in FALLEN for key in runs)
-            ]
+            completed: list[list[Run]] = []
+            collapsed_count = failed_count = 0
+            for runs in runs_of_motion.values():
+                statuses = [status[run] for run in runs]
+                if any(item not in (DONE, *FALLEN) for item in statuses):
+                    failed_count += 1
+                elif any(item in FALLEN for item in statuses):
+                    collapsed_count += 1
+                else:
+                    completed.append(runs)
+            scale, level = self._scale_and_level(rank, {run.scale for run in level_runs})
             yield SuiteLevel(
-                math.nan if self.has_several_levels or len(scales) > 1 else scales.pop(),
-                self.values[rank]
-                if self.values
-                else rank + 1.0
-                if self.has_several_levels
-                else math.nan,
-                [runs for runs in grouped.values() if runs not in failed and runs not in collapsed],
-                sum(len(runs) > 1 for runs in grouped.values()),
-                sum(runs not in failed for runs in collapsed),
-                len(failed),
-                self.measure,
-                self.pairs.stated,
+                scale=scale,
+                level=level,
+                completed=completed,
+                pairs=sum(len(runs) > 1 for runs in runs_of_motion.values()),
+                collapsed=collapsed_count,
+                failed=failed_count,
+                measure=self.measure,
+                pair_demand=self.pairs.demand_if_pairs,
             )
+
+    def _scale_and_level(self, rank: int, scales: set[float]) -> tuple[float, float]:
+        """Return the attributes `scale` and `level` of the level with a rank, from 0, and with the
+        scale factors of its runs."""
+        is_common_scale = len(scales) == 1 and not self.has_several_levels
+        scale = next(iter(scales)) if is_common_scale else math.nan
+        if self.values:
+            return scale, self.values[rank]
+        return scale, rank + 1.0 if self.has_several_levels else math.nan
 
 
 def has_levels(store: Store) -> bool:
-    """Return True if levels are not a single factor for all motions, or for each motion."""
+    """Return True if the levels of a campaign cannot be described by one factor for all motions, or
+    by one factor for each motion: they are values of an intensity measure, several factors of a
+    motion, or several factors of motions at sites, which already have individual factors."""
     settings = store.parameters()
-    several = any(len(values) > 1 for values in settings.get("factors", {}).values())
-    placed = "grid_sha256" in settings or "field_sha256" in settings
-    return "levels" in settings or several or (placed and len(settings.get("scales", ())) > 1)
+    has_several_factors = any(len(values) > 1 for values in settings.get("factors", {}).values())
+    has_several_scales = len(settings.get("scales", ())) > 1
+    has_sites = "grid_sha256" in settings or "field_sha256" in settings
+    return "levels" in settings or has_several_factors or (has_sites and has_several_scales)
 
 
 def _peaks(
@@ -478,8 +512,8 @@ def _peaks(
     ----------
     level : SuiteLevel
         Level.
-    values_of_run : mapping of Run to ndarray
-        Rows of the stories of each run.
+    values_of_run : mapping of Run to ndarray, shape (stories, columns)
+        Values of each run: in each story its height, the quantities of `STORY`, and their errors.
     stories : int
         Number of stories.
     checked : bool
@@ -495,30 +529,26 @@ def _peaks(
     if not level.completed:
         no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY}
         return np.full(stories, math.nan), no_values, no_values if checked else {}
-    # Residual drifts are signed: use absolute values.
-    # Each block has the axes component, story, and column (height, quantities, errors).
-    blocks = [np.abs([values_of_run[key] for key in keys]) for keys in level.completed]
-    values, errors = (
-        [block[:, :, part] for block in blocks]
-        for part in (slice(1, _FIRST_ERROR), slice(_FIRST_ERROR, None))
-    )
-    # Combine the components of pairs.
-    combine_pair = partial(combine, demand=level.pair_demand)
-    peaks = np.stack([combine_pair(block) for block in values], axis=-1)
-    peak_errors = (
-        [_maximum_error(combine_pair, *block) for block in zip(values, errors, strict=True)]
-        if checked
-        else []
-    )
-    return (
-        blocks[0][0, :, 0],
-        _by_name(peaks),
-        _by_name(np.stack(peak_errors, axis=-1)) if peak_errors else {},
-    )
+    # Residual drifts are signed: use absolute values. Each item belongs to a motion and has the
+    # axes component, story, and column.
+    motion_values = [np.abs([values_of_run[run] for run in runs]) for runs in level.completed]
+    heights = motion_values[0][0, :, 0]
+    quantities = [values[:, :, 1:_FIRST_ERROR] for values in motion_values]
+    errors = [values[:, :, _FIRST_ERROR:] for values in motion_values]
+    combine_components = partial(combine, demand=level.pair_demand)
+    peaks = np.stack([combine_components(values) for values in quantities], axis=-1)
+    if not checked:
+        return heights, _by_name(peaks), {}
+    peak_errors = [
+        _maximum_error(combine_components, *values_and_errors)
+        for values_and_errors in zip(quantities, errors, strict=True)
+    ]
+    return heights, _by_name(peaks), _by_name(np.stack(peak_errors, axis=-1))
 
 
 def _by_name(values: Array) -> dict[str, Array]:
-    """Return the quantities, shape (motions, n), from values of shape (n, quantities, motions)."""
+    """Return a dictionary from the name of each quantity to its values, shape (motions, n), from an
+    array of shape (n, quantities, motions)."""
     return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY)}
 
 
@@ -529,14 +559,14 @@ _FIRST_ERROR = 1 + len(STORY)
 def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     """Return the level of each run, from 0: the rank of its factor for the same motion and
     sample."""
-    factors: dict[tuple[int, int], list[Run]] = defaultdict(list)
-    for key in runs:
-        factors[key.motion, key.sample].append(key)
-    return {
-        key: rank
-        for keys in factors.values()
-        for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale)))
-    }
+    runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
+    for run in runs:
+        runs_of_motion[run.motion, run.sample].append(run)
+    ranks: dict[Run, int] = {}
+    for motion_runs in runs_of_motion.values():
+        ascending = sorted(motion_runs, key=lambda run: abs(run.scale))
+        ranks |= {run: rank for rank, run in enumerate(ascending)}
+    return ranks
 
 
 # ---- Floor response spectra under a suite: spectra of each run, mean and envelope over the motions
@@ -544,8 +574,8 @@ def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
 
 @dataclass(frozen=True)
 class FloorChoice:
-    """Floors by their names (numbers, or roof), and periods (s) and damping ratios of their
-    spectra."""
+    """Requested floor spectra: names of the floors (numbers, or `roof`), periods (s) and damping
+    ratios of the oscillators on the floors."""
 
     floors: tuple[str, ...]
     periods: Array
@@ -626,24 +656,29 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     UsageError
         A building does not have the floor.
     """
-    done = store.connection.execute(
+    run_rows = store.connection.execute(
         "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY "
         "1, 2, 3, 4"
     ).fetchall()
-    floors: list[RunFloors] = []
+    result: list[RunFloors] = []
     # Create each building once, and integrate its runs in parallel.
     buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
-    for building, record, scale, sample, dt in done:
+    for building, record, scale, sample, dt in run_rows:
         buildings[building].append((Run(record, scale, sample), dt))
     for building, runs in buildings.items():
         subject = plan.buildings[building].subject()
+        # Raise the error of an invalid floor before the runs.
         floor_numbers(choice.floors, plan.buildings[building].stories)
-        floors += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
-    return sorted(floors, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
+        result += on_threads(partial(_spectra, plan, building, subject, choice), runs, jobs)
+    return sorted(result, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
 
 
 def _spectra(
-    plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]
+    plan: Plan,
+    building: int,
+    subject: Subject,
+    choice: FloorChoice,
+    run_and_step: tuple[Run, float],
 ) -> RunFloors:
     """Return the floor spectra of a run.
 
@@ -657,11 +692,11 @@ def _spectra(
         The building and its method.
     choice : FloorChoice
         Floors, periods and damping ratios.
-    run : tuple of (Run, float)
+    run_and_step : tuple of (Run, float)
         The run and its time step, s.
     """
-    key, dt = run
-    settings, case = plan.settings, subject.case(plan.motions[key.motion].record, key.scale)
+    run, dt = run_and_step
+    settings, case = plan.settings, subject.case(plan.motions[run.motion].record, run.scale)
     response = run_case(
         case,
         dt=dt,
@@ -671,28 +706,28 @@ def _spectra(
         until_rest=settings.until_rest,
     )
     return RunFloors(
-        building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping)
+        building, run, floor_spectra(response, choice.floors, choice.periods, choice.damping)
     )
 
 
-def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
-    """Yield the floor spectra over the motions for each building, level, floor and damping ratio.
-    Levels without completed runs are omitted."""
+def floor_suites(store: Store, run_floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
+    """Yield the floor spectra under a suite: one object for each building, level, floor and damping
+    ratio. Levels without completed runs are omitted."""
     spectra_by_building: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
-    for floor_run in floors:
+    for floor_run in run_floors:
         spectra_by_building[floor_run.building][floor_run.run] = floor_run.spectra
     names, rules = store.buildings(), SuiteRules.of(store)
-    for number, spectra in spectra_by_building.items():
+    for number, spectra_of_run in spectra_by_building.items():
         # Collapsed and failed runs have no response history and are excluded.
         for level in rules.levels_of(store, number):
             if not level.completed:
                 continue
-            for i, shown in enumerate(spectra[level.completed[0][0]]):
-                spectrum, name = shown.spectrum, names[number][0]
+            for index, floor_spectrum in enumerate(spectra_of_run[level.completed[0][0]]):
+                spectrum, name = floor_spectrum.spectrum, names[number][0]
                 psa = np.array(
                     [
                         combine(
-                            np.array([spectra[run][i].spectrum.psa for run in runs]),
+                            np.array([spectra_of_run[run][index].spectrum.psa for run in runs]),
                             level.pair_demand,
                         )
                         for runs in level.completed
@@ -701,7 +736,7 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
                 yield FloorSuite(
                     **vars(level),
                     building=name,
-                    floor=shown.floor,
+                    floor=floor_spectrum.floor,
                     damping=spectrum.damping,
                     periods=spectrum.periods,
                     psa=psa,

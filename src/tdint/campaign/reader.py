@@ -1,5 +1,5 @@
-"""Read campaign files: YAML to a checked `CampaignFile`, by the same reader as models. No other
-file is opened."""
+"""Read campaign files: convert YAML to a checked `CampaignFile`. Files to which the campaign file
+refers, such as models and records, are not opened."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.definition import (
-    AnalysisWishes,
+    AnalysisOverrides,
     CampaignFile,
     FactorsFile,
     FieldFile,
@@ -25,9 +25,9 @@ from tdint.campaign.intensity import (
     GEOMETRIC_MEAN,
     PAIRS,
     SPECTRAL,
-    levelled,
     measure_at,
-    without_levels,
+    scalable_measures,
+    scaling_obstacle,
 )
 from tdint.campaign.motions import COORDINATES, GridFile, MeasureLevels, Scales, read_max_distance
 from tdint.campaign.pairs import PAIR_DEMANDS
@@ -114,9 +114,10 @@ _FIELDS = (
         "CSV file with the annual rate of each event (event, rate), relative to this file",
     ),
 )
-_BY_DISTANCE = Choice(tuple(COORDINATES), "distance")
 _DISTANCE = Key(
-    "distance", _BY_DISTANCE, "unit of distances to sites: km, or degrees as in SimCenter"
+    "distance",
+    Choice(tuple(COORDINATES), "distance"),
+    "unit of distances to sites: km, or degrees as in SimCenter",
 )
 _MAX_DISTANCE = Key(
     "max_distance",
@@ -158,10 +159,11 @@ MOTIONS = Keys(
 table of factors, which lists the records."""
 
 
-def read_wanted_motions(
+def read_requested_motions(
     value: Value, *, are_listed: bool = False
 ) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
-    """Return files, sequences, fields or a grid, or None if there are errors.
+    """Return the ground motions that the campaign file requests: files, sequences, fields or a
+    grid; None if a required value is missing or invalid. Errors are recorded in the document.
 
     Parameters
     ----------
@@ -173,13 +175,14 @@ def read_wanted_motions(
     section = value.section()
     if section is None:
         return None
-    # The value is used by `_read_pair_demand`; this call records an error of an invalid value.
+    # Record an error if the value is invalid; the value itself is read by `_read_pair_demand`.
     section.read("pair_demand")
     # Keys of other sources of motions would have no effect, and are refused.
     if section.has("grid"):
-        others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
+        excluded_keys = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
         section.refuse(
-            others, "can only be used with `files`, `sequences` or `fields`, not with a `grid`"
+            excluded_keys,
+            "can only be used with `files`, `sequences` or `fields`, not with a `grid`",
         )
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
         return _grid(section, read_sample_units(section.get("units")))
@@ -191,8 +194,8 @@ def read_wanted_motions(
     section.refuse(("distance", "max_distance"), "can only be used with `fields` or a `grid`")
     if section.has("sequences"):
         section.refuse(("files", "pairs"), "cannot be used with `sequences`; remove it")
-        shocks, choice = section.file("sequences"), _choice(section)
-        return SequenceFile(shocks, choice, section.read("rest")) if shocks else None
+        sequence_file, choice = section.file("sequences"), _choice(section)
+        return SequenceFile(sequence_file, choice, section.read("rest")) if sequence_file else None
     section.refuse(("rest",), "can only be used with `sequences`")
     # If all four sources of ground motions are missing, the error names the usual one, `files`.
     files = section.get("files")
@@ -204,23 +207,25 @@ def read_wanted_motions(
         else None
     )
     pairs, component = section.get("pairs"), section.get("component")
-    both = _pair_names(pairs) if pairs else None
-    if both and component:
+    pair_names = _pair_names(pairs) if pairs else None
+    if pair_names and component:
         component.fault("cannot be used with `pairs`, which use both components; remove one key")
-    return RecordFiles(
-        tuple(file for item in items or () if (file := item.file())), _choice(section), both
-    )
+    paths = [item.file() for item in items or ()]
+    return RecordFiles(tuple(filter(None, paths)), _choice(section), pair_names)
 
 
 def _pair_names(value: Value) -> PairNames | None:
-    """Return the naming scheme of pairs; None without pairs or after an error."""
+    """Return the naming scheme of the files of pairs: patterns such as `{}_N.AT2,{}_E.AT2`, or the
+    usual names for `true`; None for `false` and for an invalid value, which is recorded as an
+    error."""
     if "{}" in value.word:
         return value.parsed(PairNames.parse)
     return USUAL if value.boolean() else None
 
 
 def _choice(section: Section) -> RecordChoice:
-    """Return the selection of components and the processing of the records."""
+    """Return the selection of components and the processing of the records. Units and an
+    `inventory` (station metadata) cannot be combined."""
     choice, units = read_choice(section, stdin=False, many=True), section.get("units")
     if units and choice.inventory and isinstance(choice.units, str):
         units.fault("cannot be used with `inventory`, which states the units; remove one key")
@@ -228,11 +233,15 @@ def _choice(section: Section) -> RecordChoice:
 
 
 def _fields(section: Section) -> FieldFile | None:
-    """Read the keys of fields; None after an error."""
-    file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
-    both, component = pairs.boolean() if pairs else False, section.get("component")
-    if both and component:
-        component.fault("cannot be used with `pairs`, which use both components; remove one key")
+    """Read the keys of ground motion fields; None if the key `fields` is invalid. Errors are
+    recorded in the document."""
+    file, sites = section.file("fields"), section.file("sites")
+    pairs_value, component_value = section.get("pairs"), section.get("component")
+    are_pairs = pairs_value.boolean() if pairs_value else False
+    if are_pairs and component_value:
+        component_value.fault(
+            "cannot be used with `pairs`, which use both components; remove one key"
+        )
     # Distances require the locations of sites.
     if not sites:
         section.refuse(
@@ -240,17 +249,23 @@ def _fields(section: Section) -> FieldFile | None:
             "has no effect without `sites`; specify `sites` or remove it",
         )
     choice, distance = _choice(section), section.read("distance", "km")
-    return (
-        FieldFile(
-            file, choice, both, sites, distance, read_max_distance(section), section.file("rates")
-        )
-        if file
-        else None
-    )
+    if file is None:
+        return None
+    max_distance, rates = read_max_distance(section), section.file("rates")
+    return FieldFile(file, choice, are_pairs, sites, distance, max_distance, rates)
 
 
 def _grid(section: Section, units: str | None) -> GridFile | None:
-    """Read the keys of a grid; None after an error."""
+    """Read the keys of a grid; None if a required key is missing or invalid. Errors are recorded in
+    the document.
+
+    Parameters
+    ----------
+    section : Section
+        Keys of the records.
+    units : str or None
+        Units of the samples of the grid's motions; None if missing or invalid.
+    """
     file, distance = section.file("grid"), section.read("distance", "km")
     # With `events`, all events are run, so that keys of the sampling would have no effect.
     if section.read("events"):
@@ -258,8 +273,19 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
             ("neighbors", "samples", "seed"),
             "cannot be used with `events`, which are not sampled; remove it",
         )
-        largest = read_max_distance(section)
-        return GridFile(file, units, 1, 0, 0, distance, True, largest) if file and units else None
+        max_distance = read_max_distance(section)
+        if file is None or units is None:
+            return None
+        return GridFile(
+            file,
+            units,
+            neighbors=1,
+            samples=0,
+            seed=0,
+            distance=distance,
+            events=True,
+            max_distance=max_distance,
+        )
     neighbors = section.need("neighbors", "give the number of grid points to sample from")
     samples = section.need("samples", "give the number of samples for each building")
     if file is None or units is None or neighbors is None or samples is None:
@@ -326,13 +352,12 @@ _BUILDINGS = Keys(
     one_of=(("models", "inventory"),),
 )
 
-_FIRST_PERIOD = "T1"
-
+_FIRST_PERIOD = "T1"  # value of `period`: the first period of each building
 
 _INTENSITY = Keys(
     (
         Key("scales", EntriesOf(ANY, least=1), "scale factors of all motions"),
-        Key("measure", Choice(levelled(), "measure"), "intensity measure of the levels"),
+        Key("measure", Choice(scalable_measures(), "measure"), "intensity measure of the levels"),
         Key(
             "period",
             Either((Choice((_FIRST_PERIOD,)), POSITIVE)),
@@ -434,13 +459,16 @@ CAMPAIGN = Keys(
 
 def campaign_schema() -> Schema:
     """Return the JSON schema (draft 7) of campaign files, for editors."""
-    about = "Runs of buildings under ground motions for tdint"
-    draft = "http://json-schema.org/draft-07/schema#"
-    return {"$schema": draft, "title": "tdint campaign", "description": about, **CAMPAIGN.schema()}
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "tdint campaign",
+        "description": "Runs of buildings under ground motions for tdint",
+        **CAMPAIGN.schema(),
+    }
 
 
 def load_campaign(source: str | Path) -> CampaignFile:
-    """Read a campaign file. The files that it names are not read.
+    """Read a campaign file. The files to which it refers are not read.
 
     Parameters
     ----------
@@ -473,53 +501,61 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     name : str
         Default name of the campaign.
     """
-    buildings = section.need("buildings", "give `models` or an `inventory`")
-    # The records of the table of factors are used if `records` is missing.
+    buildings_value = section.need("buildings", "give `models` or an `inventory`")
+    # Without `records`, the records are those that the table of factors lists.
     intensity = section.get("intensity")
     are_listed = intensity is not None and intensity.peek("factors") is not None
-    records = (
+    records_value = (
         section.get("records")
         if are_listed
         else section.need("records", "give `files` or a `grid`")
     )
-    _check_together(section)
-    analysis, stated = section.inner("analysis"), section.get("outputs")
-    # A list names all tables to write. A mapping adds tables to the default tables.
-    chosen = stated.read() if stated and stated.is_list else None
-    outputs = stated.section(_OUTPUTS) if stated and not stated.is_list else None
+    _check_combinations(section)
+    analysis, outputs_value = section.inner("analysis"), section.get("outputs")
     dt = analysis.get("dt")
-    read_buildings = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
+    buildings = (_read_buildings(buildings_value) if buildings_value else None) or ModelFiles(())
+    are_models = isinstance(buildings, ModelFiles)
+    # A list names all tables to write. A mapping adds tables to the default tables.
+    listed_tables = None
+    if outputs_value and outputs_value.is_list:
+        listed_tables = outputs_value.read()
+    has_stories = "stories" in (listed_tables or ())
     # Profiles are written by default for model files; for inventories they would be large.
-    models = isinstance(read_buildings, ModelFiles)
+    has_profiles = "profiles" in listed_tables if listed_tables else are_models
+    if outputs_value and not outputs_value.is_list:
+        added_tables = outputs_value.section(_OUTPUTS)
+        if added_tables:
+            has_stories = added_tables.read("stories", False)
+            has_profiles = added_tables.read("profiles", are_models)
+    motions = None
+    if records_value:
+        motions = read_requested_motions(records_value, are_listed=are_listed)
     return CampaignFile(
         name=section.read("name") or name,
         source=label,
-        buildings=read_buildings,
-        records=(read_wanted_motions(records, are_listed=are_listed) if records else None)
-        or RecordFiles((), RecordChoice()),
-        intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
+        buildings=buildings,
+        records=motions or RecordFiles((), RecordChoice()),
+        intensity=_read_intensity(intensity) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
         settings=RunSettings(
             dt=dt.read() if dt and not dt.is_list else None,
             **analysis.given("duration", "tolerance", "until_rest", "check"),
-            stories=outputs.read("stories", False) if outputs else "stories" in (chosen or ()),
-            profiles=outputs.read("profiles", models)
-            if outputs
-            else "profiles" in (chosen or ("profiles",) * models),
+            stories=has_stories,
+            profiles=has_profiles,
         ),
         sweep=read_sweep(
             section.get("vary"),
             analysis.get("methods"),
             dt if dt and dt.is_list else None,
-            models=models,
+            models=are_models,
         ),
         damage=read_wishes(
             section.get("damage"),
-            read_buildings.rules if isinstance(read_buildings, InventoryFile) else None,
+            buildings.rules if isinstance(buildings, InventoryFile) else None,
         ),
-        outputs=chosen,
+        outputs=listed_tables,
         style=section.read("style") or "",
-        pair_demand=_read_pair_demand(records),
+        pair_demand=_read_pair_demand(records_value),
     )
 
 
@@ -530,49 +566,53 @@ def _read_pair_demand(records: Value | None) -> str | None:
     return value.word if value and value.word in PAIR_DEMANDS else None
 
 
-def _check_together(section: Section) -> None:
-    """Record errors for keys that have no effect with the motions of other keys."""
+def _check_combinations(section: Section) -> None:
+    """Record errors for keys of the intensity and the analysis that have no effect with the type of
+    ground motions that the file requests."""
     records = section.get("records")
 
-    def value_of(part: str, name: str) -> Value | None:
-        """Return a value of a section, or None."""
-        value = section.get(part)
+    def value_of(section_name: str, name: str) -> Value | None:
+        """Return the value of a key in a section; None if the key or the section is missing."""
+        value = section.get(section_name)
         return value.peek(name) if value else None
 
     # The key `pair` of the intensity requires pairs of components. The files of a grid always
     # contain both components, so that the key `pairs` is not needed.
     pair, pairs = value_of("intensity", "pair"), value_of("records", "pairs")
-    if pair and records and not records.peek("grid") and (pairs is None or pairs.is_word("false")):
+    has_no_pairs = pairs is None or pairs.is_word("false")
+    if pair and records and not records.peek("grid") and has_no_pairs:
         pair.fault("has no effect without `pairs: true` of the records; add it, or remove `pair`")
-    # A duration would end a sequence before its last event has ended.
-    if (duration := value_of("analysis", "duration")) and value_of("records", "sequences"):
+    # A duration could end a sequence before its last event has ended.
+    duration = value_of("analysis", "duration")
+    if duration and value_of("records", "sequences"):
         duration.fault(
-            "cannot be used with `sequences`, which use complete records; the time between them is "
-            "`rest`"
+            "cannot be used with `sequences`, because all events are analyzed to their end; remove "
+            "it (the key `rest` sets the time between events)"
         )
+    are_events = value_of("records", "fields") or value_of("records", "events")
     for name in ("measure", "factors"):
-        if (entry := value_of("intensity", name)) and (
-            value_of("records", "fields") or value_of("records", "events")
-        ):
+        entry = value_of("intensity", name)
+        if entry and are_events:
             entry.fault(
-                "cannot be used with events, which have scale factors; use `scales` to multiply "
-                "these factors"
+                "cannot be used with events, because their files specify scale factors; use "
+                "`scales` to multiply these factors"
             )
 
 
-def _read_analysis(section: Section) -> AnalysisWishes:
+def _read_analysis(section: Section) -> AnalysisOverrides:
     """Read the analysis settings that replace settings of models."""
     method = section.get("method")
-    named = method.parsed(parse_method) if method else None
+    parsed_method = method.parsed(parse_method) if method else None
     if method and section.has("methods"):
         method.fault("cannot be used with `methods`; remove one of them")
-    return AnalysisWishes(
-        named.label if named else None, **section.given("collapse_drift", "p_delta")
+    return AnalysisOverrides(
+        parsed_method.label if parsed_method else None, **section.given("collapse_drift", "p_delta")
     )
 
 
 def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
-    """Return model files or an inventory; None after an error."""
+    """Return the model files or the inventory of the key `buildings`; None after an error, which is
+    recorded in the document."""
     section = value.section()
     if section is None:
         return None
@@ -585,22 +625,34 @@ def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
     if models is None:
         section.need("models", "give a list of model files, or an inventory instead")
         return None
-    # Model files specify the values of the other keys.
+    # The keys after `models` and `inventory` describe an inventory.
     section.refuse(_BUILDINGS[2:], "can only be used with an `inventory`")
     items = models.items("a list of model files", "is empty; give at least one model file")
-    return ModelFiles(tuple(file for item in items or () if (file := item.file())))
+    paths = [item.file() for item in items or ()]
+    return ModelFiles(tuple(filter(None, paths)))
 
 
 def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
-    """Read the keys of an inventory; None after an error."""
+    """Read the keys of an inventory; None if a required key is missing or invalid. Errors are
+    recorded in the document.
+
+    Parameters
+    ----------
+    section : Section
+        Keys of the buildings.
+    inventory : Value
+        Value of the key `inventory`, the path of the file.
+    """
     file = inventory.file()
-    name = section.read("rules", next(iter(RULES)))
+    rules = section.read("rules", next(iter(RULES)))
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
-    unit = units.read() if units else None
+    length_unit = units.read() if units else None
     damping, classes = section.read("damping"), section.file("classes")
-    numbers = section.given("stiffness_scatter", "damping_scatter", "seed", "as_published")
+    optional_settings = section.given(
+        "stiffness_scatter", "damping_scatter", "seed", "as_published"
+    )
     # Rules by capacity curves require another table and have no scatter.
-    if name == CAPACITY:
+    if rules == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
         section.refuse(
             ("damping", "stiffness_scatter", "damping_scatter", "seed"),
@@ -608,22 +660,23 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
         )
     else:
         section.refuse(("classes", "as_published"), f"can only be used with the rules {CAPACITY}")
-    if file is None or name is None or unit is None:
+    if file is None or rules is None or length_unit is None:
         return None
     return InventoryFile(
         file,
-        name,
-        unit,
+        rules,
+        length_unit,
         mass_only=damping == "mass-only",
         classes=classes,
         mapping=section.file("mapping"),
-        **numbers,
+        **optional_settings,
     )
 
 
 def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
-    """Return factors, levels of a measure, or a file of factors; None if the key is missing or
-    after an error."""
+    """Return the scale factors, the levels of an intensity measure, or the file of factors that the
+    key `intensity` specifies; None if the key is missing or after an error, which is recorded in
+    the document."""
     section = value.section() if value else None
     if value is None or section is None:
         return None
@@ -641,52 +694,55 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     if sources == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
-    factors = section.get("scales")
+    scales = section.get("scales")
     items = (
-        factors.items("a list of factors", "is empty; give at least one factor")
-        if factors
-        else None
+        scales.items("a list of factors", "is empty; give at least one factor") if scales else None
     )
     # Duplicate factors are ignored, because they would repeat the same run.
-    numbers: dict[float, None] = {}
+    distinct_factors: dict[float, None] = {}
     for item in items or ():
         factor = item.number(ANY)
         if factor == 0.0:
             item.fault("a scale factor must not be zero")
-        numbers[factor] = None
-    return Scales(tuple(numbers))
+        distinct_factors[factor] = None
+    return Scales(tuple(distinct_factors))
 
 
 def _levels(section: Section) -> MeasureLevels | None:
-    """Read levels of an intensity measure; None after an error."""
-    named = section.get("measure")
+    """Read the levels of an intensity measure; None if the measure is invalid. Errors are recorded
+    in the document."""
+    measure_value = section.get("measure")
     # For some measures, levels cannot be reached by scaling.
-    if named and (reason := without_levels(named.word)):
-        named.fault(f"{named.word} cannot be used for levels: {reason}")
+    if measure_value and (reason := scaling_obstacle(measure_value.word)):
+        measure_value.fault(f"{measure_value.word} cannot be used for levels: {reason}")
         return None
     name, pair = section.read("measure"), section.read("pair", GEOMETRIC_MEAN)
     damping = section.number("damping", default=0.05)
     levels = section.need("levels", "give the values, such as [0.1 g, 0.2 g]")
-    empty = "is empty; give at least one value"
-    items = levels.items("a list of values with their unit", empty) if levels else None
+    empty_advice = "is empty; give at least one value"
+    level_items = levels.items("a list of values with their unit", empty_advice) if levels else None
     if name is None:
         return None
     # The levels in the file have a unit. The accepted units depend on the intensity measure, for
     # example units of acceleration for sa.
+    # The quantity is the one whose SI unit (factor 1) is the unit of the measure.
     unit = measure_at(name, damping, 1.0).unit
     quantity = next(
         (name for name, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration"
     )
-    values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
+    values = tuple(dict.fromkeys(_level(item, quantity) for item in level_items or ()))
 
-    # The default period of a spectral measure is the first period of each building.
-    period, stated = None, section.get("period")
+    # The default period of a spectral measure is the first period of each building (None). Other
+    # measures do not depend on a period: any value avoids the computation of the first period.
+    period, period_value = None, section.get("period")
     if name not in SPECTRAL:
         period = 1.0
-        if stated:
-            stated.fault(f"cannot be used with the measure {name}, which has no period; remove it")
-    elif stated and not stated.is_word(_FIRST_PERIOD):
-        seconds = stated.number(
+        if period_value:
+            period_value.fault(
+                f"cannot be used with the measure {name}, which has no period; remove it"
+            )
+    elif period_value and not period_value.is_word(_FIRST_PERIOD):
+        seconds = period_value.number(
             POSITIVE, expected=f"{_FIRST_PERIOD} or a positive number of seconds"
         )
         period = None if math.isnan(seconds) else seconds
@@ -694,10 +750,11 @@ def _levels(section: Section) -> MeasureLevels | None:
 
 
 def _level(value: Value, quantity: str) -> float:
-    """Return a value with a unit in SI; NaN after an error."""
+    """Return an intensity level, such as `0.1 g`, in SI units; NaN after an error, which is
+    recorded in the document. `quantity` is the quantity of the measure, such as acceleration."""
     example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
 
-    def level(text: str) -> float:
+    def convert(text: str) -> float:
         """Convert the text of a level to SI."""
         try:
             units = parse_units(text)
@@ -716,4 +773,4 @@ def _level(value: Value, quantity: str) -> float:
             )
         return units.scale
 
-    return value.parsed(level) or math.nan
+    return value.parsed(convert) or math.nan

@@ -37,8 +37,9 @@ MIN_PAIRS = 11
 """Minimum number of ground motions in ASCE 7-16 (16.2.2)."""
 
 _MIN_TOLERANCE, _MAX_PERIODS = 1e-6, 20_000
-"""Relative tolerance of the minimum average, and maximum number of periods at which it is computed.
-If motions match their target closely, the average is low at many periods."""
+"""Relative tolerance of the minimum of the average spectrum divided by the target, and maximum
+number of periods at which the average is computed. If motions match their target closely, the
+average is close to the minimum at many periods."""
 
 MIN_AVERAGE_RATIO = 0.9
 """Minimum of the average divided by the target (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
@@ -48,8 +49,8 @@ FEW = 3
 """Number of motions below which a mean is not representative."""
 
 BOUNDS = (0.25, 4.0)
-"""Range of factors in common practice, not from a code. Larger changes make a motion
-unrepresentative of its event."""
+"""Minimum and maximum factor in common practice, not from a code. A motion with a factor outside of
+this range does not represent its earthquake."""
 
 _LIMIT_TOLERANCE = 1e-6
 """Relative difference up to which a factor is at a limit; equal to the tolerance of the minimum
@@ -86,8 +87,8 @@ class Scaling(Tabular):
     periods : ndarray, shape (k,)
         Periods of the comparison with the target, s; None without a target.
     least : tuple of two floats or None
-        For the rules asce7 and ec8: minimum of the average divided by the target, and its period,
-        s.
+        For the rules asce7 and ec8: minimum over the periods of the average spectrum divided by the
+        target, and the period of this minimum, s.
     chosen : tuple of int
         For a selection: indices of the selected motions in the candidates (`tdint.select`).
     left_out : mapping of str to int
@@ -248,9 +249,9 @@ def scale_to_target(
     UsageError
         A period is outside the range of the target.
     """
-    aim = target.at(periods)
+    target_values = target.at(periods)
     spectra = suite_spectra(motions, periods, damping, pair)
-    factors = np.exp(np.mean(np.log(aim) - np.log(spectra), axis=1))
+    factors = np.exp(np.mean(np.log(target_values) - np.log(spectra), axis=1))
     return Scaling(tuple(motions), factors, "mean", pair, damping, target=target, periods=periods)
 
 
@@ -328,7 +329,7 @@ def check_rule(
         Single components or fewer than 11 pairs are used with asce7; a target without a value at
         the period 0 is used with ec8; the rule is unknown.
     """
-    by_rule(rule)
+    scaling_function(rule)  # raises the error of an unknown rule
     if rule == "asce7":
         _check_pairs(motions, rule)
         if count < MIN_PAIRS:
@@ -344,7 +345,8 @@ def check_rule(
 
 
 def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
-    """Return a fitted suite with all factors multiplied by the common factor of a rule.
+    """Multiply all factors of a suite by the smallest common factor that satisfies a rule, and
+    return the scaled suite.
 
     Parameters
     ----------
@@ -374,35 +376,40 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
 
 
 def _minimum_average(fitted: Scaling) -> tuple[float, float]:
-    """Return the minimum of the average spectrum divided by the target in the range of the periods,
-    and its period, s.
+    """Return the minimum of the average spectrum divided by the target, over the range of the
+    periods, and the period of the minimum, s.
 
-    A lower bound between two periods follows from the maximum slope on logarithmic axes (Piyavskii
-    1972; Shubert 1972). Intervals with a bound below the current minimum are halved. The slope of a
-    spectrum is at most about 1 / (2 damping), as in the resonance curve of an oscillator; the slope
-    of the branches of a code spectrum is at most 2.
+    The minimum may be between the specified periods. A lower bound between two periods follows from
+    the maximum slope on logarithmic axes (Piyavskii 1972; Shubert 1972). Intervals with a bound
+    below the current minimum are halved. The slope of a spectrum is at most about 1 / (2 damping),
+    as in the resonance curve of an oscillator; the slope of the branches of a code spectrum is at
+    most 2.
     """
     target, periods = fitted.target, fitted.periods
     assert target is not None
     assert periods is not None
     max_slope = 0.5 / fitted.damping + 2.0
-    low, high = float(np.min(periods)), float(np.max(periods))
-    # Start with the given periods and the periods of the target, which include its corners.
-    inside = target.periods[(target.periods > low) & (target.periods < high)]
+    first_period, last_period = float(np.min(periods)), float(np.max(periods))
+    # Start with the specified periods and the periods of the target, which include its corners.
+    corner_periods = target.periods[
+        (target.periods > first_period) & (target.periods < last_period)
+    ]
     # Halve intervals until no interval can contain a value below the current minimum.
     ln_period, ln_ratio = np.empty(0), np.empty(0)
-    new = np.log(np.unique([*periods, *inside]))
-    while new.size and ln_period.size < _MAX_PERIODS:
-        candidates = np.exp(new).clip(low, high)
-        average = np.log(np.mean(fitted.spectra(candidates), axis=0) / target.at(candidates))
-        order = np.argsort(np.concatenate([ln_period, new]))
-        ln_period = np.concatenate([ln_period, new])[order]
-        ln_ratio = np.concatenate([ln_ratio, average])[order]
-        # Lower bound in each interval: the intersection of two lines with the maximum slope through
-        # its ends
-        bound = 0.5 * (ln_ratio[1:] + ln_ratio[:-1] - max_slope * np.diff(ln_period))
-        can_be_lower = bound < np.min(ln_ratio) - _MIN_TOLERANCE
-        new = 0.5 * (ln_period[1:] + ln_period[:-1])[can_be_lower]
+    new_ln_periods = np.log(np.unique([*periods, *corner_periods]))
+    while new_ln_periods.size and ln_period.size < _MAX_PERIODS:
+        new_periods = np.exp(new_ln_periods).clip(first_period, last_period)
+        new_ln_ratios = np.log(
+            np.mean(fitted.spectra(new_periods), axis=0) / target.at(new_periods)
+        )
+        order = np.argsort(np.concatenate([ln_period, new_ln_periods]))
+        ln_period = np.concatenate([ln_period, new_ln_periods])[order]
+        ln_ratio = np.concatenate([ln_ratio, new_ln_ratios])[order]
+        # The two lines with the maximum slope through the ends of an interval intersect at its
+        # lower bound.
+        lower_bound = 0.5 * (ln_ratio[1:] + ln_ratio[:-1] - max_slope * np.diff(ln_period))
+        can_be_lower = lower_bound < np.min(ln_ratio) - _MIN_TOLERANCE
+        new_ln_periods = 0.5 * (ln_period[1:] + ln_period[:-1])[can_be_lower]
     index = int(np.argmin(ln_ratio))
     return float(np.exp(ln_ratio[index])), float(np.exp(ln_period[index]))
 
@@ -467,7 +474,7 @@ def scale_p695(
 
 def scale(
     motions: Sequence[AnyMotion],
-    measure: IntensityMeasure | str | None = None,
+    requested_measure: IntensityMeasure | str | None = None,
     value: float | None = None,
     *,
     target: TargetSpectrum | str | None = None,
@@ -484,7 +491,7 @@ def scale(
     motions : sequence
         Records, paths or traces. A tuple of two, or a result of `read_horizontals`, is a pair with
         the same factor.
-    measure : IntensityMeasure or str
+    requested_measure : IntensityMeasure or str
         `pga`, `pgv`, `arias`, `cav`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
     value : float
         Value of the measure, m/s^2 or m/s.
@@ -516,22 +523,26 @@ def scale(
         A motion is invalid or zero.
     """
     suite = [motion_of(motion) for motion in motions]
-    chosen = measure_of(measure, damping) if isinstance(measure, str) else measure
+    measure = (
+        measure_of(requested_measure, damping)
+        if isinstance(requested_measure, str)
+        else requested_measure
+    )
     if target is not None:
-        if chosen is not None or value is not None:
+        if measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
         spectrum, compared_periods = target_at(target, periods)
-        return by_rule(rule)(suite, spectrum, compared_periods, damping=damping, pair=pair)
+        return scaling_function(rule)(suite, spectrum, compared_periods, damping=damping, pair=pair)
     if rule == "p695":
-        oscillator_periods = chosen.periods if isinstance(chosen, SpectralIntensity) else ()
-        if chosen is not None and (len(oscillator_periods) != 1 or oscillator_periods == (0.0,)):
-            raise UsageError(f"the rule p695 scales a set to a value of sa(T), got {chosen.name}")
+        measure_periods = measure.periods if isinstance(measure, SpectralIntensity) else ()
+        if measure is not None and (len(measure_periods) != 1 or measure_periods == (0.0,)):
+            raise UsageError(f"the rule p695 scales a set to a value of sa(T), got {measure.name}")
         return scale_p695(
-            suite, oscillator_periods[0] if oscillator_periods else None, value, damping=damping
+            suite, measure_periods[0] if measure_periods else None, value, damping=damping
         )
-    if chosen is None or value is None:
+    if measure is None or value is None:
         raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
-    return scale_to_value(suite, chosen, value, pair)
+    return scale_to_value(suite, measure, value, pair)
 
 
 _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade for typical targets
@@ -545,18 +556,18 @@ _SCALING_RULES: dict[str, Callable[..., Scaling]] = {
 def target_at(
     target: TargetSpectrum | str, periods: Numbers | None
 ) -> tuple[TargetSpectrum, Array]:
-    """Return a target spectrum, and the periods of the comparison: the specified periods, or the
-    default over the range of the target."""
-    aim = read_target(target) if isinstance(target, str) else target
-    period_range = float(aim.periods[0]), float(aim.periods[-1])
-    return aim, np.geomspace(*period_range, _PERIOD_COUNT) if periods is None else numbers_of(
-        periods, "periods"
-    )
+    """Return the target spectrum, which is read if `target` is a text, and the periods of the
+    comparison, s: the specified periods, or 100 periods over the range of the target."""
+    target_spectrum = read_target(target) if isinstance(target, str) else target
+    if periods is not None:
+        return target_spectrum, numbers_of(periods, "periods")
+    first, last = float(target_spectrum.periods[0]), float(target_spectrum.periods[-1])
+    return target_spectrum, np.geomspace(first, last, _PERIOD_COUNT)
 
 
-def by_rule(rule: str) -> Callable[..., Scaling]:
-    """Return the function that scales motions to a target by a rule: (motions, target, periods,
-    damping=, pair=) -> Scaling.
+def scaling_function(rule: str) -> Callable[..., Scaling]:
+    """Return the function that scales motions to a target by a rule. Its signature is (motions,
+    target, periods, damping=, pair=) -> Scaling.
 
     Raises
     ------

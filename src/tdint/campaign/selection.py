@@ -40,18 +40,18 @@ from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.number_parsing import abbreviate, pluralize
 
 _START_LIMITS, _EVALUATED_ROWS = (10, 200), 20_000
-"""Minimum and maximum number of starting points, and total number of motions evaluated in all of
-them. The first starting point is the best single motion. Later starting points alternate between
-half of the best selection so far and random motions. With 20 starting points, the search misses the
-best selection of five in one of six pools of 16 motions."""
+"""Minimum and maximum number of starting points of the search. Between these limits, it is 20 000
+divided by the number of motions that can be selected. With 20 starting points, the search misses
+the best selection of five in one of six pools of 16 motions."""
 
 _SCATTER_WEIGHT = 0.5
 """Weight of the squared error of the standard deviation; the weight of the mean is 1. Baker and Lee
 (2018) also use 1 and 2."""
 
 _MAX_TRIALS, _LIMIT_REDUCTION = 40, 0.95
-"""Number of selections that are tried for factors within the limits, and the maximum ratio of two
-successive upper limits of the factors before the common factor: a tenth of a limit after 40."""
+"""Maximum number of selections that are tried for factors within the limits. The upper limit of the
+factors before the common factor is multiplied by at most 0.95 after each trial: the last limit is
+about a tenth of the first."""
 
 _ROUNDING = 1e-12
 """Relative rounding error of the product of two factors, with a margin."""
@@ -112,50 +112,26 @@ def select(
         No selection meets the rule with factors within the limits.
     """
     low, high = factors
-    if not 0.0 < low <= high < np.inf:
-        raise UsageError(
-            f"factors: the limits must be positive, the minimum first, got {low:g} and {high:g}"
-        )
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise UsageError(
-            "the number of motions to select must be a whole number of at least 1, got "
-            f"{count!r:.60}"
-        )
-    if per_event is not None and per_event < 1:
-        raise UsageError(f"per_event must be at least 1, got {per_event}")
-    if events is not None and len(events) != len(motions):
-        raise UsageError(
-            f"events: must contain one event for each of {len(motions)} motions, got {len(events)}"
-        )
+    _check_arguments(len(motions), count, factors, events, per_event)
     target_spectrum, compared_periods = target_at(target, periods)
-    target_scatter = (
-        None
-        if scatter is None
-        else np.broadcast_to(np.asarray(scatter, float), compared_periods.shape)
-    )
-    if target_scatter is not None and (
-        count < 3 or not np.all((target_scatter >= 0.0) & np.isfinite(target_scatter))
-    ):
-        raise UsageError(
-            "a target standard deviation must be zero or a positive number, and requires a "
-            f"selection of at least three motions, got {scatter!r:.60} for {count} motions"
-        )
+    target_scatter = _target_scatter(scatter, compared_periods, count)
     # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
     suite = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
     check_rule(rule, suite, count, target_spectrum)
     pool, spectra, left_out = _pool(suite, compared_periods, damping, spectrum_pair)
-    numbers, labels = np.arange(len(suite)), list[str]()
+    # Without a maximum per event, each motion counts as an event of its own.
+    event_numbers, labels = np.arange(len(suite)), list[str]()
     if per_event is not None:
         labels = events_of(suite) if events is None else [str(event or "") for event in events]
         _check_events_known(suite, labels)
-        numbers = np.unique(labels, return_inverse=True)[1]
-    pool_events, max_per_event = numbers[pool], len(suite) if per_event is None else per_event
+        event_numbers = np.unique(labels, return_inverse=True)[1]
+    pool_events, max_per_event = event_numbers[pool], per_event or len(suite)
     possible = int(np.minimum(np.bincount(pool_events), max_per_event).sum()) if len(pool) else 0
     if possible < count:
         reasons = [f"{number} {reason}" for reason, number in left_out.items() if number]
         if per_event is not None:
-            event_count = pluralize(int(np.max(numbers)) + 1, "event")
+            event_count = pluralize(int(np.max(event_numbers)) + 1, "event")
             reasons.append(f"at most {per_event} of an event, {event_count}")
         explanation = f" ({', '.join(reasons)})" if reasons else ""
         raise UsageError(
@@ -176,7 +152,7 @@ def select(
     )
 
     def choose(factors: Array) -> list[int]:
-        """Return the indices of the selected motions for the factors of all motions."""
+        """Return the indices, in the pool, of the selected motions for the factors of the pool."""
         deviations = ln_spectra + np.log(factors)[:, None] - ln_target
         return _search(deviations, count, target_scatter, pool_events, max_per_event)
 
@@ -186,7 +162,7 @@ def select(
     else:
         chosen, scaling, scaled = _within_limits(fitted, rule, (low, high), choose)
     others = np.setdiff1d(np.arange(len(pool)), chosen)
-    at_limit = (ln_fitted[others] <= np.log(low)) | (ln_fitted[others] >= np.log(high))
+    is_at_limit = (ln_fitted[others] <= np.log(low)) | (ln_fitted[others] >= np.log(high))
     return replace(
         scaling,
         chosen=tuple(pool[index] for index in chosen),
@@ -194,12 +170,80 @@ def select(
         rest=spectra[others] * scaled[others, None],
         events=tuple(labels[pool[index]] for index in chosen) if labels else (),
         limits=(low, high),
-        others_at_limit=int(np.sum(at_limit)),
+        others_at_limit=int(np.sum(is_at_limit)),
     )
 
 
+def _check_arguments(
+    motion_count: int,
+    count: int,
+    factors: tuple[float, float],
+    events: Sequence[object] | None,
+    per_event: int | None,
+) -> None:
+    """Raise UsageError if an argument of `select` is invalid.
+
+    Parameters
+    ----------
+    motion_count : int
+        Number of motions from which to select.
+    count : int
+        Number of motions to select.
+    factors : tuple of two floats
+        Minimum and maximum factor.
+    events : sequence or None
+        Event of each motion.
+    per_event : int or None
+        Maximum number of selected motions of one event.
+    """
+    low, high = factors
+    if not 0.0 < low <= high < np.inf:
+        raise UsageError(
+            f"factors: the limits must be positive, the minimum first, got {low:g} and {high:g}"
+        )
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise UsageError(
+            "the number of motions to select must be a whole number of at least 1, got "
+            f"{count!r:.60}"
+        )
+    if per_event is not None and per_event < 1:
+        raise UsageError(f"per_event must be at least 1, got {per_event}")
+    if events is not None and len(events) != motion_count:
+        raise UsageError(
+            f"events: must contain one event for each of {motion_count} motions, got {len(events)}"
+        )
+
+
+def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int) -> Array | None:
+    """Return the target standard deviation of ln Sa at each period; None if not specified.
+
+    Parameters
+    ----------
+    scatter : float or sequence of float, or None
+        Standard deviation for all periods, or for each period.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    count : int
+        Number of motions to select.
+
+    Raises
+    ------
+    UsageError
+        A value is negative or not finite, or fewer than three motions are selected.
+    """
+    if scatter is None:
+        return None
+    values = np.broadcast_to(np.asarray(scatter, float), periods.shape)
+    if count < 3 or not np.all((values >= 0.0) & np.isfinite(values)):
+        raise UsageError(
+            "a target standard deviation must be zero or a positive number, and requires a "
+            f"selection of at least three motions, got {scatter!r:.60} for {count} motions"
+        )
+    return values
+
+
 def _subset(fitted: Scaling, indices: Sequence[int]) -> Scaling:
-    """Return some motions of a suite with their factors."""
+    """Return the motions of a suite with the given indices, with their factors."""
     motions = tuple(fitted.motions[index] for index in indices)
     return replace(fitted, motions=motions, factors=fitted.factors[list(indices)])
 
@@ -242,34 +286,38 @@ def _within_limits(
         No selection was found. The message reports the selection with the smallest maximum factor.
     """
     low, high = limits
-    upper = high
+    upper_limit = high
     nearest: Scaling | None = None
     for _trial in range(_MAX_TRIALS):
-        factors = np.minimum(fitted.factors, upper)
+        factors = np.minimum(fitted.factors, upper_limit)
         chosen = choose(factors)
         scaling = raise_to_rule(_subset(replace(fitted, factors=factors), chosen), rule)
-        largest = float(np.max(scaling.factors))
-        if largest <= high * (1.0 + _ROUNDING):
-            within = replace(scaling, factors=np.minimum(scaling.factors, high))
-            return chosen, within, factors
-        if nearest is None or largest < float(np.max(nearest.factors)):
+        max_factor = float(np.max(scaling.factors))
+        if max_factor <= high * (1.0 + _ROUNDING):
+            limited = replace(scaling, factors=np.minimum(scaling.factors, high))
+            return chosen, limited, factors
+        if nearest is None or max_factor < float(np.max(nearest.factors)):
             nearest = scaling
-        # Reduce the upper limit by the present common factor, because the common factor of the next
-        # selection is similar or larger. If every factor is at the limit already, a lower limit
-        # would be compensated by a larger common factor.
-        if upper <= float(np.min(fitted.factors)):
+        # If every factor is at the limit already, a lower limit would be compensated by a larger
+        # common factor.
+        if upper_limit <= float(np.min(fitted.factors)):
             break
-        common = largest / float(np.max(factors[chosen]))
-        upper = max(min(high / common, upper * _LIMIT_REDUCTION), float(np.min(fitted.factors)))
+        # The common factor of the next selection is similar or larger, so the limit before the
+        # common factor is reduced at least by the present common factor.
+        common_factor = max_factor / float(np.max(factors[chosen]))
+        upper_limit = max(
+            min(high / common_factor, upper_limit * _LIMIT_REDUCTION), float(np.min(fitted.factors))
+        )
     assert nearest is not None
-    outside = abbreviate([f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5)
-    needed = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
+    outside_text = abbreviate(
+        [f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5
+    )
+    required_factor = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
     raise AnalysisError(
         f"no selection of {len(nearest.motions)} motions with factors from {low:g} to {high:g} "
-        f"meets the rule {rule}; the nearest selection needs factors up to {needed:g}: "
-        f"{outside}; set "
-        f"the limits to {low:g}:{needed:g}, or add stronger motions. The nearest selection: "
-        f"{', '.join(motion.source for motion in nearest.motions)}"
+        f"meets the rule {rule}; the nearest selection needs factors up to {required_factor:g}: "
+        f"{outside_text}; set the limits to {low:g}:{required_factor:g}, or add stronger motions. "
+        f"The nearest selection: {', '.join(motion.source for motion in nearest.motions)}"
     )
 
 
@@ -284,63 +332,64 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     list of str
         Name and date of the event; empty if the event of a motion is unknown.
     """
-    # Motions of one event become one group (disjoint-set forest): groups[i] is the parent of motion
-    # i, or i if the motion represents its group.
-    known = [_event_of_motion(motion) for motion in motions]
-    groups = list(range(len(known)))
+    # Motions, which are identified by their indices, are grouped by event in a disjoint-set forest:
+    # parents[i] is a motion of the same group as motion i, or i if motion i represents its group.
+    event_of_motion = [_event_of_motion(motion) for motion in motions]
+    parents = list(range(len(event_of_motion)))
 
-    def root(index: int) -> int:
-        """Return the representative motion of a group."""
-        while groups[index] != index:
-            groups[index] = groups[groups[index]]
-            index = groups[index]
-        return index
+    def root(motion: int) -> int:
+        """Return the motion that represents the group of a motion."""
+        while parents[motion] != motion:
+            parents[motion] = parents[parents[motion]]  # shortens the path for later calls
+            motion = parents[motion]
+        return motion
 
-    def unite(index: int, other: int) -> None:
+    def unite(motion: int, other_motion: int) -> None:
         """Merge the groups of two motions."""
-        first, second = sorted((root(index), root(other)))
-        groups[second] = first
+        representative, merged = sorted((root(motion), root(other_motion)))
+        parents[merged] = representative
 
-    # Unite motions with the same event in their headers, then the files of one recording. Files
-    # with a known event are united first and only with the same event, because files of one name
-    # may contain several recordings. Files without an event follow (second pass).
+    # Unite motions with the same event in their headers, then the motions of one recording, which
+    # have files with similar names. Motions with a known event are united first, and only with
+    # motions of the same event, because files with similar names may contain several recordings.
+    # Motions without a known event follow in a second pass.
     first_motions: dict[Earthquake, int] = {}
-    for index, event in enumerate(known):
+    for motion, event in enumerate(event_of_motion):
         if event.is_known:
-            unite(index, first_motions.setdefault(event, index))
-    by_recording: dict[str, int] = {}
-    for is_second, (index, names) in product((False, True), enumerate(_recordings(motions))):
-        for name in names if known[index].is_known is not is_second else []:
-            other = by_recording.setdefault(name, index)
-            if is_second or is_same_event(known[index], known[other]):
-                unite(index, other)
+            unite(motion, first_motions.setdefault(event, motion))
+    motion_of_recording: dict[str, int] = {}
+    for is_second, (motion, recordings) in product((False, True), enumerate(_recordings(motions))):
+        for recording in recordings if event_of_motion[motion].is_known is not is_second else []:
+            other_motion = motion_of_recording.setdefault(recording, motion)
+            if is_second or is_same_event(event_of_motion[motion], event_of_motion[other_motion]):
+                unite(motion, other_motion)
 
     # Headers may describe one event differently. Compare the distinct descriptions: descriptions
     # with a time only with descriptions of about the same time, in chronological order.
-    distinct = list(first_motions.values())
+    described = list(first_motions.values())
     dated = sorted(
-        (index for index in distinct if known[index].time),
-        key=lambda index: known[index].time or datetime.min,
+        (motion for motion in described if event_of_motion[motion].time),
+        key=lambda motion: event_of_motion[motion].time or datetime.min,
     )
-    undated = [index for index in distinct if not known[index].time]
-    for rank, index in enumerate(dated):
-        for other in dated[rank + 1 :]:
-            later, earlier = known[other].time, known[index].time
+    undated = [motion for motion in described if not event_of_motion[motion].time]
+    for rank, motion in enumerate(dated):
+        for other_motion in dated[rank + 1 :]:
+            later, earlier = event_of_motion[other_motion].time, event_of_motion[motion].time
             if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
                 break
-            if is_same_event(known[index], known[other]):
-                unite(index, other)
-    for rank, index in enumerate(undated):
-        for other in [*undated[rank + 1 :], *dated]:
-            if is_same_event(known[index], known[other]):
-                unite(index, other)
+            if is_same_event(event_of_motion[motion], event_of_motion[other_motion]):
+                unite(motion, other_motion)
+    for rank, motion in enumerate(undated):
+        for other_motion in [*undated[rank + 1 :], *dated]:
+            if is_same_event(event_of_motion[motion], event_of_motion[other_motion]):
+                unite(motion, other_motion)
 
     # The label of a group is the label of its first motion with a known event.
     labels: dict[int, str] = {}
-    for index, event in enumerate(known):
-        if event.is_known and root(index) not in labels:
-            labels[root(index)] = event.label
-    return [labels.get(root(index), "") for index in range(len(known))]
+    for motion, event in enumerate(event_of_motion):
+        if event.is_known and root(motion) not in labels:
+            labels[root(motion)] = event.label
+    return [labels.get(root(motion), "") for motion in range(len(event_of_motion))]
 
 
 def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, str]) -> list[str]:
@@ -352,7 +401,7 @@ def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, st
     ----------
     motions : sequence of Record or Horizontals
         The motions.
-    of_file : mapping of str to str
+    event_of_file : mapping of str to str
         The event of each file. A file is named by its path, its name or its name without suffix.
 
     Returns
@@ -366,28 +415,29 @@ def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, st
         The two components of a recording have different events.
     """
     recordings = _recordings(motions)
-    by_recording: dict[str, tuple[str, str]] = {}
+    file_and_event: dict[str, tuple[str, str]] = {}
     for motion, names in zip(motions, recordings, strict=True):
         files = dict.fromkeys(record.source for record in components(motion))
         for file, name in zip(files, names, strict=True):
             keys = (file, Path(file).name, Path(file).stem)
             event = next((event_of_file[key] for key in keys if event_of_file.get(key)), "")
-            other, other_event = by_recording.get(name, (file, event))
+            other_file, other_event = file_and_event.get(name, (file, event))
             if event and event != other_event:
                 raise UsageError(
-                    f"{other} and {file} are components of one recording, but their events differ: "
-                    f"{other_event!r} and {event!r}"
+                    f"{other_file} and {file} are components of one recording, but their events "
+                    f"differ: {other_event!r} and {event!r}"
                 )
             if event:
-                by_recording[name] = (file, event)
+                file_and_event[name] = (file, event)
     return [
-        next((by_recording[name][1] for name in names if name in by_recording), "")
+        next((file_and_event[name][1] for name in names if name in file_and_event), "")
         for names in recordings
     ]
 
 
 def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
-    """Return a name for each file of each motion, equal for the files of one recording."""
+    """Return, for each motion, a list with a name of the recording of each of its files. The names
+    are equal for the files of one recording."""
     files = [
         list(dict.fromkeys(record.source for record in components(motion))) for motion in motions
     ]
@@ -401,13 +451,8 @@ def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
 
 
 def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) -> None:
-    """Refuse motions with an unknown event.
-
-    Raises
-    ------
-    UsageError
-        The event of motions is unknown; the message lists their files.
-    """
+    """Raise UsageError, with a list of files, if the event of a motion is unknown (an empty
+    text)."""
     unknown = [motion.source for motion, event in zip(motions, events, strict=True) if not event]
     if unknown:
         raise UsageError(
@@ -450,14 +495,14 @@ def _pool(
         Number of all other motions, by reason.
     """
     left_out = {"duplicate": 0, "range of periods": 0, "zero": 0}
-    indices, spectra, seen = [], [], set()
+    indices, spectra, known_hashes = [], [], set()
     for index, motion in enumerate(motions):
         samples = tuple((record.dt, record.acceleration.tobytes()) for record in components(motion))
-        key = hash(samples)
-        if key in seen:
+        samples_hash = hash(samples)
+        if samples_hash in known_hashes:
             left_out["duplicate"] += 1
             continue
-        seen.add(key)
+        known_hashes.add(samples_hash)
         if not all(np.any(record.acceleration) for record in components(motion)):
             left_out["zero"] += 1
             continue
@@ -477,12 +522,18 @@ def _search(
     events: NDArray[np.int64],
     max_per_event: int,
 ) -> list[int]:
-    """Return the rows that have the minimum score as a selection.
+    """Search for the selection of motions with the minimum score, and return their rows.
+
+    The score is the mean over the periods of (mean deviation)^2, plus half of (standard deviation -
+    target)^2. The search adds the best row repeatedly, and then exchanges rows as long as the score
+    decreases. It is repeated from many starting points. The first starting point is the best single
+    motion; later starting points alternate between half of the best selection so far and random
+    motions.
 
     Parameters
     ----------
     deviations : ndarray, shape (n, k)
-        ln of the scaled spectra divided by the target.
+        ln of the scaled spectrum divided by the target, for each motion (row) and period.
     count : int
         Number of rows to select.
     target_scatter : ndarray, shape (k,), or None
@@ -492,55 +543,59 @@ def _search(
     max_per_event : int
         Maximum number of rows of one event.
     """
-    random, best, best_score = np.random.default_rng(0), list[int](), np.inf
+    generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
     squares = deviations * deviations
-    row_sums, parts = squares.sum(axis=1), np.empty_like(deviations)
+    row_sums, scratch = squares.sum(axis=1), np.empty_like(deviations)
 
     def scores(selected: list[int], size: int) -> Array:
-        """Return the score of a selection of `size` rows, which consists of the selected rows and
-        one more row, for each additional row; infinite if a row cannot be added."""
+        """Return, for each row, the score of the selected rows and this additional row; infinite if
+        the row cannot be added. The score is computed as if `size` rows were selected, with `size`
+        equal to the number of the rows including the additional row."""
         total = deviations[selected].sum(axis=0)
+        # |total + row|^2 for each row, divided by size^2 k: the mean of (mean deviation)^2
         result = (total @ total + 2.0 * (deviations @ total) + row_sums) / (
             size**2 * deviations.shape[1]
         )
         if target_scatter is not None and size > 2:
-            # (size - 1) variance = sum of squares - (total + row)^2 / size; computed in place
-            np.add(deviations, total, out=parts)
-            np.multiply(parts, parts, out=parts)
-            np.multiply(parts, -1.0 / size, out=parts)
-            np.add(parts, squares, out=parts)
-            np.add(parts, squares[selected].sum(axis=0), out=parts)
-            np.sqrt(np.maximum(parts, 0.0, out=parts), out=parts)
-            np.subtract(parts, target_scatter * np.sqrt(size - 1.0), out=parts)
+            # (size - 1) variance = sum of squares - (total + row)^2 / size. All operations are in
+            # place, because this function takes most of the time.
+            np.add(deviations, total, out=scratch)
+            np.multiply(scratch, scratch, out=scratch)
+            np.multiply(scratch, -1.0 / size, out=scratch)
+            np.add(scratch, squares, out=scratch)
+            np.add(scratch, squares[selected].sum(axis=0), out=scratch)
+            np.sqrt(np.maximum(scratch, 0.0, out=scratch), out=scratch)
+            np.subtract(scratch, target_scatter * np.sqrt(size - 1.0), out=scratch)
             result = result + _SCATTER_WEIGHT / ((size - 1) * deviations.shape[1]) * np.einsum(
-                "ij,ij->i", parts, parts
+                "ij,ij->i", scratch, scratch
             )
         result[selected] = np.inf
         count_of_event = np.bincount(events[selected], minlength=events.max() + 1)
         result[count_of_event[events] >= max_per_event] = np.inf
         return np.asarray(result)
 
-    for start in range(int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))):
-        # Select the starting point, add the best rows, then exchange rows while the score
-        # decreases.
-        chosen: list[int] = []
-        if start % 2:
-            chosen = random.permutation(best)[: count // 2].tolist()
-        elif start:
-            while len(chosen) < count:
-                chosen.append(int(random.choice(np.flatnonzero(np.isfinite(scores(chosen, 2))))))
-        while len(chosen) < count:
-            chosen.append(int(np.argmin(scores(chosen, len(chosen) + 1))))
-        score, improved = np.inf, True
-        while improved:
-            improved = False
+    for start_number in range(int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))):
+        selection: list[int] = []
+        if start_number % 2:  # half of the best selection so far
+            selection = generator.permutation(best_selection)[: count // 2].tolist()
+        elif start_number:  # random rows; the finite scores are those of rows that can be added
+            while len(selection) < count:
+                selection.append(
+                    int(generator.choice(np.flatnonzero(np.isfinite(scores(selection, 2)))))
+                )
+        while len(selection) < count:
+            selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
+        # Replace each row by the best row, as long as this decreases the score.
+        score, is_improved = np.inf, True
+        while is_improved:
+            is_improved = False
             for index in range(count):
-                others = chosen[:index] + chosen[index + 1 :]
-                all_scores = scores(others, count)
-                better = int(np.argmin(all_scores))
-                if all_scores[better] < score * (1.0 - _MIN_GAIN):
-                    improved |= better != chosen[index]
-                    chosen[index], score = better, float(all_scores[better])
+                remaining = selection[:index] + selection[index + 1 :]
+                all_scores = scores(remaining, count)
+                best_row = int(np.argmin(all_scores))
+                if all_scores[best_row] < score * (1.0 - _MIN_GAIN):
+                    is_improved |= best_row != selection[index]
+                    selection[index], score = best_row, float(all_scores[best_row])
         if score < best_score:
-            best, best_score = sorted(chosen), score
-    return best
+            best_selection, best_score = sorted(selection), score
+    return best_selection

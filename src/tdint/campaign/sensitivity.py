@@ -1,5 +1,5 @@
-"""Sensitivity of the peaks of a building to its parameters: one at a time, or by rank correlation
-in a sampled sweep."""
+"""Sensitivity of the peaks of a building to its parameters: effect of changing one parameter at a
+time, or rank correlation of peaks and parameters in a sweep with random samples."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from tdint.analysis.arguments import AnyModel, AnyRecord, model_of, record_of
 from tdint.analysis.run.demands import RUN
 from tdint.arrays import Array
 from tdint.campaign.batch import RunSettings
-from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+from tdint.campaign.definition import AnalysisOverrides, CampaignFile, ModelFiles, RecordFiles
 from tdint.campaign.execute import execute_plan, threads
 from tdint.campaign.inputs import Inputs
-from tdint.campaign.motions import FoundMotions, Scales
+from tdint.campaign.motions import CampaignMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store import Store, open_store
 from tdint.errors import UsageError
@@ -67,7 +67,8 @@ class ParameterEffect:
     at_high: float
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # The quantity contains functions, which cannot be pickled. Its name is pickled instead.
+        """Pickle the name of the quantity instead of the quantity, which contains functions that
+        cannot be pickled."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return _parameter_effect, ({**values, "quantity": self.quantity.name},)
 
@@ -127,16 +128,13 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
     Raises
     ------
     UsageError
-        As for `Model.replace`.
+        A parameter is unknown, or a value is out of range.
     """
-    changes = [(name, value) for name, low_high in ranges.items() for value in low_high]
-    return (
-        model,
-        *(
-            replace(model.replace(**{name: value}), label=f"{name}={value:g}")
-            for name, value in changes
-        ),
-    )
+    models = [model]
+    for name, (low, high) in ranges.items():
+        for value in (low, high):
+            models.append(replace(model.replace(**{name: value}), label=f"{name}={value:g}"))
+    return tuple(models)
 
 
 def sensitivity(
@@ -159,7 +157,8 @@ def sensitivity(
     records : one or a sequence
         Records, paths or traces.
     ranges : mapping of str to (float, float)
-        As for `one_at_a_time`: `{"damping": (0.02, 0.05), "stiffness_factor": (0.8, 1.2)}`.
+        Low and high values of parameters, by the names of `Model.replace`:
+        `{"damping": (0.02, 0.05), "stiffness_factor": (0.8, 1.2)}`.
     method : str, optional
         Method; by default the method of the model.
     dt : float, optional
@@ -184,7 +183,7 @@ def sensitivity(
     """
     building = model_of(model)
     record_list = records if isinstance(records, list | tuple) else [records]
-    motions = FoundMotions(suite_motions([record_of(motion) for motion in record_list]))
+    motions = CampaignMotions(suite_motions([record_of(motion) for motion in record_list]))
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
         with progress_reporter(
@@ -202,12 +201,13 @@ def sensitivity(
 def plan_of(
     model: Model,
     ranges: Mapping[str, tuple[float, float]],
-    motions: FoundMotions,
+    motions: CampaignMotions,
     *,
     method: str | None,
     dt: float | None,
 ) -> Plan:
-    """Return the plan of the runs of the buildings of `one_at_a_time`.
+    """Return the plan of the runs of a sensitivity analysis: the unchanged building, and the
+    building with the low and the high value of each parameter, under all motions.
 
     Parameters
     ----------
@@ -215,42 +215,58 @@ def plan_of(
         The building.
     ranges : mapping of str to (float, float)
         Low and high values of parameters.
-    motions : FoundMotions
+    motions : CampaignMotions
         Ground motions.
     method : str or None
         Method; None: the method of the model.
     dt : float or None
         Time step, s; None: the value of the model.
     """
-    inputs = Inputs(one_at_a_time(model, ranges), motions=motions)
-    files, scales = (ModelFiles((model.source,)), RecordFiles((), RecordChoice())), Scales((1.0,))
-    wishes = AnalysisWishes(method and parse(method).label)
-    return make_plan(
-        CampaignFile(model.name, model.source, *files, scales, wishes, RunSettings(dt)), inputs
+    campaign = CampaignFile(
+        name=model.name,
+        source=model.source,
+        buildings=ModelFiles((model.source,)),
+        records=RecordFiles((), RecordChoice()),
+        intensity=Scales((1.0,)),
+        analysis=AnalysisOverrides(method and parse(method).label),
+        settings=RunSettings(dt),
     )
+    return make_plan(campaign, Inputs(one_at_a_time(model, ranges), motions=motions))
 
 
 def parameter_effects(
     store: Store, name: str, ranges: Mapping[str, tuple[float, float]]
 ) -> list[ParameterEffect]:
-    """Return the effects of the parameters on the peaks, from the runs of the buildings of
-    `one_at_a_time`; for each peak in descending order."""
+    """Return the effects of the parameters on the peaks, for each peak in descending order.
+
+    Parameters
+    ----------
+    store : Store
+        Store with the completed runs of `plan_of`.
+    name : str
+        Name of the building.
+    ranges : mapping of str to (float, float)
+        Low and high values of parameters.
+    """
     result: list[ParameterEffect] = []
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
+
+    def sort_key(item: ParameterEffect) -> float:
+        """Return a number that sorts effects in descending order, unknown effects last."""
+        return math.inf if math.isnan(item.effect) else -item.effect
+
     for index, quantity in enumerate(PEAKS):
         effects = []
         for i, (parameter, (low, high)) in enumerate(ranges.items()):
-            # The order of `one_at_a_time`: unchanged, then low and high value of each parameter.
+            # Building 0 is unchanged. Buildings 2 i + 1 and 2 i + 2 have the low and the high value
+            # of parameter i.
             at_low, as_it_is, at_high = (
                 float(medians[number][index]) for number in (2 * i + 1, 0, 2 * i + 2)
             )
             effects.append(
                 ParameterEffect(name, parameter, quantity, low, high, at_low, as_it_is, at_high)
             )
-        result += sorted(
-            effects,
-            key=lambda effect: math.inf if math.isnan(effect.effect) else -effect.effect,
-        )
+        result += sorted(effects, key=sort_key)
     return result
 
 
@@ -265,26 +281,38 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     """
     from scipy.stats import spearmanr
 
-    varied = store.varied()
-    if not varied:
+    changes_of_building = store.varied()
+    if not changes_of_building:
         raise UsageError("the campaign has no sweep: add `vary` to its file")
-    # Group variations by the name of their building, which precedes the colon.
-    names = {number: name.partition(": ")[0] for number, (name, _) in store.buildings().items()}
-    groups: dict[tuple[str, float], list[tuple[int, Array]]] = {}
-    for (number, scale), values in _medians(store, by_scale=True).items():
-        groups.setdefault((names[number], scale), []).append((number, values))
+    # Group variations by building and scale factor. The name of a variation is the name of the
+    # building, a colon and a label.
+    base_names = {
+        variation: name.partition(": ")[0] for variation, (name, _) in store.buildings().items()
+    }
+    variations_of_group: dict[tuple[str, float], list[tuple[int, Array]]] = {}
+    for (variation, scale), values in _medians(store, by_scale=True).items():
+        variations_of_group.setdefault((base_names[variation], scale), []).append(
+            (variation, values)
+        )
     correlations = []
-    for (building, scale), members in groups.items():
-        for parameter in dict.fromkeys(name for number, _ in members for name in varied[number]):
-            x = np.array([varied[number].get(parameter, math.nan) for number, _ in members])
+    for (building, scale), variations in variations_of_group.items():
+        for parameter in dict.fromkeys(
+            name for variation, _ in variations for name in changes_of_building[variation]
+        ):
+            parameter_values = np.array(
+                [
+                    changes_of_building[variation].get(parameter, math.nan)
+                    for variation, _ in variations
+                ]
+            )
             for index, quantity in enumerate(PEAKS):
-                y = np.array([values[index] for _, values in members])
+                peak_values = np.array([values[index] for _, values in variations])
                 # Exclude samples without a peak, or without this parameter.
-                is_valid = np.isfinite(x) & np.isfinite(y)
-                both = x[is_valid], y[is_valid]
+                is_valid = np.isfinite(parameter_values) & np.isfinite(peak_values)
+                samples = parameter_values[is_valid], peak_values[is_valid]
                 # The rank correlation with a constant is not defined.
-                is_varying = all(np.unique(ranks).size > 1 for ranks in both)
-                coefficient = float(spearmanr(*both)[0]) if is_varying else math.nan
+                is_varying = all(np.unique(ranks).size > 1 for ranks in samples)
+                coefficient = float(spearmanr(*samples)[0]) if is_varying else math.nan
                 correlations.append(
                     RankCorrelation(
                         building, scale, parameter, quantity, coefficient, int(is_valid.sum())
@@ -294,8 +322,12 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
 
 
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
-    """Return the medians of `PEAKS` over the motions by building, and by scale factor if
-    requested."""
+    """Return the medians of `PEAKS` over the motions.
+
+    The key of the result is the number of the building and the scale factor, which is 0 and
+    comprises all scale factors if `by_scale` is false. The value is an array with one median per
+    peak.
+    """
     runs: dict[tuple[int, float], list[list[float | None]]] = {}
     columns = ", ".join(peak.column for peak in PEAKS)
     for number, scale, *peaks in store.connection.execute(

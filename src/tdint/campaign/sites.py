@@ -1,4 +1,5 @@
-"""Read ground motions at sites: a grid of points with their motions, or fields of events."""
+"""Read ground motions at sites: a grid of points, each with several motions, or ground motion
+fields, the motion of each event at each site."""
 
 from __future__ import annotations
 
@@ -16,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.spectra.elastic import SA_DAMPING
-from tdint.arrays import Array
+from tdint.arrays import Array, cached_property
 from tdint.campaign.definition import FieldFile
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
-from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMotions, PointMotion
+from tdint.campaign.motions import CampaignMotions, FieldMotions, GridFile, GridMotions, PointMotion
 from tdint.csv_table import (
     BLOCK,
     CsvTable,
@@ -48,19 +49,22 @@ from tdint.units import STANDARD_GRAVITY, parse_units
 
 # ---- Read a grid in the format of SimCenter's regional workflow, or fields of many events
 #
-# EventGrid.csv names a file for each point (GP_file, Longitude, Latitude). That file lists the
-# ground motions of the point (TH_file and, optionally, their factor). NAME.json contains a ground
-# motion: name, dT, data_x and, for a pair, data_y. Fields are a table of event, site, record and
-# factor, and a table of sites. OpenQuake's names of the columns are also supported.
+# EventGrid.csv lists the grid points: a file for each point, and its location (columns GP_file,
+# Longitude, Latitude). The file of a point lists its ground motions (columns TH_file and,
+# optionally, factor). The ground motion NAME is in NAME.json, with the keys name, dT, data_x and,
+# for a pair, data_y. Fields are a table of event, site, record and factor, and a table of sites.
+# OpenQuake's names of the columns are also supported.
 
 _EVENT_NAMES, _SITE_NAMES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
 _LONGITUDE_NAMES, _LATITUDE_NAMES = ("longitude", "lon"), ("latitude", "lat")
 _GMV = re.compile(r"gmv_(pga|pgv|sa\((?P<period>[0-9]*\.?[0-9]+)\))")
+"""Column with an intensity (ground motion value) in a table of OpenQuake."""
+
 _CENTIMETER = 0.01  # m; OpenQuake writes peak ground velocities in cm/s
 _SHOWN_FAULTS, _MAX_FAULTS = 10, 1000
 """Number of errors of a table that are shown, and number of errors after which reading stops."""
 
-_COMPONENTS = {"data_x": "x", "data_y": "y"}
+_COMPONENTS = {"data_x": "x", "data_y": "y"}  # name of the component by its key in a JSON file
 _SECOND_FILE = (
     "record_2"  # column with the file of the second component, for files named differently
 )
@@ -68,7 +72,7 @@ _SECOND_FILE = (
 Value = TypeVar("Value")
 
 
-def read_grid(grid: GridFile) -> FoundMotions:
+def read_grid(grid: GridFile) -> CampaignMotions:
     """Read the ground motions of a grid and the points to which they belong.
 
     Parameters
@@ -100,7 +104,7 @@ def read_grid(grid: GridFile) -> FoundMotions:
     # Read the motions of each point. A record that is listed in several files is read once.
     folder = Path(grid.file).parent
     motions: list[SuiteMotion] = []
-    numbers: dict[str, tuple[int, ...]] = {}
+    components_of_record: dict[str, tuple[int, ...]] = {}
     failures: list[RecordError] = []
     point_motions = []
     for file, _ in points:
@@ -108,33 +112,35 @@ def read_grid(grid: GridFile) -> FoundMotions:
         # A record that cannot be read is reported once. It has no components, so that it is omitted
         # from the samples.
         for name, factor in _motions_at(str(folder / file)):
-            if name not in numbers:
-                first = len(motions)
+            if name not in components_of_record:
+                first_number = len(motions)
                 try:
                     motions += _components_of(folder, name, unit.scale)
                 except RecordError as error:
                     failures.append(error)
-                numbers[name] = tuple(range(first, len(motions)))
-            motions_of_point.append((numbers[name], factor))
+                components_of_record[name] = tuple(range(first_number, len(motions)))
+            motions_of_point.append((components_of_record[name], factor))
         point_motions.append(motions_of_point)
     if not motions:
         raise RecordError(
             "\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion"
         )
     if grid.events:
-        return FoundMotions(
+        return CampaignMotions(
             tuple(motions),
             tuple(failures),
             places=_rows_as_events(grid.file, points, point_motions),
         )
-    # Points without readable motions are omitted: buildings near them use other points.
-    usable = [
-        (place, readable)
-        for (_, place), motions_of_point in zip(points, point_motions, strict=True)
-        if (readable := tuple(motion for motion in motions_of_point if motion[0]))
-    ]
-    places = GridMotions([place for place, _ in usable], tuple(motions for _, motions in usable))
-    return FoundMotions(tuple(motions), tuple(failures), places=places)
+    # Points without readable motions are omitted: buildings near them use other points. A motion
+    # that could not be read has no components.
+    places, readable_motions = [], []
+    for (_, place), motions_of_point in zip(points, point_motions, strict=True):
+        with_components = tuple(motion for motion in motions_of_point if motion[0])
+        if with_components:
+            places.append(place)
+            readable_motions.append(with_components)
+    grid_motions = GridMotions(places, tuple(readable_motions))
+    return CampaignMotions(tuple(motions), tuple(failures), places=grid_motions)
 
 
 def _rows_as_events(
@@ -142,7 +148,8 @@ def _rows_as_events(
     points: Sequence[tuple[str, tuple[float, float]]],
     point_motions: Sequence[Sequence[PointMotion]],
 ) -> FieldMotions:
-    """Return the field in which row k of the file of each point is event k.
+    """Return ground motion fields from a grid. The points are the sites, and row k of the file of
+    each point is the motion of event k.
 
     Parameters
     ----------
@@ -150,40 +157,51 @@ def _rows_as_events(
         Path of the grid.
     points : sequence of (str, (float, float))
         File and location (degrees) of each point.
-    point_motions : sequence of sequence
+    point_motions : sequence of sequence of PointMotion
         Motions of each point.
+
+    Raises
+    ------
+    ModelError
+        The files of the points have different numbers of rows.
     """
     # An event is identified by its row, so that all files must have the same number of rows.
-    count = len(point_motions[0])
+    event_count = len(point_motions[0])
     for (file, _), motions in zip(points, point_motions, strict=True):
-        if len(motions) != count:
+        if len(motions) != event_count:
             raise ModelError(
                 f"{Path(source).parent / file}: {len(motions)} motions, but {points[0][0]} has "
-                f"{count}; with `events` each row of these files must be the same event at all "
-                "points"
+                f"{event_count}; with `events` each row of these files must be the same event at "
+                "all points"
             )
     # A record is identified by the numbers of its components.
-    distinct = dict.fromkeys(numbers for motions in point_motions for numbers, _ in motions)
-    record_numbers = {components: number for number, components in enumerate(distinct)}
+    distinct_records = dict.fromkeys(
+        components for motions in point_motions for components, _ in motions
+    )
+    record_numbers = {
+        components: record_number for record_number, components in enumerate(distinct_records)
+    }
     rows = [
         (record_numbers[components], factor)
         for motions in point_motions
         for components, factor in motions
     ]
-    record = np.array([number for number, _ in rows], np.int32)
-    value = np.array([factor for _, factor in rows], float)
-    site, event = (numbers.ravel() for numbers in np.indices((len(points), count), np.int32))
+    records = np.array([record_number for record_number, _ in rows], np.int32)
+    factors = np.array([factor for _, factor in rows], float)
+    site, event = (
+        components.ravel() for components in np.indices((len(points), event_count), np.int32)
+    )
     files, places = zip(*points, strict=True)
     motions_of_record = [
         tuple((motion, 1.0) for motion in components) for components in record_numbers
     ]
-    events = [str(number + 1) for number in range(count)]
+    events = [str(record_number + 1) for record_number in range(event_count)]
     return FieldMotions.of_rows(
-        events, files, (site, event + 1, record, value), motions_of_record, places
+        events, files, (site, event + 1, records, factors), motions_of_record, places
     )
 
 
-def read_field(field_file: FieldFile) -> FoundMotions:
+def read_field(field_file: FieldFile) -> CampaignMotions:
     """Read the ground motions of fields, and the motion of each event at each site.
 
     Parameters
@@ -203,7 +221,7 @@ def read_field(field_file: FieldFile) -> FoundMotions:
     # Read the table first, so that its errors are reported before records are read.
     rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(places)})
     records = _FieldRecords(field_file)
-    motions = [records.motions_of(*line, measure) for line in rows.first_lines()]
+    motions = [records.motions_of(*record, measure) for record in rows.first_uses()]
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
     events, notes = list(rows.events), tuple(dict.fromkeys(records.notes))
@@ -211,11 +229,12 @@ def read_field(field_file: FieldFile) -> FoundMotions:
         events, list(rows.sites), rows.arrays(), motions, list(places.values())
     )
     rates = _rates(field_file.rates, events) if field_file.rates else {}
-    return FoundMotions(tuple(records.motions), tuple(records.failures), notes, field, rates)
+    return CampaignMotions(tuple(records.motions), tuple(records.failures), notes, field, rates)
 
 
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
-    """Return the annual rate of each event of the fields. Events without a field are ignored."""
+    """Return the annual rate (1/year) of each event of the fields, by its name. The file may
+    contain other events, which are ignored."""
     table = read_table(file, "rates are a CSV file with the columns event and rate", comment="#")
     event = _find_column(table, _EVENT_NAMES)
     table.need(event, "rate")
@@ -228,15 +247,14 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     missing = [name for name in events if name not in rates]
     if missing:
         raise ModelError(
-            f"{file}: the rate of {pluralize(len(missing), 'event')} of the fields is missing, "
-            "such "
-            f"as {missing[0]!r}; add a row for each event"
+            f"{file}: {pluralize(len(missing), 'event')} of the fields have no rate in this file, "
+            f"such as {missing[0]!r}; add a row for each event"
         )
     return {name: rates[name] for name in events}
 
 
 def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -> dict[str, Value]:
-    """Return the values of rows by the names in a column.
+    """Return a dictionary from the name in each row to the value of the row.
 
     Parameters
     ----------
@@ -261,10 +279,22 @@ def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -
 
 @dataclass
 class _FieldRows:
-    """Rows of a table of fields: numbers of site, event (from 1) and record, value, and line.
+    """Rows of a table of ground motion fields, as arrays of numbers, which require 24 bytes per
+    row.
 
-    The value is a factor on the record, or the intensity to which the record is scaled (SI). A row
-    requires 24 bytes.
+    Attributes
+    ----------
+    sites, events : dict of str to int
+        Number of each site, from 0, and of each event, from 1.
+    records : dict of (str, str, str) to int
+        Number of each record, from 0. The key is the file, the component, and the file of the
+        second component.
+    site, event, record : array of int
+        Numbers of the site, the event and the record in each row.
+    value : array of float
+        Factor on the record, or the intensity to which the record is scaled (SI units).
+    line : array of int
+        Line of each row in the file.
     """
 
     sites: dict[str, int]
@@ -289,7 +319,7 @@ class _FieldRows:
         block: Sequence[tuple[int, list[str]]],
         width: int,
         indices: Sequence[int],
-        unit: float,
+        value_unit: float,
         *,
         are_sites_known: bool,
         measure: IntensityMeasure | None,
@@ -303,26 +333,27 @@ class _FieldRows:
         width : int
             Number of columns of the table.
         indices : sequence of int
-            Indices of the columns of event, record, site, component, second component and value;
-            `width` for a column that does not exist.
-        unit : float
+            Indices of the columns of event, record, site, component, file of the second component,
+            and value; `width` for a column that does not exist.
+        value_unit : float
             Unit of the values in SI.
         are_sites_known : bool
             True if a table of sites exists, so that no site may be added.
         measure : IntensityMeasure or None
             Intensity measure of the values; None for factors.
         """
-        lines, rows = zip(*block, strict=True)
-        if set(map(len, rows)) != {width}:
+        line_numbers, cells = zip(*block, strict=True)
+        if set(map(len, cells)) != {width}:
             return False
-        columns = [*zip(*rows, strict=True), ("",) * len(rows)]
-        event, record, site, component, other, value = (columns[index] for index in indices)
-        values = np.ones(len(rows)) if indices[5] == width else numbers_in(value)
+        # An empty column at the index `width` represents columns that do not exist.
+        columns = [*zip(*cells, strict=True), ("",) * len(cells)]
+        event, record, site, component, second_file, value = (columns[index] for index in indices)
+        values = np.ones(len(cells)) if indices[5] == width else numbers_in(value)
         if not (values > 0.0 if measure else np.abs(values) > 0.0).all():
             return False
-        # Replace names by numbers in the order of their first use. Numbers that are given to the
-        # names of an invalid row have no effect, because the table is refused.
-        keys = zip(record, component, other, strict=True)
+        # Replace names by numbers in the order of their first use. If a row is invalid, its names
+        # also get numbers; this has no effect, because the table is refused.
+        keys = zip(record, component, second_file, strict=True)
         events = _numbers_of(event, self.events, str.strip, first=1)
         records = _numbers_of(keys, self.records, _strip_each)
         sites = _numbers_of(site, self.sites, str.strip, may_add=not are_sites_known)
@@ -336,8 +367,8 @@ class _FieldRows:
         self.site.extend(sites)
         self.event.extend(events)
         self.record.extend(records)
-        self.value.frombytes((unit * values).tobytes())
-        self.line.extend(lines)
+        self.value.frombytes((value_unit * values).tobytes())
+        self.line.extend(line_numbers)
         return True
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
@@ -347,23 +378,26 @@ class _FieldRows:
         )
         return site, event, record, np.frombuffer(self.value, np.float64)
 
-    def first_lines(self) -> list[tuple[int, str, str, str]]:
-        """Return for each record the line of its first use, its name, its component and the file of
-        its second component."""
-        first = np.unique(np.frombuffer(self.record, np.int32), return_index=True)[1].tolist()
-        return [(self.line[row], *key) for row, key in zip(first, self.records, strict=True)]
+    def first_uses(self) -> list[tuple[int, str, str, str]]:
+        """Return, for each record, the line of its first use, its file, its component and the file
+        of its second component."""
+        records = np.frombuffer(self.record, np.int32)
+        first_rows = np.unique(records, return_index=True)[1].tolist()
+        return [(self.line[row], *key) for row, key in zip(first_rows, self.records, strict=True)]
 
     def find_duplicates(self, file: str) -> list[str]:
-        """Return the errors of rows with an event and a site that an earlier row contains."""
+        """Return an error message for each row with an event and a site that an earlier row also
+        has."""
         site, event, *_ = self.arrays()
         # Combine event and site into one number. After sorting, duplicates are adjacent.
-        key = event.astype(np.int64) * len(self.sites) + site
-        order = np.argsort(key, kind="stable")
-        repeated = np.flatnonzero(np.diff(key[order]) == 0)
+        combined = event.astype(np.int64) * len(self.sites) + site
+        order = np.argsort(combined, kind="stable")
+        positions = np.flatnonzero(np.diff(combined[order]) == 0)
         names, events = list(self.sites), list(self.events)
         faults = []
         for duplicate, first in sorted(
-            (int(order[index + 1]), int(order[index])) for index in repeated[:_MAX_FAULTS].tolist()
+            (int(order[position + 1]), int(order[position]))
+            for position in positions[:_MAX_FAULTS].tolist()
         ):
             name = names[self.site[duplicate]]
             location = f"site {name!r}" if name else "all buildings"
@@ -383,12 +417,12 @@ def _numbers_of(
     first: int = 0,
     may_add: bool = True,
 ) -> list[int]:
-    """Return the numbers of names; -1 for an unknown name.
+    """Return the number of each name; -1 if the name has no number and must not be added.
 
     Parameters
     ----------
     names : iterable
-        Names as in the file.
+        Names as in the file, possibly with surrounding spaces.
     numbers : dict
         Numbers by name without surrounding spaces; new names are added.
     strip : callable
@@ -398,18 +432,19 @@ def _numbers_of(
     may_add : bool
         True if names may be added.
     """
+    # Usually all names are known and have no surrounding spaces: remove spaces only if necessary.
     names = list(names)
-    found = [numbers.get(name, -1) for name in names]
-    if -1 in found:
+    result = [numbers.get(name, -1) for name in names]
+    if -1 in result:
         names = list(map(strip, names))
         for name in dict.fromkeys(names) if may_add else ():
             numbers.setdefault(name, len(numbers) + first)
-        found = [numbers.get(name, -1) for name in names]
-    return found
+        result = [numbers.get(name, -1) for name in names]
+    return result
 
 
 def _strip_each(texts: tuple[str, str, str]) -> tuple[str, str, str]:
-    """Return the texts without surrounding spaces."""
+    """Return three texts without surrounding spaces."""
     first, second, third = texts
     return first.strip(), second.strip(), third.strip()
 
@@ -417,14 +452,15 @@ def _strip_each(texts: tuple[str, str, str]) -> tuple[str, str, str]:
 def _field_rows(
     field: FieldFile, sites: dict[str, int]
 ) -> tuple[_FieldRows, IntensityMeasure | None]:
-    """Read the rows of a table of fields sequentially.
+    """Read the rows of a table of ground motion fields.
 
     Parameters
     ----------
     field : FieldFile
         Path and settings of the fields.
     sites : dict of str to int
-        Numbers of the sites; if no sites are specified, the sites of the table are added.
+        Numbers of the sites with a known location. If no file with the locations is specified, the
+        sites of the table are added.
 
     Returns
     -------
@@ -455,84 +491,151 @@ def _field_rows(
             "the records"
         )
     value, unit, measure = _field_values(table)
-    names = (event, "record", site, "component", _SECOND_FILE, value)
-    width = len(table.header)
-    # Index of each column. A missing column has the index `width`, at which an empty cell is added.
-    indices = [table.header.index(name) if name and table.has(name) else width for name in names]
+    columns = (event, "record", site, "component", _SECOND_FILE, value)
+    reader = _RowReader(field, table, columns, unit, measure, _FieldRows(sites))
     # Collect errors up to a maximum, so that users can correct all of them in one edit.
-    rows, faults = _FieldRows(sites), list[str]()
+    faults: list[str] = []
     while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):
-        # Almost all rows are valid. Only blocks with an error are read row by row.
-        if rows.add_valid(
-            block, width, indices, unit, are_sites_known=bool(field.sites), measure=measure
-        ):
-            continue
-        for line, cells in block:
-            if len(faults) >= _MAX_FAULTS:
-                break
-            if table.overfull(cells):
-                faults.append(
-                    f"{file}:{line}: the row has {pluralize(len(cells), 'cell')}, but the header "
-                    f"has {pluralize(width, 'column')}"
-                )
-                continue
-            # Missing cells at the end of a row are empty.
-            cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
-            event_name, record, place, component, other, text = (
-                cells[index].strip() for index in indices
-            )
-            missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
-            missing += [site] if indices[2] < width and not place else []
-            factor = number(text) if text else 1.0
-            if missing:
-                faults.append(f"{file}:{line}: {missing[0]} is missing")
-            elif field.sites and place not in sites:
-                faults.append(
-                    f"{file}:{line}: site {place!r} not found in {field.sites}; add it there"
-                )
-            elif measure and not text:
-                faults.append(f"{file}:{line}: {value} is missing")
-            elif math.isnan(factor) or (measure and factor <= 0.0):
-                faults.append(
-                    f"{file}:{line}: {value} "
-                    f"{number_error(text, 'a positive number' if measure else 'a number')}"
-                )
-            elif factor == 0.0:
-                faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
-            else:
-                # Store numbers instead of names, because a row of numbers requires only 24 bytes.
-                site_number = sites.setdefault(place, len(sites))
-                event_number = rows.events.setdefault(event_name, len(rows.events) + 1)
-                record_number = rows.records.setdefault(
-                    (record, component, other), len(rows.records)
-                )
-                rows.add(site_number, event_number, record_number, unit * factor, line)
+        faults += reader.add_block(block)
+    del faults[_MAX_FAULTS:]
+    rows = reader.rows
     faults += rows.find_duplicates(file)
     if faults:
-        shown, more = faults[:_SHOWN_FAULTS], len(faults) - _SHOWN_FAULTS
-        last = (
-            [f"and {'at least ' if len(faults) >= _MAX_FAULTS else ''}{more} more errors"]
-            if more > 0
-            else []
-        )
-        raise ModelError("\n".join([*shown, *last]))
+        messages = faults[:_SHOWN_FAULTS]
+        if (more := len(faults) - _SHOWN_FAULTS) > 0:
+            at_least = "at least " if len(faults) >= _MAX_FAULTS else ""
+            messages.append(f"and {at_least}{more} more errors")
+        raise ModelError("\n".join(messages))
     if not rows.line:
-        raise ModelError(f"{file}: has no rows below its header; {needs}")
+        raise ModelError(f"{file}: the table has no rows below its header; {needs}")
     return rows, measure
 
 
+@dataclass(frozen=True)
+class _RowReader:
+    """Reader that converts rows of a table of ground motion fields to numbers.
+
+    Attributes
+    ----------
+    field : FieldFile
+        Path and settings of the fields.
+    table : CsvTable
+        Header of the table.
+    columns : tuple of six str
+        Names of the columns of event, record, site, component, file of the second component, and
+        value; the last is empty if all values are 1.
+    unit : float
+        Unit of the values in SI.
+    measure : IntensityMeasure or None
+        Intensity measure of the values; None for factors.
+    rows : _FieldRows
+        Receives the rows.
+    """
+
+    field: FieldFile
+    table: CsvTable
+    columns: tuple[str, str, str, str, str, str]
+    unit: float
+    measure: IntensityMeasure | None
+    rows: _FieldRows
+
+    @cached_property
+    def indices(self) -> list[int]:
+        """Index of each column. A missing column has the index after the last column of the table,
+        at which an empty cell is added to each row."""
+        table = self.table
+        return [
+            table.header.index(name) if name and table.has(name) else len(table.header)
+            for name in self.columns
+        ]
+
+    def add_block(self, block: Sequence[tuple[int, list[str]]]) -> list[str]:
+        """Append the valid rows of a block (line number and cells of each row), and return the
+        errors of the other rows."""
+        # Almost all rows are valid. Only blocks with an error are read row by row.
+        if self.rows.add_valid(
+            block,
+            len(self.table.header),
+            self.indices,
+            self.unit,
+            are_sites_known=bool(self.field.sites),
+            measure=self.measure,
+        ):
+            return []
+        errors = [self._add_row(line, cells) for line, cells in block]
+        return [
+            f"{self.field.file}:{line}: {error}"
+            for (line, _), error in zip(block, errors, strict=True)
+            if error
+        ]
+
+    def _add_row(self, line: int, cells: list[str]) -> str:
+        """Append a row and return an empty text; if the row is invalid, return its error."""
+        width = len(self.table.header)
+        if self.table.overfull(cells):
+            return (
+                f"the row has {pluralize(len(cells), 'cell')}, but the header has "
+                f"{pluralize(width, 'column')}"
+            )
+        # Missing cells at the end of a row are empty.
+        cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
+        texts = [cells[index].strip() for index in self.indices]
+        event, record, site, component, second_file, value_text = texts
+        value = number(value_text) if value_text else 1.0
+        if error := self._row_error(event, record, site, value_text, value):
+            return error
+        # Store numbers instead of names, because a row of numbers requires only 24 bytes.
+        rows = self.rows
+        site_number = rows.sites.setdefault(site, len(rows.sites))
+        event_number = rows.events.setdefault(event, len(rows.events) + 1)
+        record_key = (record, component, second_file)
+        record_number = rows.records.setdefault(record_key, len(rows.records))
+        rows.add(site_number, event_number, record_number, self.unit * value, line)
+        return ""
+
+    def _row_error(self, event: str, record: str, site: str, value_text: str, value: float) -> str:
+        """Return the error of a row; an empty text if it is valid.
+
+        Parameters
+        ----------
+        event, record, site, value_text : str
+            Cells of the row; an empty text if the cell is empty or the column does not exist.
+        value : float
+            Number in `value_text`; NaN if it is not a number, 1 if it is empty.
+        """
+        event_column, _, site_column, _, _, value_column = self.columns
+        has_site_column = self.indices[2] < len(self.table.header)
+        if not event:
+            return f"{event_column} is missing"
+        if not record:
+            return "record is missing"
+        if has_site_column and not site:
+            return f"{site_column} is missing"
+        if self.field.sites and site not in self.rows.sites:
+            return f"site {site!r} not found in {self.field.sites}; add it there"
+        if self.measure and not value_text:
+            return f"{value_column} is missing"
+        if math.isnan(value) or (self.measure and value <= 0.0):
+            required = "a positive number" if self.measure else "a number"
+            return f"{value_column} {number_error(value_text, required)}"
+        if value == 0.0:
+            return f"{value_column} must not be zero, got {value_text[:40]!r}"
+        return ""
+
+
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
-    """Return the column of values of a table of fields.
+    """Return the column with the values of a table of fields, which are factors on the records or
+    intensities computed by OpenQuake, to which the records are scaled.
 
     Returns
     -------
     column : str
-        Column of factors or of OpenQuake's intensities, `gmv_PGA`, `gmv_PGV` or `gmv_SA(0.6)`;
-        empty if all factors are 1.
+        Name of the column: `factor`, `gmv_PGA`, `gmv_PGV` or `gmv_SA(0.6)`; empty if all factors
+        are 1.
     unit : float
         Unit of the column in SI.
     measure : IntensityMeasure or None
-        Intensity measure of OpenQuake's intensities.
+        Intensity measure of the column; None for factors.
     """
     columns = [name for name in table.header if name.startswith("gmv_")]
     # If the table has a column of factors, OpenQuake's columns of intensities are not used.
@@ -551,10 +654,10 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
 
 
 def _site_places(file: str) -> dict[str, tuple[float, float]]:
-    """Return longitude and latitude of each site, degrees."""
-    needs = "sites are a CSV file with the columns site, longitude, latitude"
+    """Return a dictionary from the name of each site to its longitude and latitude, degrees."""
+    format_text = "sites are a CSV file with the columns site, longitude, latitude"
     table = read_table(
-        file, needs, columns=(*_SITE_NAMES, *_LONGITUDE_NAMES, *_LATITUDE_NAMES), comment="#"
+        file, format_text, columns=(*_SITE_NAMES, *_LONGITUDE_NAMES, *_LATITUDE_NAMES), comment="#"
     )
     site, longitude, latitude = (
         _find_column(table, names) for names in (_SITE_NAMES, _LONGITUDE_NAMES, _LATITUDE_NAMES)
@@ -564,13 +667,13 @@ def _site_places(file: str) -> dict[str, tuple[float, float]]:
 
 
 def _find_column(table: CsvTable, names: Sequence[str]) -> str:
-    """Return the first of several names of a column that a table contains; the first name if it
-    contains no such column."""
+    """Return the name of a column that can have several names: the first of them that the table
+    contains. If it contains none of them, return the first name, for the error message."""
     return next((name for name in names if table.has(name)), names[0])
 
 
 class _FieldRecords:
-    """Records of fields. Each record is read once."""
+    """Records of ground motion fields: reads each record once and numbers its motions."""
 
     def __init__(self, field: FieldFile) -> None:
         self._field = field
@@ -580,7 +683,12 @@ class _FieldRecords:
         self._files: dict[Path, dict[str, list[str]]] = {}
 
     def motions_of(
-        self, line: int, record: str, component: str, other: str, measure: IntensityMeasure | None
+        self,
+        line: int,
+        record: str,
+        component: str,
+        second_file: str,
+        measure: IntensityMeasure | None,
     ) -> tuple[tuple[int, float], ...]:
         """Read a record and return its motions.
 
@@ -588,8 +696,9 @@ class _FieldRecords:
         ----------
         line : int
             Line of its first use, for messages.
-        record, component, other : str
-            File, component, and file of the second component of a pair.
+        record, component, second_file : str
+            File of the record, its component, and the file of the second component of a pair; the
+            last two may be empty.
         measure : IntensityMeasure or None
             Intensity measure of the values; None for factors.
 
@@ -600,10 +709,10 @@ class _FieldRecords:
             factors. The result is empty if the record cannot be read or the intensity cannot be
             computed.
         """
-        first = len(self.motions)
+        first_number = len(self.motions)
         try:
-            motions = self._read(record, component, other)
-            measured = [
+            motions = self._read(record, component, second_file)
+            intensities = [
                 1.0 if measure is None else measure.of(motion.whole, GEOMETRIC_MEAN)
                 for motion in motions
             ]
@@ -611,15 +720,21 @@ class _FieldRecords:
             self.failures.append(RecordError(f"{self._field.file}:{line}: {error}"))
             return ()
         self.motions += motions
-        return tuple((first + index, value) for index, value in enumerate(measured))
+        return tuple((first_number + index, value) for index, value in enumerate(intensities))
 
-    def _read(self, record: str, component: str, other: str) -> tuple[SuiteMotion, ...]:
-        """Read a record.
+    def _read(self, record: str, component: str, second_file: str) -> tuple[SuiteMotion, ...]:
+        """Read a record and return its motions: its components, or a pair.
 
         Parameters
         ----------
-        record, component, other : str
-            File, component, and file of the second component of a pair.
+        record, component, second_file : str
+            File of the record, its component, and the file of the second component of a pair; the
+            last two may be empty.
+
+        Raises
+        ------
+        RecordError
+            The record cannot be used, or the second component is not found.
         """
         field, folder = self._field, Path(self._field.file).parent
         file = resolve(record, folder)
@@ -629,9 +744,9 @@ class _FieldRecords:
         choice = replace(field.choice, component=component or field.choice.component)
         if not field.pairs:
             suite = read_components([file], choice)
-        elif other:
+        elif second_file:
             # The table specifies the pair, so the file names do not matter.
-            suite = read_pairs([file, resolve(other, folder)], choice, ONE_MOTION)
+            suite = read_pairs([file, resolve(second_file, folder)], choice, ONE_MOTION)
         else:
             suite = read_pairs([file], choice)
             if any(isinstance(error, SingleHorizontal) for error in suite.failures):
@@ -646,17 +761,19 @@ class _FieldRecords:
         self.notes += suite.notes
         return suite_motions(suite.motions)
 
-    def _files_of_motion(self, file: str) -> list[str]:
-        """Return the files in the same directory that belong to the motion of a file by their
-        names, as for `records: files`."""
-        folder = Path(file).parent
+    def _files_of_motion(self, path: str) -> list[str]:
+        """Return the files, in the same directory, of all components of the motion to which a file
+        belongs. Files of one motion have names that differ only in the component."""
+        folder = Path(path).parent
         if folder not in self._files:
-            neighbors = [str(path) for path in sorted(folder.iterdir())]
-            by_motion: dict[str, list[str]] = {}
-            for path, name in zip(neighbors, motion_names(neighbors), strict=True):
-                by_motion.setdefault(name, []).append(path)
-            self._files[folder] = {path: paths for paths in by_motion.values() for path in paths}
-        return self._files[folder].get(str(Path(file)), [file])
+            files = [str(file) for file in sorted(folder.iterdir())]
+            files_of_name: dict[str, list[str]] = {}
+            for file, name in zip(files, motion_names(files), strict=True):
+                files_of_name.setdefault(name, []).append(file)
+            self._files[folder] = {
+                file: paths for paths in files_of_name.values() for file in paths
+            }
+        return self._files[folder].get(str(Path(path)), [path])
 
 
 def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
@@ -666,7 +783,7 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
     ----------
     file : str
         Path of the file.
-    named : str
+    component_name : str
         Component in the table; empty: the component of the campaign file.
     field : FieldFile
         Settings of the fields.
@@ -687,35 +804,40 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
             f"{file}: component {component!r} not found; available components: "
             f"{', '.join(motion.component for motion in motions)}"
         )
-    return tuple(
-        selected
-        if field.pairs
-        else (replace(motion, whole=motion.record, direction=1) for motion in selected)
-    )
+    if field.pairs:
+        return tuple(selected)
+    # Without pairs, each component is a motion of its own.
+    return tuple(replace(motion, whole=motion.record, direction=1) for motion in selected)
 
 
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
-    """Return the locations of rows, degrees."""
-    east, north = table.numbers(longitude), table.numbers(latitude)
+    """Return the longitude and latitude of each row of a table, degrees. `longitude` and `latitude`
+    are the names of the columns."""
+    longitudes, latitudes = table.numbers(longitude), table.numbers(latitude)
     table.check(
-        longitude, (abs(degrees) <= 360.0 for degrees in east), "must be from -360 to 360 degrees"
+        longitude,
+        (abs(degrees) <= 360.0 for degrees in longitudes),
+        "must be from -360 to 360 degrees",
     )
     table.check(
-        latitude, (abs(degrees) <= 90.0 for degrees in north), "must be from -90 to 90 degrees"
+        latitude, (abs(degrees) <= 90.0 for degrees in latitudes), "must be from -90 to 90 degrees"
     )
-    return list(zip(east, north, strict=True))
+    return list(zip(longitudes, latitudes, strict=True))
 
 
 def _motions_at(file: str) -> list[tuple[str, float]]:
-    """Return the ground motions of a point and their factors."""
-    needs = "the file of a grid point is a CSV file with the column TH_file and, optionally, factor"
-    table = read_table(file, needs, columns=("TH_file", "factor"))
+    """Return the names of the ground motions of a grid point and their factors, from the file of
+    the point. An empty factor is 1."""
+    format_text = (
+        "the file of a grid point is a CSV file with the column TH_file and, optionally, factor"
+    )
+    table = read_table(file, format_text, columns=("TH_file", "factor"))
     names = table.texts("TH_file", empty=False)
     factors = [1.0] * len(names)
     if table.has("factor"):
-        numbers = table.numbers("factor", empty=True)
-        table.check("factor", (number != 0.0 for number in numbers), "must not be zero")
-        factors = [1.0 if math.isnan(number) else number for number in numbers]
+        cells = table.numbers("factor", empty=True)
+        table.check("factor", (factor != 0.0 for factor in cells), "must not be zero")
+        factors = [1.0 if math.isnan(factor) else factor for factor in cells]
     return list(zip(names, factors, strict=True))
 
 
@@ -737,8 +859,8 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
         The file cannot be read.
     """
     file = folder / (name if name.endswith(".json") else f"{name}.json")
-    large = f"larger than {MOST_BYTES // 1024**2} MiB; this is not a ground motion"
-    data = read_whole(file, RecordError, {}, large, MOST_BYTES)
+    too_large_text = f"larger than {MOST_BYTES // 1024**2} MiB; this is not a ground motion"
+    data = read_whole(file, RecordError, {}, too_large_text, MOST_BYTES)
     try:
         content: object = json.loads(data, parse_int=float)  # all numbers are floats then
     except (ValueError, RecursionError) as error:
@@ -748,9 +870,9 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
     # Python's JSON parser also accepts NaN and Infinity, which this comparison refuses.
     dt = content["dT"]
     if not (isinstance(dt, float) and SHORTEST_STEP <= dt <= LONGEST_STEP):
-        limits = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
+        range_text = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
         raise RecordError(
-            f"{file}: dT must be a sampling interval, a number from {limits}, got {dt!r:.40}"
+            f"{file}: dT must be a sampling interval, a number from {range_text}, got {dt!r:.40}"
         )
     records = []
     for key, component in _COMPONENTS.items():

@@ -14,7 +14,7 @@ import numpy as np
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.target import read_target
 from tdint.campaign.intensity import GEOMETRIC_MEAN
-from tdint.campaign.motions import GivenFactors
+from tdint.campaign.motions import MotionFactors
 from tdint.campaign.pairs import PairRule, describe_demand
 from tdint.campaign.scaling import Scaling
 from tdint.errors import RecordError
@@ -646,7 +646,7 @@ def _scaling(
         least_ratio = 100.0 * settings["least_average_over_target"]
         facts.append(f"the minimum ratio of average to target is {least_ratio:.3g} %")
     parts: list[Part] = ["; ".join(facts) + "."]
-    if settings["target"] and isinstance(plan.levels, GivenFactors):
+    if settings["target"] and isinstance(plan.levels, MotionFactors):
         motions = _as_scaled(plan, plan.levels, paired=bool(settings["pairs"]))
         # The average in the text is the average of pairs; it is not drawn for single components.
         singles = settings["pairs"] and any(isinstance(motion, Record) for motion, _ in motions)
@@ -676,7 +676,7 @@ def _scaling(
 
 
 def _as_scaled(
-    plan: Plan, levels: GivenFactors, *, paired: bool
+    plan: Plan, levels: MotionFactors, *, paired: bool
 ) -> list[tuple[GroundMotion, tuple[float, ...]]]:
     """Return the scaled ground motions with their factors.
 

@@ -384,7 +384,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     result = _fit_known_runs(table, request, runs)
     if not runs.pairs.pairs:
         return result
-    functions = (replace(item, pair_demand=runs.pairs.stated) for item in result.functions)
+    functions = (replace(item, pair_demand=runs.pairs.demand_if_pairs) for item in result.functions)
     notes = () if request.pair_demand else (runs.pairs.note(),)
     return replace(result, functions=tuple(functions), notes=(*result.notes, *notes))
 
@@ -804,7 +804,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     if rule.pairs and not request.pair_demand:
         notes += (rule.note(),)
     fitted = [
-        item if isinstance(item, AnalysisError) else replace(item, pair_demand=rule.stated)
+        item if isinstance(item, AnalysisError) else replace(item, pair_demand=rule.demand_if_pairs)
         for item in fitted
     ]
     return replace(FragilityResult.of(fitted, *warnings), notes=notes)

@@ -75,7 +75,7 @@ units."""
 
 
 @dataclass(frozen=True)
-class DamageWishes:
+class DamageRequest:
     """Settings of damage in a campaign file.
 
     Attributes
@@ -105,7 +105,7 @@ class DamageWishes:
     loss_file: str | None = None
 
 
-def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
+def read_wishes(value: Value | None, rules: str | None) -> DamageRequest | None:
     """Read the settings of damage; None if they are missing or invalid.
 
     `rules` are the rules of an inventory.
@@ -123,12 +123,12 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
     demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
         read = damage.states_of(section, demand or "", thresholds)
-        return DamageWishes(read.demand, read.states, read) if read else None
+        return DamageRequest(read.demand, read.states, read) if read else None
     losses.fault("must be a mapping by state, because the thresholds are a mapping")
     return None
 
 
-def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageWishes | None:
+def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageRequest | None:
     """Read the settings for thresholds by rules or of a table; None if they are invalid.
 
     Parameters
@@ -178,7 +178,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
         return None
     dispersion = HAZUS_DISPERSION if source == HAZUS and beta is None else beta
     source = source if required_rules else thresholds.file() or source
-    return DamageWishes(
+    return DamageRequest(
         demand, states, source=source, dispersion=dispersion, losses=losses, loss_file=file
     )
 
@@ -200,7 +200,7 @@ class ClassDamage:
     losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
-def read_class_damage(request: DamageWishes | None) -> ClassDamage:
+def read_class_damage(request: DamageRequest | None) -> ClassDamage:
     """Read the tables that a campaign refers to.
 
     Raises
@@ -234,7 +234,7 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
     return ClassDamage(states, losses)
 
 
-def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
+def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
     """Read the damage states by class of a CSV file, which can be the file of capacity curves.
 
     The columns are `class`, one column for each state with the unit of the demand (`slight` for a
@@ -333,13 +333,13 @@ class Damage:
 
 
 def damage_of(
-    request: DamageWishes | None, classes: ClassDamage, buildings: Buildings
+    request: DamageRequest | None, classes: ClassDamage, buildings: Buildings
 ) -> Damage | None:
     """Return the damage states of a campaign; None if they are not specified.
 
     Parameters
     ----------
-    request : DamageWishes or None
+    request : DamageRequest or None
         Settings of the campaign file.
     classes : ClassDamage
         Tables of the settings.
@@ -416,7 +416,7 @@ def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
 
 
 def _states(
-    request: DamageWishes | None,
+    request: DamageRequest | None,
     classes: ClassDamage,
     name: str,
     facts: BuildingFacts | CapacityFacts | None = None,
@@ -425,7 +425,7 @@ def _states(
 
     Parameters
     ----------
-    request : DamageWishes or None
+    request : DamageRequest or None
         Settings of the campaign file.
     classes : ClassDamage
         Tables of the settings.

@@ -338,7 +338,7 @@ def _with_level(store: Store, columns: tuple[Column, ...], place: int) -> tuple[
 def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
     """Return the columns and, if there are pairs, the column that states how they are counted."""
 
-    stated = store.pair_rule().stated
+    stated = store.pair_rule().demand_if_pairs
     return (*columns, *(replace(PAIR_DEMAND, value=lambda _: stated),) * bool(stated))
 
 

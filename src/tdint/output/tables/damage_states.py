@@ -440,7 +440,7 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
 
 def _pair_demand(store: Store) -> tuple[str, ...]:
     """Return the cell that states how pairs are counted, if there are pairs."""
-    pair_demand = store.pair_rule().stated
+    pair_demand = store.pair_rule().demand_if_pairs
     return (pair_demand,) if pair_demand else ()
 
 

@@ -288,7 +288,7 @@ def _districts(
     """
     positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
     groups = list(group_damages(store, by=by))
-    pair_demand = store.pair_rule().stated
+    pair_demand = store.pair_rule().demand_if_pairs
 
     def mean_loss(group: TypeDamage) -> float:
         """Return the mean loss of a group; without costs the mean loss ratio."""
