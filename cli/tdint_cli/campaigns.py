@@ -352,7 +352,7 @@ def carry_out(
         not met. Raised after all other work is done.
     """
     from tdint.campaign.profiles import check_baseline
-    from tdint.campaign.store import FILE, forget, open_store, remove
+    from tdint.campaign.store import FILE, open_store, remove, remove_store
     from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
 
     report_pairs(plan, request)
@@ -395,7 +395,7 @@ def carry_out(
             )
             names = (*made, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS, SUMMARY)
             refuse_protected(folder / name for name in names)
-            forget(folder / FILE)
+            remove_store(folder / FILE)
             for name in names:
                 remove(folder / name)
             store, remarks = open_store(folder, plan, kept)
@@ -563,12 +563,12 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     OutputError
         A table exists and must not be replaced.
     """
-    from tdint.campaign.store import FILE, foreign
+    from tdint.campaign.store import FILE, foreign_file_error
 
     if not is_there(folder / FILE) and not overwrite:
         for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
             if is_there(folder / name):
-                raise foreign(folder / name)
+                raise foreign_file_error(folder / name)
 
 
 def advance_with_bar(
@@ -822,7 +822,7 @@ def _write(
     request, store, units = profiles.request, profiles.store, profiles.units
     # Write runs.csv, unless the campaign selects only other tables.
     files: dict[str, Content] = {}
-    if store.writes("runs"):
+    if store.is_requested("runs"):
         files[RUNS] = lambda stream: tables.campaign.write_runs(store, stream, units)
     files |= contents
     settings = store.parameters()
@@ -840,7 +840,7 @@ def _write(
     here = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
         store.refuse_foreign(here)
-    write_files(here, overwrite=True, on_written=store.will_write)
+    write_files(here, overwrite=True, on_written=store.record_written)
 
 
 def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:
@@ -868,13 +868,13 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     )
 
     writers: dict[str, Content] = {}
-    if store.writes("damage"):
+    if store.is_requested("damage"):
         writers[DAMAGE] = lambda stream: write_damage(store, stream, units)
-    if is_complete(store) and store.writes("damage"):
+    if is_complete(store) and store.is_requested("damage"):
         writers[TYPES] = lambda stream: write_types(store, stream)
     # Losses require a damage state with a loss ratio. Their exceedance rates also require rates of
     # the events.
-    if has_losses(store) and is_complete(store) and store.writes("losses"):
+    if has_losses(store) and is_complete(store) and store.is_requested("losses"):
         writers[LOSSES] = lambda stream: write_losses(store, stream, by)
         if store.rates():
             writers[EXCEEDANCE] = lambda stream: write_exceedance(store, stream, by)

@@ -44,7 +44,7 @@ class MapRequest:
         shapes = None
         if self.polygons is not None:
             place = [title.lower() for title in store.inventory_columns()].index(by.lower())
-            parts = {store.carried(number)[place] for number in store.buildings()}
+            parts = {store.copied_cells(number)[place] for number in store.buildings()}
             shapes = read_polygons(self.polygons, by, sorted(parts))
         return partial(write_districts, store, by=by, polygons=shapes, events=self.events)
 

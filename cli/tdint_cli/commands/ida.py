@@ -273,7 +273,7 @@ def _folder(request: IdaRequest) -> Path | None:
         An existing file was not written from the store of the study, or the store is not trusted.
     """
     from tdint.campaign.ida import STORE
-    from tdint.campaign.store import forget, open_written
+    from tdint.campaign.store import open_written, remove_store
     from tdint.campaign.store_schema import locked
 
     folder = Path(request.output) if request.output else None
@@ -288,7 +288,7 @@ def _folder(request: IdaRequest) -> Path | None:
     check_outputs(outputs, overwrite=request.overwrite or begun is not None)
     if begun and request.overwrite:
         with locked(begun.parent):
-            forget(begun)
+            remove_store(begun)
     elif begun:
         with open_written(begun) as store:
             store.refuse_foreign(outputs)
@@ -363,7 +363,7 @@ def _write(
     with open_written(Path(request.output) / STORE) as store:
         if not request.overwrite:
             store.refuse_foreign(files)
-        write_files(files, overwrite=True, on_written=store.will_write)
+        write_files(files, overwrite=True, on_written=store.record_written)
 
 
 def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: list[str]) -> bytes:

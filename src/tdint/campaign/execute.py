@@ -1,5 +1,5 @@
 """Execute the plan of a campaign: run the missing chunks, store their results, and report progress.
-Merge the stores of shards."""
+Also merge the stores of shards (parts of a campaign that run on different machines)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,7 +47,7 @@ Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
 
 @dataclass(frozen=True)
 class Shard:
-    """Every `of`-th chunk of a campaign, starting with chunk `number`, counted from 1."""
+    """Part of a campaign: every `of`-th chunk, starting with chunk `number`, counted from 1."""
 
     number: int
     of: int
@@ -64,12 +64,13 @@ class Shard:
 
 @dataclass(frozen=True)
 class Advance:
-    """Progress of a campaign in one call.
+    """Progress of a campaign, or of a shard, in one call.
 
     Attributes
     ----------
     done, runs : int
-        Number of completed runs, and number of runs when the call is complete.
+        Number of completed runs now, and at the end of the call. Both include the runs of earlier
+        calls.
     before : int
         Number of runs that were completed before the call.
     seconds : float
@@ -126,29 +127,27 @@ def execute_plan(
         The store cannot be written.
     """
     # Chunks that were stored by a previous call count as completed.
-    numbers = range(plan.chunks) if shard is None else shard.chunks(plan)
-    remaining = sorted(set(numbers) - store.done())
-    runs_before = sum(plan.size(number) for number in numbers) - sum(
-        plan.size(number) for number in remaining
-    )
+    chunks = range(plan.chunks) if shard is None else shard.chunks(plan)
+    missing = sorted(set(chunks) - store.done())
+    runs_before = sum(map(plan.size, chunks)) - sum(map(plan.size, missing))
     # Complete the chunk in which the limit is reached: incomplete chunks are never stored.
     if max_runs is not None:
-        totals = list(accumulate(plan.size(number) for number in remaining))
-        remaining = remaining[: sum(total < max_runs for total in totals) + 1]
-    runs_after = runs_before + sum(plan.size(number) for number in remaining)
+        cumulative_runs = list(accumulate(map(plan.size, missing)))
+        chunks_below_limit = sum(total < max_runs for total in cumulative_runs)
+        missing = missing[: chunks_below_limit + 1]
+    runs_after = runs_before + sum(map(plan.size, missing))
     advance = Advance(runs_before, runs_after, runs_before, 0.0)
     if shard is not None:
         store.add_shard(shard.text)
     # Compile before the clock starts: compilation is not part of the reported time per run.
-    if remaining:
+    if missing:
         compile_for(plan)
     began = time.perf_counter()
     # Store each chunk immediately, so that completed chunks remain if the process is killed.
-    for done in engine(plan, remaining):
+    for done in engine(plan, missing):
         store.add(done)
-        advance = Advance(
-            advance.done + len(done.rows.runs), runs_after, runs_before, time.perf_counter() - began
-        )
+        completed_runs, seconds = advance.done + len(done.rows.runs), time.perf_counter() - began
+        advance = Advance(completed_runs, runs_after, runs_before, seconds)
         on_chunk(advance)
     return advance
 
@@ -174,13 +173,14 @@ def cluster(scheduler: Cluster) -> Engine:
 def compile_for(plan: Plan) -> None:
     """Load the time loops of the buildings, and compile them if necessary, before threads request
     them simultaneously."""
-    # Keys of the dictionary are the loops without duplicates; `integrate_many` computes spectra.
+    # Use the keys of a dictionary, so that each loop is listed once, in order. `integrate_many`
+    # with all laws is required in any case.
     variants = {(integrate_many, EVERYTHING): None}
     for building in plan.buildings[:_MAX_COMPILED_FOR]:
         subject = building.subject()
         variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
     load_or_compile(list(variants))
-    # A first call loads the kernel of spectra, which is needed for Sa(T1).
+    # A first call at any period loads the kernel of spectra, which is needed for Sa(T1).
     spectral_accelerations(plan.motions[0].record, [1.0])
 
 
@@ -221,7 +221,8 @@ class CampaignRuns(Tabular):
     def of(
         cls, store: Store, failures: tuple[TdintError, ...], warnings: tuple[str, ...] = ()
     ) -> CampaignRuns:
-        """Copy the contents of a store, which may be closed or changed afterwards.
+        """Return the runs of a store. Its contents are copied, so it may be closed or changed
+        afterwards.
 
         Parameters
         ----------
@@ -362,7 +363,8 @@ def campaign(
 
 _BUILDING_TABLES = ("buildings", "inventory", "building_types")
 _CHUNK_COLUMNS = {**{table.name: -1 for table in schema.ROW_TABLES}, "chunks": 0}
-"""Index of the column with the number of the chunk, by table."""
+"""Index of the column with the number of the chunk, by table: the last column of tables of rows,
+the first column of the table of chunks."""
 
 _log = logging.getLogger(__name__)
 
@@ -397,17 +399,18 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     """
     # Open the stores sequentially: the files of a thousand shards cannot all be open at a time.
     parts: list[_Part] = []
-    for folder in folders:
-        with open_existing(folder) as source:
-            parts.append(_part(folder, source))
+    for directory in folders:
+        with open_existing(directory) as source:
+            parts.append(_part(directory, source))
         _check_same(parts[0], parts[-1])
     # Chunks in the target from an earlier call are not missing. The target may not exist, or may be
     # empty.
-    merged = list(parts)
+    parts_and_target = list(parts)
     with suppress(UsageError), open_existing(target) as existing:
-        merged.append(_part(target, existing))
-    if (missing := _describe_missing(merged)) and not partial:
-        raise AnalysisError(f"{missing}; add their directories, or use --partial")
+        parts_and_target.append(_part(target, existing))
+    missing_text = _describe_missing(parts_and_target)
+    if missing_text and not partial:
+        raise AnalysisError(f"{missing_text}; add their directories, or use --partial")
     name = str(target / FILE)
     with schema.sqlite_errors_reported(name):
         store = Store(schema.connect(name), name)
@@ -415,13 +418,13 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
         with schema.sqlite_errors_reported(name):
             if not is_empty(store):
                 schema.check_store(store.connection, name)
-                _check_same(merged[-1], parts[0])
+                _check_same(parts_and_target[-1], parts[0])
             _copy_buildings(parts, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
-        if healed := store.heal():
-            _warn_of_corrupt_chunks(replace(merged[-1], name=name, damaged=healed))
+        if removed_count := store.remove_invalid_chunks():
+            _warn_of_corrupt_chunks(name, removed_count)
         for part in parts:
-            _warn_of_corrupt_chunks(part)
+            _warn_of_corrupt_chunks(part.name, part.corrupt_count)
             with _reopened(part) as source, schema.sqlite_errors_reported(name):
                 _copy_chunks(source, store, set(part.chunks))
     return store
@@ -432,7 +435,22 @@ class _Part:
     """Contents of the store of a part of a campaign: a directory with some of its runs, such as a
     shard.
 
-    `identity` contains the values that must be equal in all parts of a campaign.
+    Attributes
+    ----------
+    folder : Path
+        Directory of the store.
+    name : str
+        Path of the store, for messages.
+    identity : dict of str to str
+        Values that must be equal in all parts of a campaign, by name.
+    runs : int
+        Number of runs of the complete campaign.
+    shards : list of str
+        Shards, K/N, whose runs were written to the store.
+    chunks : dict of int to int
+        Number of runs of each chunk that is complete and not corrupt, by the number of the chunk.
+    corrupt_count : int
+        Number of corrupt chunks.
     """
 
     folder: Path
@@ -441,13 +459,13 @@ class _Part:
     runs: int
     shards: list[str]
     chunks: dict[int, int]
-    damaged: int
+    corrupt_count: int
 
 
 def _part(folder: Path, store: Store) -> _Part:
     """Read the contents of the store of a part of a campaign."""
     with schema.sqlite_errors_reported(store.name):
-        damaged = schema.damaged_chunks(store.connection)
+        corrupt = schema.corrupt_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
         identity = {
             key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")
@@ -455,8 +473,8 @@ def _part(folder: Path, store: Store) -> _Part:
         identity["inventory files"] = json.dumps(store.inventory_files())
         runs = int(store.meta("runs"))
     # Corrupt chunks count as missing, because they are not copied.
-    sound = {number: count for number, count in chunks.items() if number not in damaged}
-    return _Part(folder, store.name, identity, runs, store.shards(), sound, len(damaged))
+    intact = {number: count for number, count in chunks.items() if number not in corrupt}
+    return _Part(folder, store.name, identity, runs, store.shards(), intact, len(corrupt))
 
 
 def _reopened(part: _Part) -> Store:
@@ -464,72 +482,72 @@ def _reopened(part: _Part) -> Store:
     return Store(schema.connect_to_read(part.folder / FILE), part.name)
 
 
-def _check_same(part: _Part, other: _Part) -> None:
+def _check_same(part: _Part, other_part: _Part) -> None:
     """Raise UsageError, with the differences, if two parts belong to different campaigns."""
-    if part.identity == other.identity:
+    if part.identity == other_part.identity:
         return
-    has_new_inventory = part.identity["inventory files"] != other.identity["inventory files"]
-    if all(part.identity[key] == other.identity[key] for key in ("fingerprint", "chunks")):
+    has_new_inventory = part.identity["inventory files"] != other_part.identity["inventory files"]
+    if all(part.identity[key] == other_part.identity[key] for key in ("fingerprint", "chunks")):
         # The runs are the same. The parts still cannot be merged, because the tables depend on the
         # inventory and on the section damage, and these differ.
         lines = "\n".join([INVENTORY_CHANGED] * has_new_inventory)
-        if any(part.identity[key] != other.identity[key] for key in ("inventory", "damage")):
+        if any(part.identity[key] != other_part.identity[key] for key in ("inventory", "damage")):
             lines = (
                 "the columns of the inventory or the section damage differ; run `tdint campaign` "
                 f"again for each shard\n{lines}"
             ).rstrip()
     else:
-        with _reopened(part) as first, _reopened(other) as second:
-            sides = first.sides(), second.sides()
+        with _reopened(part) as store, _reopened(other_part) as other_store:
             lines = all_differences(
-                *sides,
-                store=part.name,
-                given=other.name,
-                parts=bool(part.shards),
+                store.compared_values(),
+                other_store.compared_values(),
+                stored_label=part.name,
+                other_label=other_part.name,
+                are_shards=bool(part.shards),
                 has_new_inventory=has_new_inventory,
             )
-    raise UsageError(f"{part.name} and {other.name} belong to different campaigns\n{lines}")
+    raise UsageError(f"{part.name} and {other_part.name} belong to different campaigns\n{lines}")
 
 
 def _describe_missing(parts: Sequence[_Part]) -> str:
-    """Return the number of runs that are missing from all stores of a campaign, and their shards;
-    an empty text if no runs are missing."""
-    stored = {number: runs for part in parts for number, runs in part.chunks.items()}
-    missing = sorted(set(range(int(parts[0].identity["chunks"]))) - set(stored))
-    if not missing:
+    """Return a text with the number of runs that are missing from all stores of a campaign, and the
+    shards to which they belong; an empty text if no runs are missing."""
+    stored_runs = {number: runs for part in parts for number, runs in part.chunks.items()}
+    missing_chunks = set(range(int(parts[0].identity["chunks"]))) - set(stored_runs)
+    if not missing_chunks:
         return ""
     total = parts[0].runs
-    message = (
-        f"{total - sum(stored.values())} of {pluralize(total, 'run')} are not in any directory"
-    )
+    missing_count = total - sum(stored_runs.values())
+    message = f"{missing_count} of {pluralize(total, 'run')} are not in any directory"
     # Missing shards can be named if all shards have the same N of K/N, the usual case.
-    requested = {text for part in parts for text in part.shards}
-    if len(divisions := {int(text.partition("/")[2]) for text in requested}) != 1:
+    started_shards = {text for part in parts for text in part.shards}
+    shard_counts = {int(text.partition("/")[2]) for text in started_shards}
+    if len(shard_counts) != 1:
         return message
-    (shard_count,) = divisions
-    # A shard with a directory can also lack chunks, if it was not completed.
-    incomplete = [
+    (shard_count,) = shard_counts
+    # Chunk i belongs to shard i % N + 1.
+    missing_shards = [
         Shard(number, shard_count).text
-        for number in sorted({chunk % shard_count + 1 for chunk in missing})
+        for number in sorted({chunk % shard_count + 1 for chunk in missing_chunks})
     ]
-    names = [f"{text} (not complete)" if text in requested else text for text in incomplete]
+    # A shard with a directory can also lack chunks, if it was not completed.
+    names = [
+        f"{text} (not complete)" if text in started_shards else text for text in missing_shards
+    ]
     return f"{message}: missing {'shard' if len(names) == 1 else 'shards'} {', '.join(names)}"
 
 
-def _warn_of_corrupt_chunks(part: _Part) -> None:
-    """Log a warning if a part has corrupt chunks."""
-    if part.damaged:
-        _log.warning(
-            "%s: %d corrupt chunks of runs are omitted",
-            part.name,
-            part.damaged,
-        )
+def _warn_of_corrupt_chunks(name: str, count: int) -> None:
+    """Log a warning if the store with the path `name` has corrupt chunks, `count` of them."""
+    if count:
+        _log.warning("%s: %d corrupt chunks of runs are omitted", name, count)
 
 
 def _copy(
     source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True
 ) -> None:
-    """Copy the rows of a table that a function accepts. Rows that exist in the target are kept."""
+    """Copy the rows of a table for which the function `accept` returns True, by default all rows.
+    Rows that exist in the target are not replaced."""
     rows = source.connection.execute(f"SELECT * FROM {table}")
     placeholders = ", ".join("?" * len(rows.description))
     target.connection.executemany(
@@ -544,29 +562,35 @@ def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
         is_new = is_empty(target)
         for statement in schema.TABLES if is_new else ():
             target.connection.execute(statement)
-        for number, part in enumerate(parts):
+        for index, part in enumerate(parts):
             with _reopened(part) as source:
-                for table in (
-                    *(("meta", "records") if is_new and not number else ()),
-                    *_BUILDING_TABLES,
-                ):
+                # Settings and records are the same in all parts: copy them from the first part.
+                if is_new and index == 0:
+                    _copy(source, target, "meta")
+                    _copy(source, target, "records")
+                for table in _BUILDING_TABLES:
                     _copy(source, target, table)
-                target.add_unused(
-                    (kind, reason)
-                    for kind, reasons in source.unused().items()
-                    for reason in reasons
-                )
-        if shards := list(
-            dict.fromkeys([*target.shards(), *(text for part in parts for text in part.shards)])
-        ):
+                for category, reasons in source.unused().items():
+                    target.add_unused((category, reason) for reason in reasons)
+        part_shards = [text for part in parts for text in part.shards]
+        shards = list(dict.fromkeys([*target.shards(), *part_shards]))  # without duplicates
+        if shards:
             values = ("shards", json.dumps(shards))
             target.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
         target.seal()
 
 
-def _copy_chunks(source: Store, target: Store, sound: set[int]) -> None:
-    """Copy the chunks that only the source contains. Chunks in both stores are not mixed."""
-    new = sound - target.done()
+def _copy_chunks(source: Store, target: Store, intact: set[int]) -> None:
+    """Copy chunks with all their rows. Chunks that the target already contains are not copied.
+
+    Parameters
+    ----------
+    source, target : Store
+        Stores of the same campaign.
+    intact : set of int
+        Numbers of the chunks of the source that are not corrupt.
+    """
+    new_chunks = intact - target.done()
     with schema.transaction(target.connection, target.name):
         for table, index in _CHUNK_COLUMNS.items():
-            _copy(source, target, table, lambda row, index=index: row[index] in new)  # type: ignore[misc]
+            _copy(source, target, table, lambda row, index=index: row[index] in new_chunks)  # type: ignore[misc]

@@ -36,7 +36,7 @@ from tdint.campaign.intensity import (
     sa,
 )
 from tdint.campaign.pairs import LARGER, SEPARATE, check_pair_demand, join_pairs
-from tdint.campaign.store import Identity, Store, as_json, open_or_begin
+from tdint.campaign.store import Identity, Store, as_json, open_or_create
 from tdint.campaign.store_schema import locked
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -357,7 +357,7 @@ def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Stor
     """Lock the directory of a study and open its store; without a directory (None), open a store in
     memory. Yield the store and messages for the user about it, one sentence each."""
     with locked(folder) if folder else nullcontext():
-        store, remarks = open_or_begin(folder / STORE if folder else None, identity, log=False)
+        store, remarks = open_or_create(folder / STORE if folder else None, identity, log=False)
         with store:
             yield store, remarks
 
@@ -496,7 +496,7 @@ class _Work:
         runs = self._runs_at_levels(run)
         return Done(self.number, rows, time.thread_time() - began), runs
 
-    def kept(self, rows: Sequence[RunRow]) -> RecordRuns | None:
+    def stored_runs(self, rows: Sequence[RunRow]) -> RecordRuns | None:
         """Return the runs from their stored rows; None if the levels of the rows are not the levels
         that the search selects."""
         row_of_scale = {row.scale: row for row in rows}
@@ -545,7 +545,7 @@ def _run_all(
     """
     results: dict[int, RecordRuns] = {}
     for number in sorted(store.done()):
-        if runs := works[number].kept(store.runs_of(number)):
+        if runs := works[number].stored_runs(store.runs_of(number)):
             results[number] = runs
         else:  # the runs were stored by a version of tdint that selected other levels
             store.remove({number})

@@ -165,7 +165,7 @@ class LevelSearch:
         # `stable` are the runs without collapse below the first collapse.
         stable, collapse = list(below_collapse(runs)), first_collapse(runs)
         lowest, highest = runs[0].im, runs[-1].im
-        hunt_range = _HUNT**_MAX_HUNTS  # ratio of the limits of the search and the first level
+        hunt_range: float = _HUNT**_MAX_HUNTS  # ratio of the limits of the search and first level
 
         # Hunt: increase the level until collapse, or decrease it until there is no collapse.
         if collapse is None and highest < self.max_level and highest <= self.start * hunt_range:
@@ -248,7 +248,7 @@ def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
     tried_levels = [run.im for run in runs if low < run.im < high]
     tolerance = _EQUAL_LEVELS * math.log(high / low)
     for position in _POSITIONS:
-        level = low * (high / low) ** position
+        level: float = low * (high / low) ** position
         if all(abs(math.log(tried / level)) > tolerance for tried in tried_levels):
             return level
     return None

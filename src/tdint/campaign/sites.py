@@ -491,8 +491,8 @@ def _field_rows(
             "the records"
         )
     value, unit, measure = _field_values(table)
-    columns = (event, "record", site, "component", _SECOND_FILE, value)
-    reader = _RowReader(field, table, columns, unit, measure, _FieldRows(sites))
+    used_columns = (event, "record", site, "component", _SECOND_FILE, value)
+    reader = _RowReader(field, table, used_columns, unit, measure, _FieldRows(sites))
     # Collect errors up to a maximum, so that users can correct all of them in one edit.
     faults: list[str] = []
     while len(faults) < _MAX_FAULTS and (block := list(islice(lines, BLOCK))):

@@ -44,14 +44,14 @@ from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.system import __version__
 from tdint.units import SI, OutputUnits, parse_output_units
 
-# ---- Identity of a store: everything that its runs depend on, and the differences between two
+# ---- Identity of a store: everything on which its runs depend. Differences between two identities
 
 _MAX_LISTED_DIFFERENCES = 8  # lines of a message; users do not read longer lists
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity and metadata of the runs in a store.
+    """Everything on which the runs in a store depend, and metadata of the runs.
 
     Attributes
     ----------
@@ -84,8 +84,8 @@ class Identity:
         Style of the figures, and the directory that relative paths of style sheets refer to.
     pair_demand : str or None
         Rule that combines the demands of the two components of a pair; None: the default.
-    kept : sequence of int or None
-        Numbers of the buildings of a shard, which are the only buildings in the store; None: all.
+    building_numbers : sequence of int or None
+        Numbers of the buildings that are written to the store, those of a shard; None: all.
     """
 
     name: str
@@ -104,20 +104,20 @@ class Identity:
     rates: Mapping[str, float] = field(default_factory=dict)
     style: tuple[str, str] = ("", "")
     pair_demand: str | None = None
-    kept: Sequence[int] | None = None
+    building_numbers: Sequence[int] | None = None
 
     @classmethod
-    def of(cls, plan: Plan, kept: Sequence[int] | None) -> Identity:
+    def of(cls, plan: Plan, building_numbers: Sequence[int] | None) -> Identity:
         """Return the identity of the store of a campaign.
 
         Parameters
         ----------
         plan : Plan
             Campaign.
-        kept : sequence of int or None
+        building_numbers : sequence of int or None
             Numbers of the buildings in the store; None: all.
         """
-        copied = (
+        plan_attributes = (
             "buildings",
             "motions",
             "chunks",
@@ -131,14 +131,14 @@ class Identity:
             "pair_demand",
         )
         return cls(
-            **{name: getattr(plan, name) for name in copied},
+            **{name: getattr(plan, name) for name in plan_attributes},
             name=plan.name,
             kind="campaign",
             settings=as_json(
                 asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
             ),
             units=output_units(plan.buildings),
-            kept=kept,
+            building_numbers=building_numbers,
             files=model_files(plan.buildings)
             | {file: digest_of(Path(file)) for file in plan.inventory},
         )
@@ -152,19 +152,19 @@ class Identity:
     def fingerprint(self) -> str:
         """SHA-256 of the settings, the files of plug-ins if there are any, and the digests of all
         buildings and records in order. Stores with the same fingerprint contain the same runs."""
-        digest_of_all = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
+        hasher = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
         if self.code:
-            digest_of_all.update(json.dumps(["plug-ins", self.code]).encode())
+            hasher.update(json.dumps(["plug-ins", self.code]).encode())
         records = [motion.record.digest for motion in self.motions]
-        for label, digests in (("buildings", digests_of(self.buildings)), ("records", records)):
-            digest_of_all.update(label.encode())
+        for table, digests in (("buildings", digests_of(self.buildings)), ("records", records)):
+            hasher.update(table.encode())
             for digest in digests:
-                digest_of_all.update(digest.encode())
-        return digest_of_all.hexdigest()
+                hasher.update(digest.encode())
+        return hasher.hexdigest()
 
     @property
-    def sides(self) -> Sides:
-        """Quantities that `all_differences` compares."""
+    def compared_values(self) -> ComparedValues:
+        """Values by which `all_differences` describes the differences from another identity."""
         buildings = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions with the same name and component, such as the samples of a grid, are
@@ -176,37 +176,36 @@ class Identity:
 
 
 def as_json(settings: dict[str, Any]) -> dict[str, str]:
-    """Return settings as JSON texts by name, as a store contains them."""
+    """Return a dictionary from the name of each setting to its value as JSON text, the form in
+    which a store contains settings."""
     return {name: json.dumps(value, sort_keys=True) for name, value in sorted(settings.items())}
 
 
 def differences(
-    before: dict[str, str], now: dict[str, str], *, kind: str, store: str, given: str
+    stored: dict[str, str], other: dict[str, str], *, kind: str, stored_label: str, other_label: str
 ) -> list[str]:
-    """List the differences between two mappings, one sentence each.
+    """List the differences between two mappings, one sentence each, at most eight.
 
     Parameters
     ----------
-    before, now : dict of str to str
-        Values, or SHA-256, by name.
+    stored, other : dict of str to str
+        The mappings: values, or SHA-256, by name.
     kind : str
         Type of the entries: `setting`, `building`, `record` or `plug-in`. Only the values of
         settings are shown.
-    store, given : str
-        Labels of `before` and `now` in the sentences.
+    stored_label, other_label : str
+        Labels of `stored` and `other` in the sentences.
     """
     lines = []
-    for name in dict.fromkeys([*before, *now]):
-        if name not in now:
-            lines.append(f"{kind} {name}: only in {store}")
-        elif name not in before:
-            lines.append(f"{kind} {name}: only in {given}")
-        elif before[name] != now[name]:
-            difference = (
-                "differs"
-                if kind != "setting"
-                else f"{before[name]} in {store}, {now[name]} in {given}"
-            )
+    for name in dict.fromkeys([*stored, *other]):
+        if name not in other:
+            lines.append(f"{kind} {name}: only in {stored_label}")
+        elif name not in stored:
+            lines.append(f"{kind} {name}: only in {other_label}")
+        elif stored[name] != other[name]:
+            difference = "differs"
+            if kind == "setting":
+                difference = f"{stored[name]} in {stored_label}, {other[name]} in {other_label}"
             lines.append(f"{kind} {name}: {difference}")
     if len(lines) > _MAX_LISTED_DIFFERENCES:
         lines[_MAX_LISTED_DIFFERENCES:] = [
@@ -215,8 +214,9 @@ def differences(
     return lines
 
 
-Sides = Sequence[Mapping[str, str]]
-"""Settings, buildings, records and files of plug-ins: values or SHA-256 by name."""
+ComparedValues = Sequence[Mapping[str, str]]
+"""Four mappings by name: values of the settings, and SHA-256 of the buildings, the records and the
+files of plug-ins."""
 
 
 INVENTORY_CHANGED = (
@@ -227,41 +227,43 @@ INVENTORY_CHANGED = (
 
 
 def all_differences(
-    before: Sides,
-    now: Sides,
+    stored: ComparedValues,
+    other: ComparedValues,
     *,
-    store: str = "the store",
-    given: str,
-    parts: bool = False,
+    stored_label: str = "the store",
+    other_label: str,
+    are_shards: bool = False,
     has_new_inventory: bool = False,
 ) -> str:
     """Return the differences between two stores or campaigns, one line each.
 
     Parameters
     ----------
-    before, now : Sides
-        Settings, buildings, records and plug-ins of the two sides.
-    store, given : str
-        Labels of `before` and `now` in the lines.
-    parts : bool
-        True if a side is a shard: only buildings that both sides contain are compared.
+    stored, other : ComparedValues
+        Settings, buildings, records and plug-ins of the two stores or campaigns.
+    stored_label, other_label : str
+        Labels of `stored` and `other` in the lines.
+    are_shards : bool
+        True if `stored` or `other` is a shard. A shard has only some of the buildings, so only
+        buildings in both of them are compared.
     has_new_inventory : bool
         True if the files of the inventory differ.
     """
     kinds = ("setting", "building", "record", "plug-in")
-    lines = [INVENTORY_CHANGED] if parts and has_new_inventory else []
-    for kind, stored, other in zip(kinds, before, now, strict=True):
-        both = (
-            stored.keys() & other.keys()
-            if parts and kind == "building"
-            else stored.keys() | other.keys()
+    lines = [INVENTORY_CHANGED] if are_shards and has_new_inventory else []
+    for kind, stored_values, other_values in zip(kinds, stored, other, strict=True):
+        first, second = dict(stored_values), dict(other_values)
+        if are_shards and kind == "building":
+            common_names = first.keys() & second.keys()
+            first = {name: first[name] for name in first if name in common_names}
+            second = {name: second[name] for name in second if name in common_names}
+        lines += differences(
+            first, second, kind=kind, stored_label=stored_label, other_label=other_label
         )
-        sides = ({name: side[name] for name in side if name in both} for side in (stored, other))
-        lines += differences(*sides, kind=kind, store=store, given=given)
-    # If the fingerprints differ, but all listed quantities are equal, these are the remaining
-    # reasons.
-    other_reason = "the order of buildings or records differs"
-    return "\n".join(lines or [INVENTORY_CHANGED if parts else other_reason])
+    # If the fingerprints differ, but all compared values are equal, the reason is the inventory
+    # from which the shards are derived, or the order.
+    other_reason = INVENTORY_CHANGED if are_shards else "the order of buildings or records differs"
+    return "\n".join(lines or [other_reason])
 
 
 # ---- Store
@@ -272,7 +274,7 @@ _SETTING = "setting "  # prefix of the keys of settings in the table `meta`
 
 
 class Store:
-    """Open store.
+    """Open store: database with the runs of a campaign or study.
 
     Attributes
     ----------
@@ -315,10 +317,10 @@ class Store:
             self.connection.close()
 
     def meta(self, key: str) -> str:
-        """Return a value of the table `meta`."""
-        return str(
-            self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()[0]
-        )
+        """Return the value of a key of the table `meta`, which must exist."""
+        query = "SELECT value FROM meta WHERE key = ?"
+        (value,) = self.connection.execute(query, (key,)).fetchone()
+        return str(value)
 
     def settings(self) -> dict[str, str]:
         """Return the settings that apply to all runs, as JSON texts by name."""
@@ -332,8 +334,9 @@ class Store:
         return {name: json.loads(value) for name, value in self.settings().items()}
 
     def varied(self) -> list[dict[str, float]]:
-        """Return the parameters that a sweep changed, for each building by its number. The list is
-        empty without a sweep."""
+        """Return a list with one dictionary per building, in the order of the numbers of the
+        buildings: the values of the parameters that a sweep changed, by name. The list is empty
+        without a sweep."""
         return list(json.loads(self._meta_or_none("varied") or "[]"))
 
     @property
@@ -350,7 +353,7 @@ class Store:
         """Return the SHA-256 of the files of plug-ins that the runs used, by name."""
         return dict(json.loads(self._meta_or_none("code") or "{}"))
 
-    def sides(self) -> Sides:
+    def compared_values(self) -> ComparedValues:
         """Return the quantities that `all_differences` compares."""
         return self.settings(), self.digests("buildings"), self.digests("records"), self.code()
 
@@ -372,11 +375,9 @@ class Store:
 
     def count(self, condition: str) -> int:
         """Return the number of runs that meet a condition on the columns of `run_rows`."""
-        return int(
-            self.connection.execute(f"SELECT count(*) FROM run_rows WHERE {condition}").fetchone()[
-                0
-            ]
-        )
+        query = f"SELECT count(*) FROM run_rows WHERE {condition}"
+        (count,) = self.connection.execute(query).fetchone()
+        return int(count)
 
     def add(self, done: Done) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in one transaction.
@@ -388,23 +389,20 @@ class Store:
         """
         # The fields of `done.rows` are in the order of `ROW_TABLES`: runs, stories and events of
         # sequences. `plain` converts the values to the types of SQLite.
-        by_table = zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
-        rows = [table.plain(table_rows) for table, table_rows in by_table]
-        run_count, story_count = len(rows[0]), len(rows[1])
+        rows_of_tables = [
+            table.plain(rows)
+            for table, rows in zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
+        ]
+        runs, stories, _ = rows_of_tables
         number, seconds = done.number, float(done.seconds)
+        digest = schema.chunk_digest(number, seconds, *rows_of_tables)
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-            for table, table_rows in zip(schema.ROW_TABLES, rows, strict=True):
-                table.insert(self.connection, table_rows, number)
-            values = (
-                number,
-                run_count,
-                story_count,
-                seconds,
-                schema.chunk_digest(number, seconds, *rows),
-            )
+            for table, rows in zip(schema.ROW_TABLES, rows_of_tables, strict=True):
+                table.insert(self.connection, rows, number)
+            values = (number, len(runs), len(stories), seconds, digest)
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
-    def heal(self, identity: Identity | None = None) -> int:
+    def remove_invalid_chunks(self, identity: Identity | None = None) -> int:
         """Remove the chunks that are corrupt or do not belong to this campaign, so that they are
         run again.
 
@@ -424,63 +422,59 @@ class Store:
             The chunks cannot be removed.
         """
         with sqlite_errors_reported(self.name):
-            # Compare the checksums of the stored rows, because rows may have been edited.
-            bad = schema.damaged_chunks(self.connection)
-            # A version of tdint that divides campaigns differently has stored chunks with other
-            # runs.
+            # Verify the checksums of the rows, because rows may have been edited or be corrupt.
+            invalid_chunks = schema.corrupt_chunks(self.connection)
+            # Another version of tdint may divide a campaign into chunks with other runs.
             if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
-                bad |= {
-                    i
-                    for i, runs in chunks
-                    if not (0 <= i < identity.chunks and identity.size(i) in (None, runs))
-                }
-            if not bad:
+                for number, run_count in chunks:
+                    is_number_valid = 0 <= number < identity.chunks
+                    # The expected number of runs is None if it depends on results.
+                    if not is_number_valid or identity.size(number) not in (None, run_count):
+                        invalid_chunks.add(number)
+            if not invalid_chunks:
                 return 0
-            self.remove(bad)
-            if schema.damaged_chunks(self.connection):
+            self.remove(invalid_chunks)
+            if schema.corrupt_chunks(self.connection):
                 raise UntrustedStoreError(self.name, "corrupt chunks of runs cannot be removed")
-            return len(bad)
+            return len(invalid_chunks)
 
     def remove(self, chunks: Collection[int]) -> None:
         """Remove chunks, so that they are run again."""
+        number_columns = {table.name: "chunk" for table in schema.ROW_TABLES} | {"chunks": "id"}
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-            for table, column in (
-                *((item.name, "chunk") for item in schema.ROW_TABLES),
-                ("chunks", "id"),
-            ):
-                self.connection.executemany(
-                    f"DELETE FROM {table} WHERE {column} IS ?", ((item,) for item in chunks)
-                )
+            for table, column in number_columns.items():
+                statement = f"DELETE FROM {table} WHERE {column} IS ?"
+                self.connection.executemany(statement, ((number,) for number in chunks))
 
     def is_ours(self, file: Path) -> bool:
-        """Return True if a file exists and is unchanged since it was written from this store."""
+        """Return True if a file was written from this store and is unchanged since then. False if
+        it does not exist."""
         return is_file(file) and (file.name, digest_of(file)) in self.written()
 
     def refuse_foreign(self, files: Iterable[Path]) -> None:
         """Raise OutputError if one of the files exists and was not written from this store."""
         for file in files:
             if is_file(file) and not self.is_ours(file):
-                raise foreign(file)
+                raise foreign_file_error(file)
 
     def written(self) -> set[tuple[str, str]]:
-        """Return name and SHA-256 of the files that were written from this store."""
-        return (
-            set()
-            if is_empty(self)
-            else set(self.connection.execute("SELECT file, sha256 FROM written"))
-        )
+        """Return the name and the SHA-256 of each file that was written from this store."""
+        if is_empty(self):
+            return set()
+        return set(self.connection.execute("SELECT file, sha256 FROM written"))
 
-    def will_write(self, files: Mapping[Path, str]) -> None:
-        """Record names and SHA-256 of files before they are moved to their final paths."""
+    def record_written(self, files: Mapping[Path, str]) -> None:
+        """Record that files are written from this store, before they are moved to their final
+        paths. `files` contains the SHA-256 of each file."""
         new = {(file.name, digest) for file, digest in files.items()} - self.written()
         if new:
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
                 self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new))
 
     def unused(self) -> dict[str, list[str]]:
-        """Return the reasons for which records and buildings could not be used, one line each, in
-        the entries `record` and `building`."""
+        """Return the reasons for which inputs could not be used. The keys are `record` and
+        `building`; each value is a list of reasons, one line each."""
         reasons: dict[str, list[str]] = {"record": [], "building": []}
         for kind, reason in self.connection.execute(
             "SELECT kind, reason FROM unused ORDER BY rowid"
@@ -494,59 +488,68 @@ class Store:
         return parse_output_units(units) if units is not None else SI
 
     def update_metadata(self, identity: Identity) -> None:
-        """Store metadata that the results of runs do not depend on: unused inputs, output units,
-        damage states, limits, style of figures, files of models, and columns of an inventory."""
-        buildings = identity.buildings
-        rows = buildings.rows if isinstance(buildings, RowBuildings) else None
-        columns, carried = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
-        values = {
-            "inventory": json.dumps({"columns": columns, "sha256": carried}),
-            "output_units": str(identity.units),
-            "damage": identity.damage.description() if identity.damage else "",
-            "files": json.dumps(dict(identity.files)),
-            "outputs": json.dumps(identity.outputs),
-            "rates": json.dumps(dict(identity.rates)),
-            "style": json.dumps(identity.style),
-            "pair_demand": identity.pair_demand or LARGER,
-            "limits": "" if carried else limits_text(buildings),
-            "periods": json.dumps(
-                [] if carried else [building.subject().period for building in buildings]
-            ),
-        }
+        """Store the metadata on which the results of runs do not depend: unused inputs, output
+        units, damage states, limits, style of figures, files of models, and columns of an
+        inventory. Also add buildings that the store does not contain yet."""
+        values = _metadata(identity)
+        stored_unused = [
+            (category, reason) for category, reasons in self.unused().items() for reason in reasons
+        ]
+        is_unchanged = all(self._meta_or_none(key) == value for key, value in values.items())
+        query = "SELECT id FROM buildings"
+        stored_numbers = {number for (number,) in self.connection.execute(query)}
+        required_numbers = identity.building_numbers
+        if required_numbers is None:
+            required_numbers = range(len(identity.buildings))
+        new_numbers = sorted(set(required_numbers) - stored_numbers)
         # Usually the metadata are unchanged. Skip the transaction in this case, because it would
         # block other processes that read the store.
-        stored_unused = [
-            (kind, reason) for kind, reasons in self.unused().items() for reason in reasons
-        ]
-        is_same = all(self._meta_or_none(key) == value for key, value in values.items())
-        stored_numbers = {
-            number for (number,) in self.connection.execute("SELECT id FROM buildings")
-        }
-        new = sorted(
-            set(range(len(buildings)) if identity.kept is None else identity.kept) - stored_numbers
-        )
-        if is_same and not new and sorted(stored_unused) == sorted(dict.fromkeys(identity.unused)):
+        is_unused_same = sorted(stored_unused) == sorted(dict.fromkeys(identity.unused))
+        if is_unchanged and not new_numbers and is_unused_same:
             return
-        types = identity.damage.buildings if identity.damage else ()
         # The checksum is updated in the same transaction, so that readers see a consistent state.
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
-            # Rewrite the data of stored buildings that may have changed.
-            add = self.connection.execute
-            for table in () if is_same else ("inventory", "building_types"):
-                add(f"DELETE FROM {table}")
-            for number in new if is_same else sorted(stored_numbers.union(new)):
-                item = buildings[number]
-                if number not in stored_numbers:
-                    about = (number, item.name, item.method, item.stories, item.digest)
-                    add("INSERT INTO buildings VALUES(?, ?, ?, ?, ?)", about)
-                if columns:
-                    add("INSERT INTO inventory VALUES(?, ?)", (number, item.cells))
-                if types:
-                    add("INSERT INTO building_types VALUES(?, ?, ?, ?)", (number, *types[number]))
+            if is_unchanged:
+                changed_numbers = new_numbers
+            else:  # rewrite the data of all buildings, which may have changed
+                changed_numbers = sorted(stored_numbers.union(new_numbers))
+                self.connection.execute("DELETE FROM inventory")
+                self.connection.execute("DELETE FROM building_types")
+            self._insert_buildings(identity, changed_numbers, stored_numbers)
             self.seal()
+
+    def _insert_buildings(
+        self, identity: Identity, numbers: Sequence[int], stored_numbers: Collection[int]
+    ) -> None:
+        """Insert the rows of buildings in the tables `buildings`, `inventory` (cells of the columns
+        that are copied to tables) and `building_types`. The caller opens the transaction.
+
+        Parameters
+        ----------
+        identity : Identity
+            Campaign or study with the buildings.
+        numbers : sequence of int
+            Numbers of the buildings to insert.
+        stored_numbers : collection of int
+            Numbers of the buildings that the table `buildings` already contains.
+        """
+        buildings, insert = identity.buildings, self.connection.execute
+        has_columns = isinstance(buildings, RowBuildings) and bool(buildings.rows.titles)
+        types = identity.damage.buildings if identity.damage else ()
+        for number in numbers:
+            building = buildings[number]
+            if number not in stored_numbers:
+                insert(
+                    "INSERT INTO buildings VALUES(?, ?, ?, ?, ?)",
+                    (number, building.name, building.method, building.stories, building.digest),
+                )
+            if has_columns:
+                insert("INSERT INTO inventory VALUES(?, ?)", (number, building.cells))
+            if types:
+                insert("INSERT INTO building_types VALUES(?, ?, ?, ?)", (number, *types[number]))
 
     def inventory_columns(self) -> tuple[str, ...]:
         """Return the columns of the inventory that are copied to tables, as written in the
@@ -560,11 +563,12 @@ class Store:
         return sorted(json.loads(self._meta_or_none("files") or "{}").values())
 
     def shards(self) -> list[str]:
-        """Return the shards, as K/N, that were requested of this store."""
+        """Return the shards, as K/N, whose runs were written to this store."""
         return list(json.loads(self._meta_or_none("shards") or "[]"))
 
     def add_shard(self, text: str) -> None:
-        """Record that a shard was requested, so that `merge` can report missing shards."""
+        """Record that a shard, K/N, is written to this store, so that `merge` can report missing
+        shards."""
         if text not in (shards := self.shards()):
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
                 values = ("shards", json.dumps([*shards, text]))
@@ -572,13 +576,13 @@ class Store:
                 self.seal()
 
     def events(self) -> list[str]:
-        """Return the events of ground motion fields. The numbers of samples count them from 1. The
-        list is empty without fields."""
+        """Return the names of the events of ground motion fields. The sample number of a run is the
+        number of its event, from 1. The list is empty without fields."""
         return list(json.loads(self._meta_or_none("setting events") or "[]"))
 
-    def carried(self, building: int) -> list[str]:
-        """Return the cells of a building in the columns of the inventory that are copied to
-        tables."""
+    def copied_cells(self, building: int) -> list[str]:
+        """Return the cells of the row of a building in the columns of the inventory that are copied
+        to tables; empty if there are none."""
         row = self.connection.execute(
             "SELECT cells FROM inventory WHERE building = ?", (building,)
         ).fetchone()
@@ -593,14 +597,15 @@ class Store:
         """Return the SHA-256 of the model files, or of the files of the inventory, by name."""
         return dict(json.loads(self._meta_or_none("files") or "{}"))
 
-    def writes(self, table: str) -> bool:
-        """Return True if a table (`runs`, `damage` or `losses`) is to be written."""
-        chosen = json.loads(self._meta_or_none("outputs") or "null")
-        return chosen is None or table in chosen
+    def is_requested(self, table: str) -> bool:
+        """Return True if a table (`runs`, `damage` or `losses`) must be written. By default all
+        tables are written."""
+        requested_tables = json.loads(self._meta_or_none("outputs") or "null")
+        return requested_tables is None or table in requested_tables
 
     def style(self) -> tuple[str, str]:
-        """Return the style of the figures, empty if not specified, and the directory that relative
-        paths of style sheets refer to."""
+        """Return the style of the figures, empty if not specified, and the directory to which
+        relative paths of style sheets refer."""
         text, folder = json.loads(self._meta_or_none("style") or '["", ""]')
         return text, folder
 
@@ -630,6 +635,7 @@ class Store:
         periods = json.loads(self._meta_or_none("periods") or "[]")
         if building < len(periods):
             return float(periods[building])
+        # For an inventory, the periods are stored with the building types, if damage was requested.
         query = "SELECT period_s FROM building_types WHERE building = ?"
         row = self.connection.execute(query, (building,)).fetchone()
         return row and float(row[0])
@@ -650,13 +656,12 @@ class Store:
         return limits_of_text(self._meta_or_none("limits") or "")
 
     def damage(self) -> str:
-        """Return the text of `tdint.campaign.fragility.type_states.Damage.description`; empty
-        without damage states."""
+        """Return the definition of the damage states as JSON text; empty without damage states."""
         return self._meta_or_none("damage") or ""
 
     def building_type(self, building: int) -> tuple[str, str, float, float]:
-        """Return the name of a building and the values of its
-        `tdint.campaign.fragility.type_states.BuildingType`."""
+        """Return the name of a building, the name of its type, the divisor of its demands, and its
+        first period, s."""
         query = (
             "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t "
             "ON t.building = b.id WHERE b.id = ?"
@@ -704,9 +709,9 @@ class Store:
 
 
 def open_store(
-    folder: Path | None, plan: Plan, kept: Sequence[int] | None = None
+    folder: Path | None, plan: Plan, building_numbers: Sequence[int] | None = None
 ) -> tuple[Store, list[str]]:
-    """Open or create the store of a campaign. Errors are those of `open_or_begin`.
+    """Open or create the store of a campaign.
 
     Parameters
     ----------
@@ -714,18 +719,27 @@ def open_store(
         Directory of the store; None: in memory.
     plan : Plan
         Campaign.
-    kept : sequence of int, optional
+    building_numbers : sequence of int, optional
         Numbers of the buildings of a shard; by default all buildings are in the store.
 
     Returns
     -------
     Store, list of str
         Store, and messages about it.
+
+    Raises
+    ------
+    UsageError
+        The directory contains another campaign; the message lists the differences, one line each.
+    OutputError
+        The store cannot be written.
     """
-    return open_or_begin(None if folder is None else folder / FILE, Identity.of(plan, kept))
+    return open_or_create(
+        None if folder is None else folder / FILE, Identity.of(plan, building_numbers)
+    )
 
 
-def open_or_begin(
+def open_or_create(
     file: Path | None, identity: Identity, *, log: bool = True
 ) -> tuple[Store, list[str]]:
     """Open the store in a file, or create it if the file does not exist.
@@ -737,7 +751,7 @@ def open_or_begin(
     identity : Identity
         Campaign or study that the store must contain.
     log : bool
-        True if other processes read while the store is written (`connect`).
+        True to use a write-ahead log, so that other processes can read while the store is written.
 
     Returns
     -------
@@ -759,9 +773,10 @@ def open_or_begin(
         if remarks is None:
             with sqlite_errors_reported(name):
                 _create(store, identity)
-        elif healed := store.heal(identity):
+        elif removed_count := store.remove_invalid_chunks(identity):
             remarks.append(
-                f"{name}: {healed} chunks of runs are corrupt or incomplete; they are run again"
+                f"{name}: {removed_count} chunks of runs are corrupt or incomplete; they are run "
+                "again"
             )
         store.update_metadata(identity)
     return store, remarks or []
@@ -787,8 +802,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     if not is_there(folder / FILE):
         raise UsageError(
             f"{folder}: no campaign in this directory ({FILE} not found); specify the directory "
-            "that "
-            "was the option -o of `tdint campaign`"
+            "that was specified with -o of `tdint campaign`"
         )
     protect_input(folder / FILE)
     name = str(folder / FILE)
@@ -803,8 +817,13 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
 
 
 def open_written(file: Path) -> Store:
-    """Open the store in a file that is written without a log, without changing it. Errors are those
-    of `open_existing`."""
+    """Open the store of a study, which is written without a write-ahead log, and verify it.
+
+    Raises
+    ------
+    OutputError
+        The store cannot be used or trusted.
+    """
     with sqlite_errors_reported(str(file)):
         store = Store(connect(str(file), log=False), str(file))
     _has_contents(store)
@@ -812,8 +831,8 @@ def open_written(file: Path) -> Store:
 
 
 def _has_contents(store: Store) -> bool:
-    """Return True if a store has contents, which are then verified; close the store if they are
-    invalid."""
+    """Return True if a store has contents, False if it is empty. Contents are verified; if they are
+    invalid, close the store and raise OutputError."""
     with schema.closed_on_failure(store.connection), sqlite_errors_reported(store.name):
         has_contents = not is_empty(store)
         if has_contents:
@@ -824,11 +843,11 @@ def _has_contents(store: Store) -> bool:
 def check_chunks(store: Store) -> None:
     """Raise OutputError if runs of a store are corrupt."""
     with sqlite_errors_reported(store.name):
-        bad = schema.damaged_chunks(store.connection)
-    if bad:
+        corrupt = schema.corrupt_chunks(store.connection)
+    if corrupt:
         raise OutputError(
-            f"{store.name}: {len(bad)} chunks of runs are corrupt; call `tdint campaign FILE -o "
-            f"{Path(store.name).parent}` again, which runs them again"
+            f"{store.name}: {len(corrupt)} chunks of runs are corrupt; call `tdint campaign FILE "
+            f"-o {Path(store.name).parent}` again, which runs them again"
         )
 
 
@@ -854,10 +873,10 @@ def check_same(store: Store, identity: Identity) -> list[str]:
     """
     if identity.fingerprint != store.meta("fingerprint"):
         lines = all_differences(
-            store.sides(),
-            identity.sides,
-            given=f"this {identity.kind}",
-            parts=bool(store.shards()),
+            store.compared_values(),
+            identity.compared_values,
+            other_label=f"this {identity.kind}",
+            are_shards=bool(store.shards()),
             has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
         raise UsageError(
@@ -866,14 +885,12 @@ def check_same(store: Store, identity: Identity) -> list[str]:
             f"{lines}"
         )
     version = store.meta("version")
-    return (
-        []
-        if version == __version__
-        else [f"{store.name}: created by tdint {version}, this is tdint {__version__}"]
-    )
+    if version == __version__:
+        return []
+    return [f"{store.name}: created by tdint {version}, this is tdint {__version__}"]
 
 
-def foreign(file: Path) -> OutputError:
+def foreign_file_error(file: Path) -> OutputError:
     """Return the error for an existing file that was not written from the store in its
     directory."""
     return OutputError(
@@ -882,7 +899,7 @@ def foreign(file: Path) -> OutputError:
     )
 
 
-def forget(file: Path) -> None:
+def remove_store(file: Path) -> None:
     """Remove a store from a locked directory.
 
     Raises
@@ -916,8 +933,8 @@ def is_empty(store: Store) -> bool:
 
 
 def _create(store: Store, identity: Identity) -> None:
-    """Create the tables and store the definition of the runs, in one transaction."""
-    about = {
+    """Create the tables and store the definition of the campaign or study, in one transaction."""
+    metadata = {
         "schema": schema.VERSION,
         "version": __version__,
         "name": identity.name,
@@ -926,35 +943,62 @@ def _create(store: Store, identity: Identity) -> None:
         "chunks": str(identity.chunks),
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}
     if identity.code:
-        about["code"] = json.dumps(identity.code)
+        metadata["code"] = json.dumps(identity.code)
     # Buildings of an inventory without a sweep have no varied parameters. There may be millions of
     # these buildings, so do not query each of them.
     buildings = identity.buildings
-    is_varied = not isinstance(buildings, RowBuildings) or buildings.rows.is_varied
-    if any(varied := [dict(building.varied) for building in buildings] if is_varied else []):
-        about["varied"] = json.dumps(varied)
-    records = (
-        (
+    if not isinstance(buildings, RowBuildings) or buildings.rows.is_varied:
+        varied_parameters = [dict(building.varied) for building in buildings]
+        if any(varied_parameters):
+            metadata["varied"] = json.dumps(varied_parameters)
+    with transaction(store.connection, store.name):
+        for statement in schema.TABLES:
+            store.connection.execute(statement)
+        store.connection.executemany("INSERT INTO meta VALUES(?, ?)", metadata.items())
+        store.connection.executemany(
+            "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", _record_rows(identity.motions)
+        )
+        store.seal()
+
+
+def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of the table `records`."""
+    for number, motion in enumerate(motions):
+        record = motion.record
+        yield (
             number,
             _text(motion.name),
             _text(motion.component),
             motion.direction,
-            (record := motion.record).dt,
+            record.dt,
             record.acceleration.size,
             record.pga,
             measure(record).pgv,
             record.digest,
         )
-        for number, motion in enumerate(identity.motions)
-    )
-    with transaction(store.connection, store.name):
-        for statement in schema.TABLES:
-            store.connection.execute(statement)
-        store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
-        store.connection.executemany(
-            "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", records
-        )
-        store.seal()
+
+
+def _metadata(identity: Identity) -> dict[str, str]:
+    """Return the metadata on which the results of runs do not depend, as texts by their keys in the
+    table `meta`."""
+    buildings = identity.buildings
+    rows = buildings.rows if isinstance(buildings, RowBuildings) else None
+    # The SHA-256 includes the cells of the columns that are copied to tables.
+    columns, inventory_digest = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
+    # An inventory has no limits, and its periods are stored with the building types.
+    periods = [] if inventory_digest else [building.subject().period for building in buildings]
+    return {
+        "inventory": json.dumps({"columns": columns, "sha256": inventory_digest}),
+        "output_units": str(identity.units),
+        "damage": identity.damage.description() if identity.damage else "",
+        "files": json.dumps(dict(identity.files)),
+        "outputs": json.dumps(identity.outputs),
+        "rates": json.dumps(dict(identity.rates)),
+        "style": json.dumps(identity.style),
+        "pair_demand": identity.pair_demand or LARGER,
+        "limits": "" if inventory_digest else limits_text(buildings),
+        "periods": json.dumps(periods),
+    }
 
 
 def _text(name: str) -> str:

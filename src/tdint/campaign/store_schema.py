@@ -13,7 +13,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
-from itertools import accumulate, chain
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -73,8 +73,13 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
 
 
 def connect_to_read(file: Path) -> sqlite3.Connection:
-    """Return a read-only connection that does not need the lock of a writer. Errors are those of
-    `connect`."""
+    """Return a read-only connection, which does not need the lock of a writer.
+
+    Raises
+    ------
+    OutputError
+        The path is not a file, or another program keeps it locked.
+    """
     _refuse_special_files(str(file))
     connection = sqlite3.connect(
         f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None
@@ -97,9 +102,9 @@ def closed_on_failure(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 def _guard(connection: sqlite3.Connection) -> None:
-    """Protect against corrupt or malicious files."""
-    connection.execute("PRAGMA trusted_schema=OFF")
-    connection.execute("PRAGMA cell_size_check=ON")
+    """Protect a connection against corrupt or malicious files."""
+    connection.execute("PRAGMA trusted_schema=OFF")  # no SQL functions in views or triggers
+    connection.execute("PRAGMA cell_size_check=ON")  # detects corrupt pages earlier
 
 
 def _refuse_special_files(name: str) -> None:
@@ -212,10 +217,8 @@ _NETWORK_FILE_SYSTEMS = {
 
 
 def refuse_network(folder: Path) -> None:
-    """Refuse a directory on a network file system, because SQLite's log needs memory that all
-    processes share.
-
-    If the type of the file system is unknown, the directory is accepted.
+    """Raise OutputError if a directory is on a network file system, because SQLite's write-ahead
+    log needs memory that all processes share. A file system of unknown type is accepted.
 
     Raises
     ------
@@ -227,16 +230,17 @@ def refuse_network(folder: Path) -> None:
     kind = file_system(folder)
     if kind in _NETWORK_FILE_SYSTEMS:
         raise OutputError(
-            f"{folder}: is on a network file system ({kind}), on which the store is not safe; "
-            "write to a local disk (such as /tmp), each shard to a separate directory, and combine "
-            "them with `tdint campaign merge`"
+            f"{folder}: the directory is on a network file system ({kind}), on which the store is "
+            "not safe; write to a local disk (such as /tmp), each shard to a separate directory, "
+            "and combine them with `tdint campaign merge`"
         )
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a directory for writing in the `with` block. The directory is created if required, and
-    removed again if no file was written. The lock ends with the process.
+    """Lock a directory in the `with` block, so that no other process of tdint writes to it. The
+    directory is created if required, and removed again if no file was written. The lock ends with
+    the process.
 
     Raises
     ------
@@ -298,15 +302,15 @@ _SQL_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
 @dataclass(frozen=True)
 class RowTable:
-    """Table of the rows that chunks produce.
+    """Table in which the result rows of chunks are stored, and a view of it for users.
 
     Attributes
     ----------
     name : str
         Name of the table.
     key, others : dict of str to type
-        Columns of the primary key, and the remaining columns, in the order of the fields of a row
-        (`RunRow`, `StoryRow`, `ShockRow`).
+        Type of each column by its name: the columns of the primary key, and the remaining columns,
+        in the order of the fields of a row (`RunRow`, `StoryRow`, `ShockRow`).
     view : str
         Name of the view.
     hidden : tuple of str
@@ -342,13 +346,15 @@ class RowTable:
         """SQL statement that creates the view."""
         # The view is for users of SQLite. It shows names instead of numbers: first the building,
         # the record and the method, then the results.
-        visible = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
-        method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         names = ["b.name AS building", "m.name AS record", "m.component AS component"]
-        scale, sample, *others = (
-            f"{self.name}.{column}" for column in ("scale", "sample", *visible)
-        )
-        columns = ", ".join([*names, scale, sample, *method, *others])
+        run_columns = [f"{self.name}.scale", f"{self.name}.sample"]
+        method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
+        result_columns = [
+            f"{self.name}.{column}"
+            for column in self.columns
+            if column not in (*_KEY, "dt_s", *self.hidden)
+        ]
+        columns = ", ".join([*names, *run_columns, *method, *result_columns])
         return (
             f"CREATE VIEW {self.view} AS SELECT {columns} FROM {self.name} JOIN buildings b ON "
             f"b.id = {self.name}.building JOIN records m ON m.id = {self.name}.record ORDER BY "
@@ -356,7 +362,7 @@ class RowTable:
         )
 
     def select(self, more: str = "", where: str = "") -> str:
-        """Return the SQL query of the columns in the order of the key.
+        """Return the SQL query of all columns, with rows in the order of the key.
 
         Parameters
         ----------
@@ -380,23 +386,25 @@ class RowTable:
         )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """Convert rows to the form in which SQLite returns them, sorted by key: NaN becomes None,
-        each column has one type, and missing errors become None."""
+        """Convert rows to the form in which SQLite returns them, sorted by key.
+
+        Nested tuples, such as the values and errors of a run, become columns of their own. Each
+        cell is converted to the type of its column; NaN and missing errors become None.
+        """
         types = (self.key | self.others).values()
         result = []
         for row in rows:
-            cells = [
-                cell for value in row for cell in (value if isinstance(value, tuple) else (value,))
-            ]
+            cells: list[Any] = []
+            for value in row:
+                cells += value if isinstance(value, tuple) else (value,)
             cells += [None] * (len(types) - len(cells))
-            # `cell != cell` is true for NaN only.
             result.append(
                 tuple(
                     None if cell is None or cell != cell else cell_type(cell)
                     for cell_type, cell in zip(types, cells, strict=True)
                 )
             )
-        return sorted(result, key=lambda row: row[: len(self.key)])
+        return sorted(result, key=lambda cells: cells[: len(self.key)])
 
 
 def _column_types(quantities: Iterable[Quantity], suffix: str = "") -> dict[str, type]:
@@ -446,9 +454,12 @@ TABLES = (
 
 
 def run_of(row: Sequence[Any]) -> RunRow:
-    """Return the run of a row that `RUNS.select` reads."""
-    key, values = accumulate(map(len, (_KEY, RUN)))
-    return RunRow(*row[:key], *map(tuple, (row[key:values], row[values:])))
+    """Return the run from a row of the query `RUNS.select`: the key, the values, and the errors."""
+    values_start = len(_KEY)
+    errors_start = values_start + len(RUN)
+    values, errors = tuple(row[values_start:errors_start]), tuple(row[errors_start:])
+    building, motion, scale, sample = row[:values_start]
+    return RunRow(building, motion, scale, sample, values, errors)
 
 
 SEAL = "seal"
@@ -482,34 +493,30 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
     return digest.hexdigest()
 
 
-def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
-    """Return the numbers of the chunks with corrupt rows or wrong counts, and of chunks that have
-    rows but no entry."""
-    entries = {
-        number: values
-        for number, *values in connection.execute(
-            "SELECT id, runs, stories, seconds, sha256 FROM chunks"
-        )
-    }
+def corrupt_chunks(connection: sqlite3.Connection) -> set[int]:
+    """Return the numbers of corrupt chunks: chunks whose rows do not match the checksum or the
+    number of rows in the table `chunks`, and chunks that are missing from this table."""
+    query = "SELECT id, runs, stories, seconds, sha256 FROM chunks"
+    entries = {number: values for number, *values in connection.execute(query)}
     # Read all tables once; each row updates the digest of its chunk.
     digests = {
-        number: hashlib.sha256(repr((number, values[2])).encode())
-        for number, values in entries.items()
+        number: hashlib.sha256(repr((number, seconds)).encode())
+        for number, (_, _, seconds, _) in entries.items()
     }
-    counts = {number: [0, 0, 0] for number in entries}
-    without_entry: set[int] = set()
+    row_counts = {number: [0] * len(ROW_TABLES) for number in entries}
+    corrupt: set[int] = set()
     for index, table in enumerate(ROW_TABLES):
         for *row, number in connection.execute(table.select(", chunk")):
             if number in digests:
                 digests[number].update(repr(tuple(row)).encode())
-                counts[number][index] += 1
+                row_counts[number][index] += 1
             else:
-                without_entry.add(number)
-    return without_entry | {
-        number
-        for number, (runs, stories, _, sha256) in entries.items()
-        if counts[number][:2] != [runs, stories] or digests[number].hexdigest() != sha256
-    }
+                corrupt.add(number)
+    for number, (runs, stories, _, sha256) in entries.items():
+        # The first two tables are the runs and the stories.
+        if row_counts[number][:2] != [runs, stories] or digests[number].hexdigest() != sha256:
+            corrupt.add(number)
+    return corrupt
 
 
 def seal_of(connection: sqlite3.Connection) -> str:
@@ -523,8 +530,8 @@ def seal_of(connection: sqlite3.Connection) -> str:
 
 
 def check_store(connection: sqlite3.Connection, name: str) -> None:
-    """Check that a file is a complete store of this layout. Chunks are not verified
-    (`damaged_chunks`).
+    """Check that a file is a complete store with the current layout. The rows of the chunks are not
+    verified.
 
     Parameters
     ----------

@@ -512,7 +512,7 @@ def group_damages(
     for run_damage in building_damages(store):
         damage = by_motion(run_damage, rule)
         cells = (
-            dict(zip(columns, store.carried(damage.number), strict=False))
+            dict(zip(columns, store.copied_cells(damage.number), strict=False))
             if COST in columns or by
             else {}
         )

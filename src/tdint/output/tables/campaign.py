@@ -554,7 +554,7 @@ def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
     # The runs of a building are consecutive, so the cells of one building are cached.
     @lru_cache(maxsize=1)
     def of_building(building: int) -> list[str]:
-        return [cell_text(cell) for cell in store.carried(building)]
+        return [cell_text(cell) for cell in store.copied_cells(building)]
 
     return lambda building, sample: [*events[sample - 1 : sample], *of_building(building)]
 
@@ -563,7 +563,7 @@ def numeric(store: Store) -> list[bool]:
     """Return, for each inventory column, True if it contains only numbers and empty cells."""
     matches: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
-        for column, text in zip(matches, store.carried(number), strict=False):
+        for column, text in zip(matches, store.copied_cells(number), strict=False):
             if text:
                 column.add(_NUMBER.fullmatch(text) is not None)
     return [column == {True} for column in matches]

@@ -138,7 +138,7 @@ def _features(store: Store, units: OutputUnits, chosen: Collection[str]) -> Iter
         of_runs = next(damages, None)
         damage = by_motion(of_runs, rules.pairs) if of_runs else None
         runs = {Run(*row[1:4]): row for row in rows}
-        cells = store.carried(number)
+        cells = store.copied_cells(number)
         carried = {
             name: (json.loads(text) if text else None) if is_number else text
             for name, text, is_number in zip(columns, cells, kinds, strict=True)
@@ -332,7 +332,7 @@ def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]
     column, *degrees = (titles.index(name) for name in (by.lower(), "longitude", "latitude"))
     positions: dict[str, list[list[float]]] = {}
     for building in store.buildings():
-        cells = store.carried(building)
+        cells = store.copied_cells(building)
         east, north = (cells[index] for index in degrees)
         if position := _position(east, north):
             positions.setdefault(cells[column], []).append(position)
