@@ -10,11 +10,10 @@ import pytest
 
 from tdint.campaign.fragility.fit_table import (
     FragilityRequest,
-    TypeRuns,
-    _fitted,
     fit_table,
     fragility,
 )
+from tdint.campaign.fragility.fit_types import TypeRuns, fit_states
 from tdint.campaign.fragility.fits import Fragility, fit_cloud, fit_stripes
 from tdint.campaign.fragility.measures import line
 from tdint.errors import AnalysisError, UsageError
@@ -110,12 +109,12 @@ def test_stripes_of_a_type_need_three_motions_at_each_of_several_levels(
     runs = TypeRuns(
         states, 1.0 + level, demand, np.zeros(level.size, bool), motion, 0, "pga", "m/s^2"
     )
-    (found,) = _fitted(runs, FragilityRequest())
+    (found,) = fit_states(runs, FragilityRequest())
     assert isinstance(found, Fragility) and found.fit == fit
     at_one = replace(runs, im=np.ones(level.size))
     for refused in [at_one] + [runs] * (fit == "cloud"):
         with pytest.raises(UsageError, match="no common intensity levels"):
-            _fitted(refused, FragilityRequest(fit="stripes"))
+            fit_states(refused, FragilityRequest(fit="stripes"))
 
 
 def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
@@ -155,11 +154,11 @@ def test_of_a_collapse_it_counts_that_it_was_one(
         (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
         assert (found.theta, found.beta) == (first.theta, first.beta)
         assert found.counted is not None and first.counted is not None
-        assert np.array_equal(found.counted.share, first.counted.share)
+        assert np.array_equal(found.counted.fraction, first.counted.fraction)
     order = np.argsort(im.ravel())
     for place, sixth in enumerate(np.split(order, 6)):
         over = (DRIFT.ravel()[sixth] > OVER) | (STATUS.ravel()[sixth] == "collapsed")
-        assert first.counted.share[place] == pytest.approx(np.mean(over), abs=1e-12)
+        assert first.counted.fraction[place] == pytest.approx(np.mean(over), abs=1e-12)
         assert first.counted.runs[place] == 8
         assert first.counted.im[place] == pytest.approx(
             math.exp(np.mean(np.log(im.ravel()[sixth])))

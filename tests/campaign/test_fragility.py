@@ -228,20 +228,22 @@ def test_counts_of_few_levels_are_those_of_each():
     ).counted
     assert counted.im == pytest.approx([1.0, 2.0])
     assert counted.runs.tolist() == [2.0, 3.0]
-    assert counted.share == pytest.approx([1 / 2, 2 / 3])
+    assert counted.fraction == pytest.approx([1 / 2, 2 / 3])
     probability = norm.cdf([0.0, math.log(2.0) / 0.5])
     assert counted.fitted == pytest.approx(probability)
     assert counted.error == pytest.approx(np.sqrt(probability * (1.0 - probability) / [2, 3]))
-    assert counted.half == pytest.approx([1 / 4, 1 / 6])
-    assert counted.apart[0] == 0.0  # half a motion explains it
-    assert counted.apart[1] == pytest.approx((probability[1] - 2 / 3 - 1 / 6) / counted.error[1])
+    assert counted.half_motion == pytest.approx([1 / 4, 1 / 6])
+    assert counted.excess_in_errors[0] == 0.0  # half a motion explains it
+    assert counted.excess_in_errors[1] == pytest.approx(
+        (probability[1] - 2 / 3 - 1 / 6) / counted.error[1]
+    )
 
 
 def test_counts_of_levels_that_stand_for_many_runs():
     runs = np.array([40.0, 10.0])
     counted = SURE.beside_counts(np.array([1.0, 2.0]), np.array([0.5, 0.9]), runs=runs).counted
-    assert (counted.runs.tolist(), counted.share.tolist()) == ([40.0, 10.0], [0.5, 0.9])
-    assert counted.half == pytest.approx(0.5 / runs)
+    assert (counted.runs.tolist(), counted.fraction.tolist()) == ([40.0, 10.0], [0.5, 0.9])
+    assert counted.half_motion == pytest.approx(0.5 / runs)
 
 
 def test_the_error_of_the_fit_counts_beside_the_scatter():
@@ -262,7 +264,7 @@ def test_what_parts_most_from_the_counts_is_told():
     motion .5 %."""
     im = np.repeat([1.0, 4.0], 100)
     beside = SURE.beside_counts(im, np.ones(200))
-    assert beside.counted.apart == pytest.approx([(0.5 - 0.005) / 0.05, 0.0])
+    assert beside.counted.excess_in_errors == pytest.approx([(0.5 - 0.005) / 0.05, 0.0])
     text = (
         "at im 1 100 % of 100 runs exceed, the cloud function gives 50 %: the difference exceeds "
         "the random scatter"
@@ -299,13 +301,13 @@ def test_observations_go_along_into_other_units():
 
 def test_empirical_points_are_the_middles_of_steps():
     points = empirical(np.array([1.0, 3.0, 2.0]), np.zeros(3, bool))
-    assert (points.im.tolist(), points.part.tolist()) == (
+    assert (points.im.tolist(), points.fraction.tolist()) == (
         [1.0, 2.0, 3.0],
         pytest.approx([1 / 6, 1 / 2, 5 / 6]),
     )
     # Of two that are left behind a censored one each step is half of what is left: 2/3, then 1/3.
     points = empirical(np.array([1.0, 2.0, 3.0]), np.array([True, False, False]))
-    assert points.part == pytest.approx([0.25, 0.75])
+    assert points.fraction == pytest.approx([0.25, 0.75])
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_an_inventory_without_a_building(tmp_path: Path) -> None:
 
 
 def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
-    known = {"store": "the store", "given": "a.yaml"}
+    known = {"stored_label": "the store", "other_label": "a.yaml"}
     assert differences(
         {"a": "1", "b": "2", "c": "3"}, {"b": "9", "c": "3", "d": "4"}, kind="setting", **known
     ) == [
@@ -108,8 +108,10 @@ def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
             [] if count == 8 else [f"and {count - 8} more differences of type record"]
         )
     same = ({"a": "1"}, {}, {"r": "2"}, {})
-    assert all_differences(same, same, given="b") == "the order of buildings or records differs"
-    assert all_differences(same, ({"a": "2"}, {}, {}, {}), given="b").splitlines() == [
+    assert (
+        all_differences(same, same, other_label="b") == "the order of buildings or records differs"
+    )
+    assert all_differences(same, ({"a": "2"}, {}, {}, {}), other_label="b").splitlines() == [
         "setting a: 1 in the store, 2 in b",
         "record r: only in the store",
     ]

@@ -205,8 +205,8 @@ def _fragility(request: Request) -> None:
         EVERY_DEMAND,
         FragilityRequest,
         fit_table,
-        fit_types,
     )
+    from tdint.campaign.fragility.fit_types import fit_types
 
     outputs, by = request.outputs, request.by
     if by == "type" and request.states:

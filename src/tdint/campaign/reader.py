@@ -20,7 +20,7 @@ from tdint.campaign.definition import (
     Varied,
     read_sweep,
 )
-from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
+from tdint.campaign.fragility.type_states import DAMAGE, read_damage_request
 from tdint.campaign.intensity import (
     GEOMETRIC_MEAN,
     PAIRS,
@@ -549,7 +549,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
             dt if dt and dt.is_list else None,
             models=are_models,
         ),
-        damage=read_wishes(
+        damage=read_damage_request(
             section.get("damage"),
             buildings.rules if isinstance(buildings, InventoryFile) else None,
         ),

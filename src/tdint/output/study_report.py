@@ -463,7 +463,7 @@ def _counts(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     for function in functions:
         if counted := function.counted:
             for i in range(len(counted.im)):
-                values = (counted.im[i], counted.runs[i], counted.share[i], counted.fitted[i])
+                values = (counted.im[i], counted.runs[i], counted.fraction[i], counted.fitted[i])
                 rows.append((function.exceeded, *map(float, values)))
     columns = ("function", "intensity", "runs", "counted", "fitted")
     unit = functions[0].unit or "1"

@@ -9,11 +9,12 @@ Three fits are available:
 - Cloud: a line through the logarithms of demand over intensity (Jalayer 2003). Some demands may be
   censored, that is, known only to be above or below a limit.
 
-The likelihood is the likelihood of normal observations, some of which are censored. Each
-observation i has z_i = x_i . p, linear in the parameters. The logarithm of the likelihood is
-therefore concave (Pratt 1981; Olsen 1978), and Newton's iteration finds its unique maximum. An
-exact value adds ln p_s - z^2 / 2, with the parameter p_s = 1 / sigma. A value known to be below
-adds ln Phi(z), a value known to be above adds ln Phi(-z).
+All fits use the likelihood of normal observations, some of which are censored. Each observation i
+has a standardized value z_i = x_i . p, which is linear in the parameters p. The logarithm of the
+likelihood is therefore concave (Pratt 1981; Olsen 1978), and Newton's iteration finds its unique
+maximum. An exact value adds ln(1 / sigma) - z^2 / 2 to the logarithm, where 1 / sigma is one of the
+parameters. A value known to be below a limit adds ln Phi(z); a value known to be above a limit adds
+ln Phi(-z).
 """
 
 from __future__ import annotations
@@ -35,16 +36,16 @@ from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 
 _MAX_ITERATIONS = 200
 _CONVERGED = 1e-13
-"""Tolerance of the Newton decrement, which is twice the distance of the log-likelihood from its
-maximum. The next decrement is about its square."""
+"""Tolerance of the Newton decrement, which is about twice the distance of the log-likelihood from
+its maximum. Near the maximum, each decrement is about the square of the previous one."""
 
 _MIN_STEP_FRACTION = 1e-12
-"""Smallest fraction of a Newton step that is tried. If it does not increase the likelihood, the
-maximum is at a 1 / sigma that is not positive."""
+"""Smallest fraction of a Newton step that is tried. If it does not increase the likelihood, there
+is no maximum at a positive 1 / sigma."""
 
 _MIN_CURVATURE_RATIO = 1e-12
-"""Smallest ratio of the minimum to the maximum curvature, scaled to equal diagonals. Below it the
-maximum is not unique."""
+"""Smallest ratio of the minimum to the maximum curvature of the log-likelihood, scaled to equal
+diagonals. Below it, the maximum is not unique."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +78,12 @@ class Observations:
 
     def logarithm(self, parameters: Array) -> float:
         """Return the log-likelihood without its constant; -inf if 1 / sigma is not positive."""
-        rate = float(parameters[self.inverse_sigma])
-        if not rate > 0.0:
+        inverse_sigma = float(parameters[self.inverse_sigma])
+        if not inverse_sigma > 0.0:
             return -math.inf
         z = self.design @ parameters
         terms = np.where(self.below, log_ndtr(z), np.where(self.above, log_ndtr(-z), -0.5 * z * z))
-        return float(np.sum(self.count * terms)) + self.known * math.log(rate)
+        return float(np.sum(self.count * terms)) + self.known * math.log(inverse_sigma)
 
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
         """Return gradient and Hessian of the log-likelihood, shapes (k,) and (k, k)."""
@@ -92,23 +93,25 @@ class Observations:
         hazard_below, hazard_above = (
             np.exp(-0.5 * y * y - log_ndtr(y)) / math.sqrt(2.0 * math.pi) for y in (z, -z)
         )
+        # First and second derivative of each term with respect to z
         first = np.where(self.below, hazard_below, np.where(self.above, -hazard_above, -z))
         second = np.where(
             self.below,
             -hazard_below * (hazard_below + z),
             np.where(self.above, -hazard_above * (hazard_above - z), -1.0),
         )
-        # Each exact value contributes a factor 1 / sigma to the likelihood.
-        rate, index = float(parameters[self.inverse_sigma]), self.inverse_sigma
+        # Each exact value adds ln(1 / sigma) to the log-likelihood.
+        inverse_sigma, index = float(parameters[self.inverse_sigma]), self.inverse_sigma
         gradient = self.design.T @ (self.count * first)
         hessian = (self.design.T * (self.count * second)) @ self.design
-        gradient[index] += self.known / rate
-        hessian[index, index] -= self.known / rate**2
+        gradient[index] += self.known / inverse_sigma
+        hessian[index, index] -= self.known / inverse_sigma**2
         return gradient, hessian
 
 
 def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | None:
-    """Return the parameters of maximum likelihood and the inverse of the observed information.
+    """Return the parameters of maximum likelihood, and their covariance (the inverse of the
+    observed information).
 
     Parameters
     ----------
@@ -131,26 +134,24 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
         if not (np.isfinite(gradient).all() and np.isfinite(hessian).all()) or _is_flat(hessian):
             return None
         step = np.linalg.solve(-hessian, gradient)
-        decrement = float(gradient @ step)
-        # The expected increase is below the tolerance. Add this last step without checking that the
-        # likelihood increases, because rounding errors would exceed the increase.
-        if decrement <= _CONVERGED * max(1.0, abs(value)):
+        newton_decrement = float(gradient @ step)
+        # Converged. Add this last step without checking that the likelihood increases, because
+        # rounding errors would exceed the increase.
+        if newton_decrement <= _CONVERGED * max(1.0, abs(value)):
             return parameters + step, np.asarray(np.linalg.inv(-hessian), float)
-        length = 1.0
+        fraction = 1.0
         # A step that does not increase the likelihood is too long, and is halved.
-        while not (new_value := observations.logarithm(parameters + length * step)) > value:
-            length *= 0.5
-            if length < _MIN_STEP_FRACTION:
+        while not (new_value := observations.logarithm(parameters + fraction * step)) > value:
+            fraction *= 0.5
+            if fraction < _MIN_STEP_FRACTION:
                 return None
-        parameters, value = parameters + length * step, new_value
+        parameters, value = parameters + fraction * step, new_value
     return None
 
 
 def _is_flat(hessian: Array) -> bool:
-    """Return True if some direction has no curvature.
-
-    In this case the likelihood increases without limit, or it does not distinguish the parameters.
-    """
+    """Return True if the log-likelihood has no curvature in some direction of the parameters. Then
+    it increases without limit, or it does not distinguish the parameters."""
     diagonal = -np.diagonal(hessian)
     if not np.all(diagonal > 0.0):
         return True
@@ -180,15 +181,17 @@ four states) random scatter exceeds it in one of five studies."""
 
 @dataclass(frozen=True)
 class Points:
-    """Observations of a fit for figures: intensities and fractions that exceed, shape (k,)."""
+    """Observations of a fit for figures: intensities, and the fraction of the records that exceed
+    the threshold at each intensity; arrays of shape (k,)."""
 
     im: Array
-    part: Array
+    fraction: Array
 
 
 SELDOM = 0.1
-"""Minimum fraction of runs that exceed a state, and that do not, for a reliable median. With fewer
-runs the median depends on the shape of the function, which few runs do not show."""
+"""Minimum fraction of the runs that must exceed a state, and minimum fraction that must not exceed
+it, for a reliable median. With smaller fractions, the median depends on the assumption that the
+function is lognormal."""
 
 
 @dataclass(frozen=True)
@@ -201,33 +204,36 @@ class Counted:
         Intensity of each bin: geometric mean of its runs.
     runs : ndarray
         Number of runs.
-    share : ndarray
+    fraction : ndarray
         Fraction of the runs that exceed the state.
     fitted : ndarray
         Mean probability of the function.
-    error, half : ndarray
-        Standard error of the fraction, and half a ground motion as a fraction: the differences
-        that the limited number of runs permits.
+    error : ndarray
+        Standard error of the difference between `fraction` and `fitted`.
+    half_motion : ndarray
+        Half a ground motion as a fraction of all ground motions of the bin: the largest rounding
+        error of a counted fraction.
     """
 
     im: Array
     runs: Array
-    share: Array
+    fraction: Array
     fitted: Array
     error: Array
-    half: Array
+    half_motion: Array
 
     @property
-    def apart(self) -> Array:
-        """Difference of function and count in standard errors, reduced by half a ground motion."""
-        excess = np.abs(self.share - self.fitted) - self.half
+    def excess_in_errors(self) -> Array:
+        """Difference between function and count, reduced by half a ground motion, divided by its
+        standard error."""
+        excess = np.abs(self.fraction - self.fitted) - self.half_motion
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(excess > 0.0, excess / self.error, 0.0)
 
     @property
     def bound(self) -> Array:
-        """Difference of function and count above which it is reported."""
-        return _REPORTED_DIFFERENCE * self.error + self.half
+        """Difference between function and count that is reported if exceeded."""
+        return _REPORTED_DIFFERENCE * self.error + self.half_motion
 
 
 @dataclass(frozen=True)
@@ -385,17 +391,20 @@ class Fragility:
     def beside_counts(
         self,
         im: Array,
-        beyond: Array,
+        exceeding: Array,
         *,
         runs: Array | None = None,
         motion: NDArray[np.intp] | None = None,
     ) -> Fragility:
-        """Return the function with the counts of exceedances that it can be compared with.
+        """Return the function with `counted`, the counts of exceedances with which it can be
+        compared. The covariance is removed if the median is extrapolated (`within`).
 
         Parameters
         ----------
-        im, beyond : ndarray, shape (n,)
-            Intensities of runs or of levels, and the fraction of each that exceeds the state.
+        im : ndarray, shape (n,)
+            Intensity of each entry, a run or the runs at a level.
+        exceeding : ndarray, shape (n,)
+            Fraction of the runs of each entry that exceed the state.
         runs : ndarray, shape (n,), optional
             Number of runs of each entry; default 1.
         motion : ndarray of int, shape (n,), optional
@@ -404,54 +413,61 @@ class Fragility:
         """
         weight = np.ones(im.size) if runs is None else runs
         # Form bins with about equal numbers of runs. With few levels, each level is a bin.
-        # Otherwise the bin of a level follows from the fraction of all runs at lower levels.
+        # Otherwise the bin of a level follows from the fraction of the runs at lower levels.
         level = levels_of(im)
-        total = np.bincount(level, weight)
-        fraction_below = (np.cumsum(total) - 0.5 * total) / np.sum(total)
-        index = (
-            level if total.size <= BINS else np.floor(BINS * fraction_below).astype(np.intp)[level]
-        )
-        index = np.unique(index, return_inverse=True)[1]
-        count = np.bincount(index, weight)
-        center = np.exp(np.bincount(index, weight * np.log(im)) / count)
-        share = np.bincount(index, weight * beyond) / count
-        fitted = np.bincount(index, weight * self.probability(im)) / count
+        runs_at_level = np.bincount(level, weight)
+        fraction_below = (np.cumsum(runs_at_level) - 0.5 * runs_at_level) / np.sum(runs_at_level)
+        bin_of_run = level
+        if runs_at_level.size > BINS:
+            bin_of_run = np.floor(BINS * fraction_below).astype(np.intp)[level]
+        bin_index = np.unique(bin_of_run, return_inverse=True)[1]  # without empty bins
+        bin_runs = np.bincount(bin_index, weight)
+        bin_im = np.exp(np.bincount(bin_index, weight * np.log(im)) / bin_runs)
+        fraction = np.bincount(bin_index, weight * exceeding) / bin_runs
+        fitted = np.bincount(bin_index, weight * self.probability(im)) / bin_runs
         # The variance is binomial, with one independent observation per ground motion, plus the
-        # variance of the fit.
-        motions = (
-            count
-            if motion is None
-            else np.bincount(np.unique(np.column_stack([index, motion]), axis=0)[:, 0])
-        )
-        z, error = self._z(center)
+        # variance of the fit, by the delta method.
+        motions = bin_runs
+        if motion is not None:  # number of distinct ground motions in each bin
+            distinct = np.unique(np.column_stack([bin_index, motion]), axis=0)
+            motions = np.bincount(distinct[:, 0])
+        z, error = self._z(bin_im)
         fit_error = np.nan_to_num(error) * np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-        scatter = np.sqrt(np.maximum(fitted * (1.0 - fitted), 0.0) / motions + fit_error**2)
-        counted = Counted(center, count.astype(float), share, fitted, scatter, 0.5 / motions)
+        difference_error = np.sqrt(
+            np.maximum(fitted * (1.0 - fitted), 0.0) / motions + fit_error**2
+        )
+        counted = Counted(
+            bin_im, bin_runs.astype(float), fraction, fitted, difference_error, 0.5 / motions
+        )
         return replace(self, counted=counted).within(
-            im, float(np.sum(weight * beyond) / np.sum(weight))
+            im, float(np.sum(weight * exceeding) / np.sum(weight))
         )
 
-    def within(self, im: Array, share: float) -> Fragility:
-        """Return the function without a covariance if its median is extrapolated.
+    def within(self, im: Array, fraction: float) -> Fragility:
+        """Return the function unchanged if the runs cover its median. Otherwise the median is
+        extrapolated: return the function with the reason and without a covariance.
 
         Parameters
         ----------
         im : ndarray, shape (n,)
             Intensities of the runs.
-        share : float
+        fraction : float
             Fraction of the runs that exceed the state.
         """
+        # The names of the states follow these texts in a message.
         reason = ""
-        if share in (0.0, 1.0):
-            reason = f"{'every' if share else 'no'} run exceeds"
-        elif share < SELDOM or share > 1.0 - SELDOM:
-            limit = 100.0 * (SELDOM if share < SELDOM else 1.0 - SELDOM)
-            reason = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs exceed"
-        elif not np.min(im) <= self.theta <= np.max(im):
-            reason = (
-                f"every intensity is {'below' if self.theta > np.max(im) else 'above'} the "
-                "median of"
-            )
+        if fraction == 0.0:
+            reason = "no run exceeds"
+        elif fraction == 1.0:
+            reason = "every run exceeds"
+        elif fraction < SELDOM:
+            reason = f"less than {100.0 * SELDOM:g} % of the runs exceed"
+        elif fraction > 1.0 - SELDOM:
+            reason = f"more than {100.0 * (1.0 - SELDOM):g} % of the runs exceed"
+        elif self.theta > np.max(im):
+            reason = "every intensity is below the median of"
+        elif not self.theta >= np.min(im):
+            reason = "every intensity is above the median of"
         if not reason:
             return self
         return replace(self, extrapolated=reason, covariance=np.full((2, 2), math.nan))
@@ -465,25 +481,26 @@ class Fragility:
 
     @property
     def exceeded(self) -> str:
-        """Text that names the exceeded state of a type, or the threshold; empty if unknown."""
+        """Text that names what is exceeded: the building type and damage state, or the threshold;
+        empty if unknown."""
         threshold = f"threshold {self.threshold_text}" if self.threshold_text else ""
         return f"{self.type}, {self.state}" if self.type else threshold
 
     @property
     def disagreement(self) -> str:
         """Message about the largest difference between the function and the counted fraction of
-        exceedances; empty if all differences can be explained by random scatter.
-        """
+        exceedances; empty if all differences can be explained by random scatter."""
         counted = self.counted
-        if counted is None or not np.any(counted.apart > _REPORTED_DIFFERENCE):
+        if counted is None or not np.any(counted.excess_in_errors > _REPORTED_DIFFERENCE):
             return ""
-        worst = int(np.argmax(counted.apart))
+        largest = int(np.argmax(counted.excess_in_errors))
         prefix = f"{self.exceeded}: " if self.exceeded else ""
-        level = f"{self.im or 'im'} {counted.im[worst]:.3g} {self.unit}".rstrip()
+        level = f"{self.im or 'im'} {counted.im[largest]:.3g} {self.unit}".rstrip()
+        runs_text = pluralize(round(counted.runs[largest]), "run")
         return (
-            f"{prefix}at {level} {100.0 * counted.share[worst]:.3g} % of "
-            f"{pluralize(round(counted.runs[worst]), 'run')} exceed, the {self.fit} function gives "
-            f"{100.0 * counted.fitted[worst]:.3g} %: the difference exceeds the random scatter"
+            f"{prefix}at {level} {100.0 * counted.fraction[largest]:.3g} % of {runs_text} exceed, "
+            f"the {self.fit} function gives {100.0 * counted.fitted[largest]:.3g} %: the "
+            "difference exceeds the random scatter"
         )
 
     def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
@@ -527,33 +544,43 @@ class Fragility:
         if cloud is not None:  # ln EDP = a + b ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
-        low, high = (
+        first_bound, second_bound = (
             replace(fit, theta=factor * fit.theta, unit=unit) if fit else None
             for fit in self.bounds
         )
         counted = replace(self.counted, im=factor * self.counted.im) if self.counted else None
-        observed: dict[str, Any] = {"points": points, "cloud": cloud, "counted": counted}
-        return replace(self, theta=factor * self.theta, unit=unit, bounds=(low, high), **observed)
+        converted: dict[str, Any] = {"points": points, "cloud": cloud, "counted": counted}
+        return replace(
+            self,
+            theta=factor * self.theta,
+            unit=unit,
+            bounds=(first_bound, second_bound),
+            **converted,
+        )
 
 
 def extrapolated(functions: Sequence[Fragility]) -> list[str]:
-    """Return one message for each reason why medians are extrapolated, with its functions."""
-    names: dict[str, list[str]] = {}
-    for fit in functions:
-        if fit.extrapolated:
-            names.setdefault(fit.extrapolated, []).append(fit.exceeded or "the threshold")
+    """Return one message for each reason why medians are extrapolated, which lists the functions
+    that the reason concerns."""
+    names_of_reason: dict[str, list[str]] = {}
+    for function in functions:
+        if function.extrapolated:
+            name = function.exceeded or "the threshold"
+            names_of_reason.setdefault(function.extrapolated, []).append(name)
     return [
-        f"{why} {abbreviate(listed, _MOST_NAMES)}: the median is extrapolated"
-        for why, listed in sorted(names.items(), reverse=True)
+        f"{reason} {abbreviate(names, _MOST_NAMES)}: the median is extrapolated"
+        for reason, names in sorted(names_of_reason.items(), reverse=True)
     ]
 
 
 def levels_of(im: Array) -> NDArray[np.intp]:
-    """Return the index of the intensity level of each intensity, from 0."""
+    """Return the index of the intensity level of each intensity, from 0. Intensities belong to one
+    level if, in ascending order, they differ from their neighbors by less than `SAME_LEVEL`."""
     order = np.argsort(im)
-    steps = np.diff(np.log(im[order]), prepend=math.log(float(im[order[0]]))) > SAME_LEVEL
+    ln_lowest = math.log(float(im[order[0]]))
+    is_next_level = np.diff(np.log(im[order]), prepend=ln_lowest) > SAME_LEVEL
     result = np.empty(im.size, np.intp)
-    result[order] = np.cumsum(steps)
+    result[order] = np.cumsum(is_next_level)
     return result
 
 
@@ -579,45 +606,61 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
     AnalysisError
         The levels do not determine median and dispersion.
     """
-    x, hits, total = (np.asarray(values, float) for values in (im, exceeding, records))
-    if not (x.ndim == 1 and x.shape == hits.shape == total.shape and x.size):
+    im_levels, exceeding_counts, record_counts = (
+        np.asarray(values, float) for values in (im, exceeding, records)
+    )
+    if not (
+        im_levels.ndim == 1
+        and im_levels.shape == exceeding_counts.shape == record_counts.shape
+        and im_levels.size
+    ):
         raise UsageError(
             "stripes: levels, numbers of exceedances and numbers of records must be arrays of the "
             "same length"
         )
-    _check_positive(x, "levels of intensity")
-    if not np.all((hits >= 0) & (hits <= total) & (total > 0)):
+    _check_positive(im_levels, "levels of intensity")
+    if not np.all(
+        (exceeding_counts >= 0) & (exceeding_counts <= record_counts) & (record_counts > 0)
+    ):
         raise UsageError(
             "stripes: at every level the number of records must be positive, and the number of "
             "exceedances must not exceed it"
         )
-    # Detect the two cases without a maximum of the likelihood before the iteration.
-    misses = total - hits
-    if not hits.any() or not misses.any():
+    # Detect the two cases without a maximum of the likelihood before the iteration: only
+    # exceedances or none at all, and no overlap of the levels with and without exceedances.
+    other_counts = record_counts - exceeding_counts
+    if not exceeding_counts.any() or not other_counts.any():
         reason = (
             "no record exceeds at any level"
-            if not hits.any()
+            if not exceeding_counts.any()
             else "every record exceeds at every level"
         )
         raise AnalysisError(
             f"{reason}: median and dispersion cannot be estimated; add intensity levels"
         )
-    if np.min(x[hits > 0]) >= np.max(x[misses > 0]):
+    if np.min(im_levels[exceeding_counts > 0]) >= np.max(im_levels[other_counts > 0]):
         raise AnalysisError(
             "no record exceeds below some level and all records exceed above it: the dispersion "
             "cannot be estimated; add intensity levels in between"
         )
     # An exceedance is a capacity below the level; any other record has a capacity above it.
-    levels = np.concatenate([x, x])
-    side = np.repeat([True, False], x.size)
-    solution = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
+    both_levels = np.concatenate([im_levels, im_levels])
+    is_below = np.repeat([True, False], im_levels.size)
+    solution = _lognormal(
+        both_levels, is_below, ~is_below, np.concatenate([exceeding_counts, other_counts])
+    )
     if solution is None:
         raise AnalysisError(
             "the fraction of exceedances does not increase with intensity: no lognormal "
             "distribution can be fitted"
         )
-    counts: dict[str, Any] = {"runs": int(np.sum(total)), "motions": int(np.max(total))}
-    return _function(STRIPES, *solution, **counts, points=Points(x, hits / total))
+    counts: dict[str, Any] = {
+        "runs": int(np.sum(record_counts)),
+        "motions": int(np.max(record_counts)),
+    }
+    return _function(
+        STRIPES, *solution, **counts, points=Points(im_levels, exceeding_counts / record_counts)
+    )
 
 
 def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) -> Fragility:
@@ -650,12 +693,13 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
     if x.ndim != 1 or above.shape != x.shape:
         raise UsageError("capacities and censored must be arrays of the same length")
     _check_positive(x, "capacities")
-    # The dispersion cannot be estimated from one exact capacity, even with many censored ones.
-    count = x.size - int(np.sum(above))
-    if count < 2:
+    # The dispersion cannot be estimated from one exact capacity, even with many censored
+    # capacities.
+    exact_count = x.size - int(np.sum(above))
+    if exact_count < 2:
         raise AnalysisError(
             "an estimate of median and dispersion requires at least two capacities that are not "
-            f"censored, got {count} of {x.size}"
+            f"censored, got {exact_count} of {x.size}"
         )
     logarithms = np.log(x)
     # Without censored capacities, use the sample mean and the standard deviation (n - 1), and the
@@ -739,26 +783,38 @@ def fit_cloud(
     # The likelihood has the parameters g0 = b0 / sigma, g1 = b1 / sigma and 1 / sigma. Convert
     # their covariance to the covariance of ln theta and beta = 1 / g1 by the delta method.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
-    observed = {"runs": x.size, "motions": x.size, "censored": int(np.sum(above)), "cloud": points}
-    g1, results = slope / sigma, []
+    common_attributes = {
+        "runs": x.size,
+        "motions": x.size,
+        "censored": int(np.sum(above)),
+        "cloud": points,
+    }
+    inverse_beta, functions = slope / sigma, []
     for threshold in thresholds:
         mean = (math.log(threshold) - intercept) / slope
-        jacobian = np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / g1, 0.0]]) / g1
+        # Derivatives of ln theta and beta with respect to (g0, g1, 1 / sigma)
+        jacobian = (
+            np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / inverse_beta, 0.0]])
+            / inverse_beta
+        )
         function_covariance = jacobian @ covariance @ jacobian.T
-        results.append(
+        functions.append(
             _function(
-                CLOUD, mean, 1.0 / g1, function_covariance, threshold=float(threshold), **observed
+                CLOUD,
+                mean,
+                1.0 / inverse_beta,
+                function_covariance,
+                threshold=float(threshold),
+                **common_attributes,
             )
         )
-    return results
+    return functions
 
 
 def _line(
     x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]
 ) -> tuple[float, float, float, Array]:
-    """Return intercept, slope, standard deviation, and a covariance.
-
-    The covariance is that of (b0 / sigma, b1 / sigma, 1 / sigma).
+    """Fit the line ln EDP = b0 + b1 ln IM with the standard deviation sigma, by maximum likelihood.
 
     Parameters
     ----------
@@ -766,6 +822,16 @@ def _line(
         Logarithms of intensities and demands.
     above, below : ndarray of bool
         True for demands known only to be above, or below, their value.
+
+    Returns
+    -------
+    tuple
+        b0, b1, sigma, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma).
+
+    Raises
+    ------
+    AnalysisError
+        The demands do not determine a line with a positive slope and a dispersion.
     """
     exact = ~(above | below)
     if not below.any() and np.unique(x[exact]).size < 3:
@@ -797,18 +863,18 @@ def _line(
 
 
 def _function(
-    fit: str, logarithm: float, beta: float, covariance: Array, **observed: Any
+    fit: str, ln_theta: float, beta: float, covariance: Array, **attributes: Any
 ) -> Fragility:
-    """Return the function of a fit.
+    """Return the fragility function of a fit.
 
     Parameters
     ----------
     fit : str
         `stripes`, `ida` or `cloud`.
-    logarithm, beta : float
-        ln theta and dispersion.
+    ln_theta, beta : float
+        Logarithm of the median, and dispersion.
     covariance : ndarray, shape (2, 2)
-        Covariance of `logarithm` and `beta`.
+        Covariance of `ln_theta` and `beta`.
     **observed
         Further attributes of `Fragility`.
 
@@ -817,19 +883,20 @@ def _function(
     AnalysisError
         The observations do not determine the median.
     """
-    half = _NORMAL_95 * math.sqrt(covariance[0, 0])  # half width of the 95 % interval
-    if not abs(logarithm) + half + beta < math.log(LARGEST):
+    half_width = _NORMAL_95 * math.sqrt(covariance[0, 0])  # half width of the 95 % interval
+    if not abs(ln_theta) + half_width + beta < math.log(LARGEST):
         raise AnalysisError(
-            f"the observations do not determine the median: exp({logarithm:.3g} +- {half:.3g}), "
-            f"with a dispersion of {beta:.3g}"
+            "the observations do not determine the median: "
+            f"exp({ln_theta:.3g} +- {half_width:.3g}), with a dispersion of {beta:.3g}"
         )
-    return Fragility(fit, math.exp(logarithm), beta, covariance, **observed)
+    return Fragility(fit, math.exp(ln_theta), beta, covariance, **attributes)
 
 
 def _lognormal(
     x: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], count: Array
 ) -> tuple[float, float, Array] | None:
-    """Return ln theta, beta and their covariance; None if the likelihood has no maximum.
+    """Fit a lognormal distribution of capacities by maximum likelihood. Return ln theta, beta and
+    their covariance; None if the likelihood has no maximum.
 
     Parameters
     ----------
@@ -849,6 +916,7 @@ def _lognormal(
     solution = maximize(observed, np.array([0.0, 1.0]))
     if solution is None:
         return None
+    # z = a + b (ln x - middle) / spread; convert a and b to ln theta and beta.
     (a, b), covariance = solution
     jacobian = spread * np.array([[-1.0 / b, a / b**2], [0.0, -1.0 / b**2]])
     return float(middle - spread * a / b), float(spread / b), jacobian @ covariance @ jacobian.T
@@ -860,17 +928,17 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
     The fraction is the middle of the step of the empirical distribution at that capacity.
     """
     order = np.lexsort((censored, capacity))
-    # `share` is the estimated fraction of records that have not exceeded yet; `survivors` is the
-    # number of records with a capacity at or above the present one.
-    survivors, share, im, part = capacity.size, 1.0, [], []
+    # `not_exceeded` is the estimated fraction of records that do not exceed below the present
+    # capacity; `remaining_count` is the number of records with a capacity at or above it.
+    remaining_count, not_exceeded, im, fractions = capacity.size, 1.0, [], []
     for index in order:
         if not censored[index]:
-            after = share * (survivors - 1) / survivors
+            next_not_exceeded = not_exceeded * (remaining_count - 1) / remaining_count
             im.append(float(capacity[index]))
-            part.append(1.0 - 0.5 * (share + after))
-            share = after
-        survivors -= 1
-    return Points(np.array(im), np.array(part))
+            fractions.append(1.0 - 0.5 * (not_exceeded + next_not_exceeded))
+            not_exceeded = next_not_exceeded
+        remaining_count -= 1
+    return Points(np.array(im), np.array(fractions))
 
 
 def _check_positive(values: Array, name: str) -> None:
@@ -883,7 +951,18 @@ def _check_positive(values: Array, name: str) -> None:
 def fit_at_threshold(
     threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
 ) -> Fragility | AnalysisError:
-    """Return the function of a threshold, or the error that prevents it."""
+    """Return the function that `fit` fits, with its threshold; if it cannot be fitted, return the
+    error.
+
+    Parameters
+    ----------
+    threshold : float
+        Demand that is exceeded; NaN if unknown.
+    names : tuple of two str
+        Name and unit of the intensity measure.
+    fit : callable
+        Function without arguments that fits the function.
+    """
     try:
         return fit().named(threshold, *names)
     except AnalysisError as error:

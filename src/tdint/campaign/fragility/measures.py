@@ -1,14 +1,16 @@
-"""Intensity measures of the runs of a campaign, and their efficiency and sufficiency."""
+"""Intensity measures of the runs of a campaign, and comparison of measures by their efficiency and
+sufficiency for the prediction of drifts."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +21,7 @@ from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.arrays import Array
 from tdint.campaign.batch import Run
 from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.fragility.runs import BuildingDamage, places_of_motions
+from tdint.campaign.fragility.runs import BuildingDamage, runs_of_motions
 from tdint.campaign.intensity import (
     AVERAGE,
     SPECTRAL,
@@ -60,7 +62,8 @@ FIRST = "T1"
 
 @dataclass(frozen=True)
 class RunMeasure:
-    """Intensity measure of runs.
+    """Intensity measure of a run: of a scaled record, and for some measures of the first period of
+    the building.
 
     Attributes
     ----------
@@ -69,11 +72,12 @@ class RunMeasure:
     unit, meaning : str
         SI unit and description.
     value : callable
-        Function of a record and of the first period of the building, s.
+        Function that computes the measure from a record and the first period of the building, s.
     power : float or None
-        Exponent of the factor on the record; None if the measure must be computed for each factor.
+        The measure is proportional to this power of the scale factor of the record; None if it must
+        be computed for each scale factor.
     called : str
-        Name in tables of functions; {} is replaced by the first period of the building.
+        Name in tables of functions, in which {} is replaced by the first period of the building.
     """
 
     column: str
@@ -84,14 +88,18 @@ class RunMeasure:
     called: str = ""
 
     def label(self, period: float | None) -> str:
-        """Return the name for buildings with this first period, s.
+        """Return the name of the measure in tables of functions.
 
-        If the buildings have different or unknown periods (None), the name contains T1.
+        Parameters
+        ----------
+        period : float or None
+            First period of all buildings, s. If it is None (different or unknown periods), the
+            name contains T1 instead of the period.
         """
         return self.called.format(FIRST if period is None else f"{period:.6g}")
 
     def of(self, record: Record, factor: float, period: float) -> float:
-        """Return the measure of a record times a factor; nan if it cannot be computed.
+        """Return the measure of a scaled record; nan if it cannot be computed.
 
         Parameters
         ----------
@@ -114,7 +122,7 @@ _FORMS = ("sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRE
 
 
 def run_measure(text: str) -> RunMeasure:
-    """Return the measure of a name.
+    """Return the intensity measure that a text specifies.
 
     Parameters
     ----------
@@ -141,6 +149,7 @@ def run_measure(text: str) -> RunMeasure:
             motion_measure.power,
             motion_measure.name,
         )
+    # The other measures have parameters, separated by colons.
     parsers = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in parsers:
         hint = did_you_mean(name, [*parsers, *MEASURES_OF_MOTION])
@@ -153,7 +162,17 @@ def run_measure(text: str) -> RunMeasure:
 
 
 def _period(text: str) -> tuple[float | None, str, str]:
-    """Return the period (s; None for T1), its description, and its text in names of functions."""
+    """Parse a period, which is `T1`, empty (T1), or a number of seconds.
+
+    Returns
+    -------
+    period : float or None
+        Period, s; None for the first period of each building.
+    description : str
+        Description of the period.
+    symbol : str
+        Text in the name of the measure; {} for the first period, which is inserted later.
+    """
     if text in ("", FIRST):
         return None, "the first period of the building", "{}"
     value = float(text)
@@ -162,14 +181,14 @@ def _period(text: str) -> tuple[float | None, str, str]:
 
 
 def _column_name(*parts: object) -> str:
-    """Return the name of a column: parts joined by _, with p for the decimal point."""
-    return "_".join(
-        f"{part:g}" if isinstance(part, float) else str(part) for part in parts
-    ).replace(".", "p")
+    """Return the name of a column: words and numbers joined by _, with p for the decimal point, for
+    example sa_0p5."""
+    texts = [f"{part:g}" if isinstance(part, float) else str(part) for part in parts]
+    return "_".join(texts).replace(".", "p")
 
 
 def _spectral(parameters: str) -> RunMeasure:
-    """Return the measure Sa at a period."""
+    """Return the measure Sa at a period. `parameters` is the text of the period."""
     period, where, symbol = _period(parameters)
 
     def value(record: Record, first_period: float) -> float:
@@ -185,14 +204,17 @@ def _spectral(parameters: str) -> RunMeasure:
 
 
 def _average(parameters: str) -> RunMeasure:
-    """Return the measure Sa_avg over a range of periods."""
+    """Return the measure Sa_avg over a range of periods. `parameters` is FIRST:LAST[:COUNT], or
+    empty for the default multiples of the first period of the building."""
     with_count = parameters if parameters.count(":") == 2 else f"{parameters}:{AVERAGE.count}"
     grid = parse_grid(with_count) if parameters else None
     if grid is not None and grid.count == 1:
         raise UsageError(f"an average requires a first and a last period, got {parameters!r}")
     # The default range contains the periods of higher modes and of the damaged building.
-    where = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
-    where = f"{grid.first:g} to {grid.last:g} s" if isinstance(grid, Grid) else where
+    if isinstance(grid, Grid):
+        where = f"{grid.first:g} to {grid.last:g} s"
+    else:
+        where = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
 
     def value(record: Record, first_period: float) -> float:
         periods = grid.values() if grid else first_period * AVERAGE.values()
@@ -206,12 +228,14 @@ def _average(parameters: str) -> RunMeasure:
 
 
 def _inelastic(parameters: str) -> RunMeasure:
-    """Return the measure SDi at a period, for a strength."""
-    seconds, _, text = parameters.partition(":")
-    (period, where, symbol), strength = _period(seconds), parse_ratio(text)
+    """Return the measure SDi, the maximum displacement of an elastoplastic oscillator. `parameters`
+    is PERIOD:STRENGTH, where the strength is the yield force divided by the weight."""
+    period_text, _, strength_text = parameters.partition(":")
+    period, where, symbol = _period(period_text)
+    strength = parse_ratio(strength_text)
     if not 0.0 < strength < math.inf:
         raise UsageError(
-            f"the strength (yield force divided by weight) must be positive, got {text!r}"
+            f"the strength (yield force divided by weight) must be positive, got {strength_text!r}"
         )
 
     def value(record: Record, first_period: float) -> float:
@@ -236,7 +260,8 @@ def _inelastic(parameters: str) -> RunMeasure:
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """Run as named in runs.csv, with the values of the requested measures; nan if unavailable."""
+    """Values of the requested intensity measures for a run, which is identified by the columns of
+    runs.csv. A value is nan if it cannot be computed."""
 
     building: str
     record: str
@@ -247,7 +272,7 @@ class MeasuredRun:
 
 
 def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterator[MeasuredRun]:
-    """Yield the measures of all stored runs of a plan, in the order of runs.csv.
+    """Yield the intensity measures of all stored runs of a campaign, in the order of runs.csv.
 
     Parameters
     ----------
@@ -265,9 +290,11 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     # record, and then multiplied. Other measures are computed for each scale factor.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
+        """Return a measure, by its index, of the unscaled record with a number."""
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
 
     def value(measure: int, motion: int, factor: float, first_period: float) -> float:
+        """Return a measure, by its index, of the scaled record with a number."""
         power = measures[measure].power
         if power is None:
             return measures[measure].of(plan.motions[motion].record, factor, first_period)
@@ -284,20 +311,27 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
 
 
 def measure_named(text: str) -> RunMeasure:
-    """Return the measure of a name, or of a column of a table of runs without its unit."""
+    """Return the intensity measure that a text specifies, as `run_measure` or as the name of a
+    column of a table of runs without its unit."""
     try:
         return run_measure(text)
     except UsageError:
-        if text == "sa_t1" or not re.fullmatch(r"\w+", text):
-            return run_measure("sa" if text == "sa_t1" else text)
+        if text == "sa_t1":
+            return run_measure("sa")
+        if not re.fullmatch(r"\w+", text):  # not the name of a column
+            raise
+        # The values are read from the column, so the function that computes them is not used.
         return RunMeasure(text, "", text, lambda record, period: math.nan, called=text)
 
 
 class RunIntensities:
-    """Intensities of the runs of a store, building by building in their order.
+    """Reader of the intensities of the runs of a store, building by building in the order of the
+    buildings.
 
     Both components of a pair have the geometric mean of their intensities, because the hazard
-    refers to pairs. Runs that the campaign has scaled to levels have the intensities of the levels.
+    refers to pairs. If the campaign has scaled the runs to levels of this intensity measure, the
+    intensities are the levels. Sa(T1) and PGA are columns of the store; other measures are read
+    from measures.csv.
 
     Parameters
     ----------
@@ -319,32 +353,28 @@ class RunIntensities:
     def __init__(
         self, store: Store, folder: Path, measure: RunMeasure, pair_demand: str | None = None
     ) -> None:
+        """Determine the source of the intensities: levels, store, or measures.csv."""
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
-        self._names = {number: keys[:2] for number, keys in records.items()}
+        self._record_names = {
+            number: (name, component) for number, (name, component, _) in records.items()
+        }
         # If the components count as separate ground motions, only components that were read as a
-        # pair have a common intensity: the second component (`part` 2) has the number after the
+        # pair have a common intensity: the second component (direction 2) has the number after the
         # first. Otherwise components that were recognized as a pair by their names also have one.
         rule = store.pair_rule()
         if (pair_demand or rule.demand) == SEPARATE:
             first_components = {
-                number: number - (part > 1) for number, (*_, part) in records.items()
+                number: number - 1 if direction > 1 else number
+                for number, (_, _, direction) in records.items()
             }
             rule = replace(rule, recordings=first_components)
+        # With any rule other than SEPARATE, the runs of both components form one group.
         self._pairs = replace(rule, demand=LARGER)
         settings = store.parameters()
-        # If the campaign scaled the runs to levels of this measure, the levels are the intensities.
-        name, period = settings.get("measure"), settings.get("period")
-        period_text = (
-            f"({period if period == FIRST else f'{period:g}'})" if name in SPECTRAL else ""
+        self._levels = (
+            sorted(settings["levels"], key=abs) if _has_levels_of(settings, measure) else []
         )
-        is_scaled_to_levels = (
-            name is not None
-            and settings.get("damping", SA_DAMPING) == SA_DAMPING
-            and measure.called.format(FIRST) == f"{name}{period_text}"
-            and (name != "sa-avg" or period == FIRST)
-        )
-        self._levels = sorted(settings["levels"], key=abs) if is_scaled_to_levels else []
         self.unit = measure.unit
         column = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
         self._stored_name = None if self._levels else column
@@ -353,7 +383,7 @@ class RunIntensities:
             # Other measures are available only in the file of `tdint campaign --im`. Its rows are
             # read together with the buildings.
             if not is_file(self._file):
-                raise UsageError(no_measure(str(self._file.parent), measure.column))
+                raise UsageError(no_measure_message(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
             column_name, unit = column_of(table, measure.column)
             self._column_index, self._rows = table.header.index(column_name), iter(table.rows)
@@ -362,7 +392,8 @@ class RunIntensities:
 
     @property
     def note(self) -> str:
-        """Note on the intensity of pairs; empty without pairs."""
+        """Note for the user on the intensity of pairs; empty without pairs, and if the intensities
+        are levels."""
         if not self._pairs.pairs or self._levels:
             return ""
         return (
@@ -374,36 +405,57 @@ class RunIntensities:
         """Return the intensity of each run of a building, SI units; nan if it has no intensity."""
         if self._levels:
             return np.array(self._levels)[building.rank]
-        values = np.array(
-            getattr(building, self._stored_name)
-            if self._stored_name
-            else [self._next(building, key) for key in building.keys],
-            float,
-        )
-        for components in places_of_motions(building, self._pairs) if self._pairs.pairs else ():
-            if len(components) > 1:
-                values[components] = math.sqrt(float(np.prod(values[components])))
+        if self._stored_name:
+            values = np.array(getattr(building, self._stored_name), float)
+        else:
+            values = np.array([self._next_value(building, run) for run in building.keys], float)
+        if self._pairs.pairs:
+            for indices in runs_of_motions(building, self._pairs):
+                if len(indices) > 1:
+                    values[indices] = math.sqrt(float(np.prod(values[indices])))
         return values
 
-    def _next(self, building: BuildingDamage, key: Run) -> float:
-        """Return the value of the next row of measures.csv, which must belong to this run."""
+    def _next_value(self, building: BuildingDamage, run: Run) -> float:
+        """Return the value in the next row of measures.csv, SI units; nan if the cell is empty.
+
+        Raises
+        ------
+        ModelError
+            The row belongs to another run.
+        """
         line, row = next(self._rows, (0, []))
         # The rows are in the order of the runs, unless the campaign was run again after the table
         # was written.
-        keys = [building.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
+        record_name, component = self._record_names[run.motion]
+        keys = [building.building, record_name, component, f"{run.scale:.12g}", str(run.sample)]
         if row[: len(_KEYS)] != keys:
             raise _outdated_measures(f"{self._file}:{line}", keys)
         text = row[self._column_index] if self._column_index < len(row) else ""
         return self._factor * float(text) if text else math.nan
 
 
+def _has_levels_of(settings: Mapping[str, Any], measure: RunMeasure) -> bool:
+    """Return True if a campaign with the given settings has scaled its motions to levels of an
+    intensity measure, with the same period and damping ratio."""
+    name, period = settings.get("measure"), settings.get("period")
+    if name is None or settings.get("damping", SA_DAMPING) != SA_DAMPING:
+        return False
+    # Averages of campaigns are over multiples of a period; those of runs, of the first period only.
+    if name == "sa-avg" and period != FIRST:
+        return False
+    period_text = ""
+    if name in SPECTRAL:
+        period_text = f"({FIRST})" if period == FIRST else f"({period:g})"
+    return measure.called.format(FIRST) == f"{name}{period_text}"
+
+
 MEASURES = "measures.csv"
 """File name of the measures, next to runs.csv; written by `tdint campaign --im`."""
 
-_KEYS = ("building", "record", "component", "scale", "sample")
+_KEYS = ("building", "record", "component", "scale", "sample")  # columns that identify a run
 _QUANTITIES = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}
 _UNITS = {unit: (si, factor) for si, units in _QUANTITIES.items() for unit, factor in units.items()}
-"""SI unit and conversion factor of the units of measures."""
+"""SI unit and conversion factor to it, by the unit of a measure in a table."""
 
 _NEEDS = (
     "a table of characteristics has the column record and columns of numbers, such as magnitude "
@@ -415,7 +467,8 @@ _SCALE = "ln scale"
 
 @dataclass(frozen=True)
 class Dependence:
-    """Dependence of the residuals on a characteristic of the ground motions.
+    """Dependence of the residuals of a line of ln EDP over ln IM on a characteristic of the ground
+    motions, such as the magnitude.
 
     Attributes
     ----------
@@ -434,12 +487,13 @@ class Dependence:
 
 @dataclass(frozen=True)
 class MeasureFit:
-    """Line of ln EDP over ln IM of the completed runs; EDP is the maximum drift ratio.
+    """Line of ln EDP over ln IM, fitted to the runs without collapse. EDP is the maximum drift
+    ratio, IM the intensity measure.
 
     Attributes
     ----------
     im, unit : str
-        Measure as requested, and its unit in the table.
+        Name of the measure as requested, and its unit in the table.
     runs, left_out : int
         Number of runs used for the line, and number of omitted runs, which collapsed or have no
         result or no measure.
@@ -462,7 +516,8 @@ class MeasureFit:
 
     @property
     def proficiency(self) -> float:
-        """Beta over the slope: the dispersion in terms of the intensity measure."""
+        """Beta divided by the slope: the dispersion in terms of the intensity measure; infinite if
+        the slope is zero."""
         return self.beta / self.slope if self.slope else math.inf
 
 
@@ -497,26 +552,35 @@ def compare_measures(
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
-    # Only buildings without collapse have a maximum drift that can be used for a line.
-    survived = (status == DONE) & (drift > 0.0)
-    stated, events = _characteristics(table, characteristics)
-    logarithms = {_SCALE: np.log(np.abs(table.numbers("scale"))), **stated}
+    # Only runs without collapse have a maximum drift that can be used for a line.
+    has_drift = (status == DONE) & (drift > 0.0)
+    characteristic_values, events = _characteristics(table, characteristics)
+    values_of_characteristic = {
+        _SCALE: np.log(np.abs(table.numbers("scale"))),
+        **characteristic_values,
+    }
+    # Runs of the same event, or under the same ground motion, are correlated.
     motions = events if events is not None else motions_of(table)
     # Remove characteristics that are equal for all runs.
-    logarithms = {
-        name: values for name, values in logarithms.items() if np.unique(values[survived]).size > 1
+    values_of_characteristic = {
+        name: values
+        for name, values in values_of_characteristic.items()
+        if np.unique(values[has_drift]).size > 1
     }
     fits = []
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
-        im = of_pairs(table, np.array(table.numbers(column, empty=True)))
+        im = combine_pair_intensities(table, np.array(table.numbers(column, empty=True)))
         # A measure may be unknown for some runs, for example Sa at a period that is too short for
         # the record. Use all runs for which this measure is known.
-        used = survived & (im > 0.0)
-        characteristics_used = {about: values[used] for about, values in logarithms.items()}
-        fit = line(np.log(im[used]), np.log(drift[used]), characteristics_used, name, motions[used])
-        fits.append(replace(fit, im=name, unit=unit, left_out=int(np.sum(~used))))
-    return sorted(fits, key=lambda compared: compared.beta)
+        is_used = has_drift & (im > 0.0)
+        used_values = {
+            characteristic: values[is_used]
+            for characteristic, values in values_of_characteristic.items()
+        }
+        fit = line(np.log(im[is_used]), np.log(drift[is_used]), used_values, name, motions[is_used])
+        fits.append(replace(fit, im=name, unit=unit, left_out=int(np.sum(~is_used))))
+    return sorted(fits, key=lambda fit: fit.beta)
 
 
 def line(
@@ -526,7 +590,8 @@ def line(
     name: str = "the measure",
     motion: NDArray[np.intp] | None = None,
 ) -> MeasureFit:
-    """Fit a line and the dependence of its residuals on characteristics.
+    """Fit a line by least squares, and lines of its residuals over characteristics of the ground
+    motions.
 
     Parameters
     ----------
@@ -539,6 +604,11 @@ def line(
     motion : ndarray of int, shape (n,), optional
         Ground motion of each run. Runs under the same ground motion are correlated; by default all
         runs are independent.
+
+    Raises
+    ------
+    AnalysisError
+        There are fewer than three runs, or all have the same intensity.
     """
     # Imported here, because the import takes half a second and other fits do not need it.
     from scipy.stats import linregress
@@ -554,32 +624,40 @@ def line(
         )
     # Beta is the standard deviation of the residuals, with two parameters estimated from the runs.
     fit = linregress(x, y)
-    residual = y - (fit.intercept + fit.slope * x)
-    beta = math.sqrt(float(residual @ residual) / (x.size - 2))
+    residuals = y - (fit.intercept + fit.slope * x)
+    beta = math.sqrt(float(residuals @ residuals) / (x.size - 2))
     dependences = []
-    for about, values in characteristics.items():
+    for characteristic, values in characteristics.items():
         if np.ptp(values) > 0.0:
             # A sufficient measure has residuals that do not depend on the characteristic.
-            dependence = linregress(values, residual)
-            p_value = (
-                dependence.pvalue
-                if motion is None
-                else _clustered_p_value(values, residual, motion)
-            )
-            dependences.append(Dependence(about, float(dependence.slope), float(p_value)))
-    error = float(fit.stderr) if motion is None else _slope_error(x, y, motion)
-    slope, r = float(fit.slope), float(fit.rvalue)
-    return MeasureFit("", "", x.size, 0, slope, error, beta, r * r, tuple(dependences))
+            dependence = linregress(values, residuals)
+            if motion is None:
+                p_value = dependence.pvalue
+            else:
+                p_value = _clustered_p_value(values, residuals, motion)
+            dependences.append(Dependence(characteristic, float(dependence.slope), float(p_value)))
+    slope_error = float(fit.stderr) if motion is None else _slope_error(x, y, motion)
+    slope, correlation = float(fit.slope), float(fit.rvalue)
+    return MeasureFit(
+        "", "", x.size, 0, slope, slope_error, beta, correlation * correlation, tuple(dependences)
+    )
 
 
 def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """Return the jackknife standard error of the slope of y over x, over clusters.
+    """Return the jackknife standard error of the slope of the line of y over x, for residuals that
+    are correlated within clusters; nan for fewer than three clusters.
 
-    The result is nan for fewer than three clusters.
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+        Coordinates of the points.
+    cluster : ndarray of int, shape (n,)
+        Cluster of each point.
     """
     cluster_number = np.unique(cluster, return_inverse=True)[1]
     x, y = x - np.mean(x), y - np.mean(y)
-    # The line without a cluster follows from the sums over all runs minus the sums of the cluster.
+    # The slope without a cluster follows from the sums of 1, x, y, x^2 and x y over all points,
+    # minus the sums over the cluster.
     sums = np.column_stack(
         [np.bincount(cluster_number, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
     )
@@ -590,7 +668,8 @@ def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
 
 def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """Return the p-value of the slope of y over x for residuals correlated within clusters.
+    """Return the p-value of the slope of the line of y over x, for residuals that are correlated
+    within clusters.
 
     The variance is a sum over clusters (Liang and Zeger 1986, Biometrika 73(1)), with the factor
     G / (G - 1) (n - 1) / (n - 2) and Student's t distribution with G - 1 degrees of freedom
@@ -613,28 +692,25 @@ def _clustered_p_value(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
         * (count - 1)
         / (count - 2)
     )
-    return (
-        2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance)))
-        if variance > 0.0
-        else 0.0
-    )
+    # Without any variance, the points are exactly on the line.
+    if not variance > 0.0:
+        return 0.0
+    return 2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance)))
 
 
 def motions_of(table: CsvTable) -> NDArray[np.intp]:
-    """Return the index of the ground motion of each run, or of its event if events are known.
+    """Return, for each run of a table, the index of its ground motion, or of its event if events
+    are known.
 
-    Both components of a pair have the same index. Pairs are defined by the store of the table.
-    Without a store, the components of a record and of files named as a pair have the same index.
+    Both components of a pair have the same index. Pairs are defined by the store in the directory
+    of the table. Without a store, components of one record, and of records whose names differ only
+    in the component, are a pair.
     """
-    keys = (
-        list(zip(table.texts("record"), table.texts("component"), strict=True))
-        if table.has("component")
-        else []
-    )
+    # By default each row is a ground motion of its own.
     names: list[object] = list(range(len(table.rows)))
     if table.has("record"):
         names = list(motion_names(table.texts("record")))
-    with _store_beside(table) as store:
+    with _store_of_table(table) as store:
         # Without ground motion fields, a column `event` is a column of the inventory, not an event.
         if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
@@ -643,9 +719,12 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
             motions = {
                 records[number][:2]: motion for number, motion in recording_numbers(records).items()
             }
-            names = [motions.get(key, key) for key in keys]
-    numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    return np.array([numbers[name] for name in names], np.intp)
+            names = []
+            if table.has("component"):
+                keys = zip(table.texts("record"), table.texts("component"), strict=True)
+                names = [motions.get(key, key) for key in keys]
+    index_of_name = {name: index for index, name in enumerate(dict.fromkeys(names))}
+    return np.array([index_of_name[name] for name in names], np.intp)
 
 
 # Runs under the same ground motion, or of the same event if events are known, are correlated. The
@@ -654,6 +733,8 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
 # (delete-a-group jackknife, Kott 2001, Journal of Official Statistics 17(4)).
 
 Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
+"""Function that fits one or more fragility functions to the runs that a mask selects. A fit that is
+impossible is replaced by its error."""
 
 _GROUPS = 30  # minimum number of groups of ground motions; errors are then known to 13 %
 # Maximum total number of runs in all fits before several ground motions form a group; several
@@ -662,7 +743,7 @@ _MAX_FITTED_RUNS = 2_000_000
 
 
 def over_motions(
-    fit: Fit, used: NDArray[np.bool_], motion: NDArray[np.intp] | None
+    fit: Fit, is_used: NDArray[np.bool_], motion: NDArray[np.intp] | None
 ) -> list[Fragility | AnalysisError]:
     """Fit functions with a jackknife covariance of ln theta and beta over ground motions.
 
@@ -670,8 +751,8 @@ def over_motions(
     ----------
     fit : callable
         Function that fits the runs selected by a mask of shape (n,).
-    of : ndarray of bool, shape (n,)
-        Selected runs.
+    is_used : ndarray of bool, shape (n,)
+        True for the runs to which the functions are fitted.
     motion : ndarray of int, shape (n,), or None
         Ground motion of each run. If None, the covariance of the fit is kept.
 
@@ -681,22 +762,23 @@ def over_motions(
         Functions, or errors that prevent them. The covariance is nan if fewer than three groups
         permit a fit.
     """
-    functions = fit(used)
+    fits = fit(is_used)
     if motion is None:
-        return functions
-    # Form groups of ground motions of about equal size, in the order of their indices.
-    motions = np.unique(motion[used])
-    groups = min(motions.size, max(_GROUPS, _MAX_FITTED_RUNS // max(int(np.sum(used)), 1)))
-    group = (np.searchsorted(motions, motion) * groups) // motions.size
-    estimates: list[list[tuple[float, float]]] = [[] for _ in functions]
-    for number in range(groups) if groups > 2 else ():
+        return fits
+    # Form groups with about equal numbers of ground motions, in the order of their indices. Then
+    # omit one group after the other.
+    motions = np.unique(motion[is_used])
+    group_count = min(motions.size, max(_GROUPS, _MAX_FITTED_RUNS // max(int(np.sum(is_used)), 1)))
+    group_of_run = (np.searchsorted(motions, motion) * group_count) // motions.size
+    estimates: list[list[tuple[float, float]]] = [[] for _ in fits]
+    for omitted_group in range(group_count) if group_count > 2 else ():
         try:
-            fitted = fit(used & (group != number))
+            refits = fit(is_used & (group_of_run != omitted_group))
         except AnalysisError:
             continue
-        for index, function in enumerate(fitted):
-            if isinstance(function, Fragility):
-                estimates[index].append((math.log(function.theta), function.beta))
+        for position, fit_result in enumerate(refits):
+            if isinstance(fit_result, Fragility):
+                estimates[position].append((math.log(fit_result.theta), fit_result.beta))
     covariances = [
         (len(values) - 1) * np.cov(np.array(values).T, bias=True)
         if len(values) > 2
@@ -704,18 +786,19 @@ def over_motions(
         for values in estimates
     ]
     return [
-        replace(function, covariance=covariance, motions=motions.size)
-        if isinstance(function, Fragility)
-        else function
-        for function, covariance in zip(functions, covariances, strict=True)
+        replace(fit_result, covariance=covariance, motions=motions.size)
+        if isinstance(fit_result, Fragility)
+        else fit_result
+        for fit_result, covariance in zip(fits, covariances, strict=True)
     ]
 
 
 def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, list[list[int]]]:
-    """Return the rule for pairs of a table of runs, and the rows that count as one ground motion.
+    """Return the rule for pairs of a table of runs, and a list with the indices of the rows of each
+    run of a ground motion.
 
-    Rows are combined level by level. Each row is separate if the table has no pairs or if their
-    components count separately.
+    At each level, the rows of the two components of a pair form one run. Each row is separate if
+    the table has no pairs or if their components count separately.
 
     Parameters
     ----------
@@ -730,11 +813,15 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     if not table.has("record", "component"):
         return PairRule(pair_demand or LARGER), separate_rows
     names = list(zip(table.texts("record"), table.texts("component"), strict=True))
-    numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
-    with _store_beside(table) as store:
-        directions = {keys[:2]: keys[2] for keys in store.records().values()} if store else {}
+    number_of_name = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    with _store_of_table(table) as store:
+        directions = (
+            {stored_record[:2]: stored_record[2] for stored_record in store.records().values()}
+            if store
+            else {}
+        )
         demand = pair_demand or (store.pair_demand() if store else LARGER)
-    records = {number: (*name, directions.get(name, 0)) for name, number in numbers.items()}
+    records = {number: (*name, directions.get(name, 0)) for name, number in number_of_name.items()}
     rule = PairRule(demand, recording_numbers(records))
     if rule.demand == SEPARATE or not rule.pairs:
         return rule, separate_rows
@@ -742,68 +829,82 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     # Levels are defined by the intensity if the table contains it, otherwise by the rank of the
     # factors, because the factors of the components may differ.
     samples = table.texts("sample") if table.has("sample") else [""] * len(names)
-    by_scale = "scale" if table.has("scale") else None
-    column = "im" if table.has("im") else by_scale
-    sizes = table.numbers(column, empty=True) if column else [1.0] * len(names)
+    column = next((name for name in ("im", "scale") if table.has(name)), None)
+    intensities = table.numbers(column, empty=True) if column else [1.0] * len(names)
     rows_of_record: dict[tuple[int, str], list[int]] = {}
     for row, (name, sample) in enumerate(zip(names, samples, strict=True)):
-        rows_of_record.setdefault((numbers[name], sample), []).append(row)
-    groups: dict[tuple[int, str, object], list[int]] = {}
+        rows_of_record.setdefault((number_of_name[name], sample), []).append(row)
+    rows_of_motion: dict[tuple[int, str, object], list[int]] = {}
     for (number, sample), rows in rows_of_record.items():
-        for rank, row in enumerate(sorted(rows, key=lambda index: abs(sizes[index]))):
-            level = f"{sizes[row]:.6g}" if column == "im" else rank
-            groups.setdefault((rule.motion(number), sample, level), []).append(row)
+        for rank, row in enumerate(sorted(rows, key=lambda index: abs(intensities[index]))):
+            level = f"{intensities[row]:.6g}" if column == "im" else rank
+            rows_of_motion.setdefault((rule.motion(number), sample, level), []).append(row)
 
     # The demands of the two components can be combined only if both were run at the level.
     paired = {*rule.partners.values()}
-    unpaired = [key for key, rows in groups.items() if key[0] in paired and len(rows) == 1]
+    unpaired = [key for key, rows in rows_of_motion.items() if key[0] in paired and len(rows) == 1]
     if unpaired and column == "im":
+        first_row = rows_of_motion[unpaired[0]][0]
+        record_name, _ = names[first_row]
         raise UsageError(
-            f"{table.source}: the components of a pair ({names[groups[unpaired[0]][0]][0]}) were "
-            "run at different levels, so that their demands cannot be combined; use --fit ida, or "
+            f"{table.source}: the components of a pair ({record_name}) were run at different "
+            "levels, so that their demands cannot be combined; use --fit ida, or "
             "--pair-demand separate"
         )
-    return rule, sorted(groups.values())
+    return rule, sorted(rows_of_motion.values())
 
 
-def of_pairs(table: CsvTable, im: Array) -> Array:
-    """Return the intensities of the runs of a table, with the geometric mean for pairs."""
-    with _store_beside(table) as store:
+def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
+    """Return the intensities of the runs of a table, in which both components of a pair have the
+    geometric mean of their intensities.
+
+    Only components that were read as a pair are combined, which the store in the directory of the
+    table states. Without a store, the intensities are returned unchanged.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table of runs.
+    im : ndarray, shape (n,)
+        Intensity in each row.
+    """
+    with _store_of_table(table) as store:
         records = store.records() if store is not None else {}
-    seconds = {
-        run_keys[:2]: records[number - 1][:2]
-        for number, run_keys in records.items()
-        if run_keys[2] > 1
+    # Name and component of the first component, by those of the second component (direction 2).
+    first_components = {
+        (name, component): records[number - 1][:2]
+        for number, (name, component, direction) in records.items()
+        if direction > 1
     }
-    if not seconds:
+    if not first_components:
         return im
     result, keys = im.copy(), _keys(table)
-    indices = {key: row for row, key in enumerate(keys)}
-    for row, key in enumerate(keys):
-        other = indices.get((key[0], *seconds.get((key[1], key[2]), ("", "")), *key[3:]))
-        if other is not None:
-            result[[row, other]] = math.sqrt(im[row] * im[other])
+    row_of_key = {key: row for row, key in enumerate(keys)}
+    for row, (building, record, component, *scale_and_sample) in enumerate(keys):
+        first_component = first_components.get((record, component), ("", ""))
+        first_row = row_of_key.get((building, *first_component, *scale_and_sample))
+        if first_row is not None:
+            result[[row, first_row]] = math.sqrt(im[row] * im[first_row])
     return result
 
 
-def period_beside(table: CsvTable) -> float | None:
-    """Return the first period of the building of a table of runs, s, from the store of the table.
-
-    The result is None if it is unknown.
-    """
-    with _store_beside(table) as store:
-        numbers = (
-            {name: number for number, (name, _) in store.buildings().items()}
-            if store is not None
-            else {}
-        )
-        name = table.only("building")
-        return store.period(numbers[name]) if store is not None and name in numbers else None
+def first_period_of_runs(table: CsvTable) -> float | None:
+    """Return the first period (s) of the building of a table of runs, from the store in the
+    directory of the table; None if it is unknown."""
+    building = table.only("building")
+    with _store_of_table(table) as store:
+        if store is None:
+            return None
+        for number, (name, _) in store.buildings().items():
+            if name == building:
+                return store.period(number)
+    return None
 
 
 @contextmanager
-def _store_beside(table: CsvTable) -> Iterator[Store | None]:
-    """Open the store in the directory of a table of runs; None if it does not exist."""
+def _store_of_table(table: CsvTable) -> Iterator[Store | None]:
+    """Open the store in the directory of a table in a `with` statement. Yield None if the table is
+    not runs.csv or the directory has no store."""
     folder = Path(table.source).parent
     if table.source == "-" or Path(table.source).name != "runs.csv" or not is_file(folder / FILE):
         yield None
@@ -813,7 +914,8 @@ def _store_beside(table: CsvTable) -> Iterator[Store | None]:
 
 
 def with_measures(table: CsvTable) -> CsvTable:
-    """Return the table of runs with the columns of its measures, if they are available.
+    """Return a table of runs with additional columns from measures.csv in the same directory; the
+    unchanged table if this file does not exist.
 
     Raises
     ------
@@ -823,23 +925,35 @@ def with_measures(table: CsvTable) -> CsvTable:
     file = Path(table.source).with_name(MEASURES)
     if table.source == "-" or not is_file(file):
         return table
-    others = read_table(str(file), "the measures of a campaign are a table")
+    measures = read_table(str(file), "the measures of a campaign are a table")
     # Match rows by the names of the runs, because the table may have been sorted.
-    cells = {key: row for key, (_, row) in zip(_keys(others), others.rows, strict=True)}
-    columns = [column for column, name in enumerate(others.header) if name not in table.header]
+    measures_row_of_run = {
+        key: row for key, (_, row) in zip(_keys(measures), measures.rows, strict=True)
+    }
+    new_columns = [
+        column for column, name in enumerate(measures.header) if name not in table.header
+    ]
     rows = []
-    for key, (number, row) in zip(_keys(table), table.rows, strict=True):
-        if key not in cells:
+    for key, (line, row) in zip(_keys(table), table.rows, strict=True):
+        if key not in measures_row_of_run:
             raise _outdated_measures(str(file), key)
-        rows.append((number, [*row, *(cells[key][column] for column in columns)]))
-    names = tuple(others.header[column] for column in columns)
+        rows.append((line, [*row, *(measures_row_of_run[key][column] for column in new_columns)]))
+    names = tuple(measures.header[column] for column in new_columns)
     return replace(
         table, header=(*table.header, *names), titles=(*table.titles, *names), rows=tuple(rows)
     )
 
 
 def _outdated_measures(location: str, keys: Sequence[str]) -> ModelError:
-    """Return the error that a table of measures does not contain the row of a run."""
+    """Return the error of a table of measures that does not contain the row of a run.
+
+    Parameters
+    ----------
+    location : str
+        Path of the file, with the line if known.
+    keys : sequence of str
+        Cells that identify the run.
+    """
     return ModelError(
         f"{location}: row of {' '.join(keys)} not found; run `tdint campaign` with --im again"
     )
@@ -851,7 +965,8 @@ def _keys(table: CsvTable) -> list[tuple[str, ...]]:
 
 
 def column_of(table: CsvTable, name: str) -> tuple[str, str]:
-    """Return the column of a measure in any unit, and this unit.
+    """Return the column of a measure and its unit. `name` is the name of the column without the
+    suffix of the unit.
 
     Raises
     ------
@@ -861,11 +976,11 @@ def column_of(table: CsvTable, name: str) -> tuple[str, str]:
     for unit in _UNITS:
         if table.has(f"{name}{suffix(unit)}"):
             return f"{name}{suffix(unit)}", unit
-    raise UsageError(no_measure(table.source, name))
+    raise UsageError(no_measure_message(table.source, name))
 
 
-def no_measure(source: str, name: str) -> str:
-    """Return the message that runs do not have a measure."""
+def no_measure_message(source: str, name: str) -> str:
+    """Return the message of the error that the runs of `source` do not have a measure."""
     return (
         f"{source}: the runs have no measure {name}; run `tdint campaign` on the same directory "
         f"with --im, which writes {MEASURES}"
@@ -875,34 +990,58 @@ def no_measure(source: str, name: str) -> str:
 def _characteristics(
     table: CsvTable, file: str | Path | None
 ) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
-    """Return the characteristics of the record of each run by name, and the index of its event.
+    """Read the characteristics of ground motions from a file.
 
-    The index is None if the file has no column `event`.
+    Parameters
+    ----------
+    table : CsvTable
+        Table of n runs.
+    file : str, Path or None
+        CSV file with one row per record; None: no characteristics.
+
+    Returns
+    -------
+    characteristics : dict of str to ndarray, shape (n,)
+        Values for the record of each run, by the name of the characteristic.
+    events : ndarray of int, shape (n,), or None
+        Index of the event of each run; None if the file has no column `event_of_record`.
+
+    Raises
+    ------
+    ModelError
+        The file cannot be read or does not contain a record.
     """
     if file is None:
         return {}, None
-    stated = read_table(str(file), _NEEDS)
-    records = stated.texts("record")
-    names = [name for name in stated.header if name not in ("record", "component", "event")]
+    record_table = read_table(str(file), _NEEDS)
+    records = record_table.texts("record")
+    names = [name for name in record_table.header if name not in ("record", "component", "event")]
     if not names:
         raise ModelError(f"{file}: {_NEEDS}")
-    by_name = {name: dict(zip(records, stated.numbers(name), strict=True)) for name in names}
+    value_of_record = {
+        name: dict(zip(records, record_table.numbers(name), strict=True)) for name in names
+    }
     records_of_runs = table.texts("record")
     # Every record is required, because a dependence for a selection of records would be biased.
-    missing = [key for key in dict.fromkeys(records_of_runs) if key not in set(records)]
+    missing = [record for record in dict.fromkeys(records_of_runs) if record not in set(records)]
     if missing:
         raise ModelError(
             f"{file}: row of the record {missing[0]} not found; records are named as in runs.csv"
         )
     events = None
-    if stated.has("event"):
-        event = dict(zip(records, stated.texts("event", empty=False), strict=True))
-        events = np.unique([event[key] for key in records_of_runs], return_inverse=True)[1]
-    return {
-        name: np.array([values[key] for key in records_of_runs]) for name, values in by_name.items()
-    }, events
+    if record_table.has("event"):
+        event_of_record = dict(zip(records, record_table.texts("event", empty=False), strict=True))
+        events = np.unique(
+            [event_of_record[record] for record in records_of_runs], return_inverse=True
+        )[1]
+    characteristics = {
+        name: np.array([values[record] for record in records_of_runs])
+        for name, values in value_of_record.items()
+    }
+    return characteristics, events
 
 
-def stated_motions(table: CsvTable) -> NDArray[np.intp] | None:
-    """Return the event or ground motion of each row; None if the table has no such column."""
+def motions_if_known(table: CsvTable) -> NDArray[np.intp] | None:
+    """Return the index of the ground motion, or of the event, of each row of a table; None if the
+    table has neither a column `event` nor a column `record`."""
     return motions_of(table) if table.has("event") or table.has("record") else None

@@ -40,9 +40,10 @@ _RUN_QUANTITIES = {
     "acceleration": "peak_absolute_acceleration",
     "spectral_displacement": "peak_roof_displacement",
 }
-"""Quantity of the runs from which each demand is computed."""
+"""Name of the quantity of the runs from which each demand of damage states is computed."""
 
 _COLUMNS = {quantity.name: quantity.column for quantity in RUN}
+"""Column of the table of runs by the name of the quantity."""
 
 
 def stored_states(store: Store) -> dict[str, DamageStates]:
@@ -95,12 +96,16 @@ class BuildingDamage:
 
     @property
     def state(self) -> list[str]:
-        """State of the building by the medians, or the type of collapse; empty without a result."""
-        reached = np.sum(self.demand[:, np.newaxis] >= np.array(self.states.medians), axis=1)
-        return [
-            self.states.outcomes[index] if status == DONE else status if status in FALLEN else ""
-            for index, status in zip(reached.tolist(), self.status, strict=True)
-        ]
+        """State of the building after each run: the highest state whose median the demand reaches,
+        or the type of collapse; empty without a result."""
+        reached_counts = np.sum(self.demand[:, np.newaxis] >= np.array(self.states.medians), axis=1)
+        states = []
+        for reached_count, status in zip(reached_counts.tolist(), self.status, strict=True):
+            if status == DONE:
+                states.append(self.states.outcomes[reached_count])  # outcome 0 is no damage
+            else:
+                states.append(status if status in FALLEN else "")
+        return states
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -130,8 +135,8 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
     status : sequence of str
         Status at the end of each run.
     """
-    # The probability of a state is the probability of reaching it minus that of reaching the next
-    # state. The first outcome is no damage, the last ones are the types of collapse.
+    # The probability of a state is the probability of reaching it minus the probability of reaching
+    # the next state. The first outcome is no damage; the last outcomes are the types of collapse.
     reaching = np.column_stack(
         [np.ones(demand.size), exceedance(states, demand), np.zeros(demand.size)]
     )
@@ -150,7 +155,7 @@ def exceedance(states: DamageStates, demand: Array) -> Array:
     medians = np.array(states.medians)
     if states.dispersion == 0.0:
         return np.asarray(demand[:, np.newaxis] >= medians, float)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore"):  # a demand of zero has the probability 0
         return np.asarray(ndtr(np.log(demand[:, np.newaxis] / medians) / states.dispersion))
 
 
@@ -187,16 +192,16 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
 def building_damages(
     store: Store, common_states: DamageStates | None = None
 ) -> Iterator[BuildingDamage]:
-    """Yield the damage of each building of a store, in their order.
+    """Yield the damage of each building of a store, in the order of the buildings.
 
-    Only one building is in memory at a time.
+    Only one building is in memory at a time. Without damage states, nothing is yielded.
 
     Parameters
     ----------
     store : Store
         Store of the campaign.
-    of_all : DamageStates, optional
-        States of all buildings, by drift ratios, instead of their own states.
+    common_states : DamageStates, optional
+        States of all buildings, by maximum drift ratios, instead of the stored states of the types.
     """
     types = stored_states(store)
     if not (types or common_states):
@@ -208,59 +213,71 @@ def building_damages(
         f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM "
         "run_rows"
     )
-    rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
+    all_rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
     # The rows are sorted by building, so that the rows of one building at a time are read.
-    for number, rows_of_building in groupby(rows, key=itemgetter(0)):
-        runs = list(rows_of_building)
+    for number, rows_of_building in groupby(all_rows, key=itemgetter(0)):
+        rows = list(rows_of_building)
         # Common states are thresholds of the maximum drift ratio, which does not depend on a type.
         if common_states:
             building, divisor, period = names[number][0], 1.0, store.period(number) or math.nan
-            name = building
+            type_name = building
         else:
-            building, name, divisor, period = store.building_type(number)
-        states, status = common_states or types[name], [run[4] for run in runs]
-        values, sa, pga = (np.array([run[column] for run in runs], float) for column in (5, 6, 7))
+            building, type_name, divisor, period = store.building_type(number)
+        states = common_states or types[type_name]
+        # Columns of a row: 1 to 3 record, scale and sample; 4 status; 5 quantity; 6 Sa(T1); 7 PGA.
+        runs = [Run(*row[1:4]) for row in rows]
+        status = [row[4] for row in rows]
+        values, sa, pga = (np.array([row[index] for row in rows], float) for index in (5, 6, 7))
         demand = np.abs(values) / divisor
-        keys = [Run(*run[1:4]) for run in runs]
         # Each ground motion can have different scale factors. The level of a run is therefore the
         # rank of its factor among the factors of its ground motion.
-        ranks = level_ranks(keys)
-        rank = np.array([ranks[key] for key in keys])
+        ranks = level_ranks(runs)
+        run_ranks = np.array([ranks[run] for run in runs])
         probability = probabilities(states, demand, status)
         yield BuildingDamage(
-            number, building, name, period, states, keys, rank, status, demand, probability, sa, pga
+            number,
+            building,
+            type_name,
+            period,
+            states,
+            runs,
+            run_ranks,
+            status,
+            demand,
+            probability,
+            sa,
+            pga,
         )
 
 
-def places_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
-    """Return the indices of the runs of a building that count as one ground motion, by level.
-
-    A pair has the runs of both components at a level, even if their factors differ.
-    """
+def runs_of_motions(damage: BuildingDamage, rule: PairRule) -> list[list[int]]:
+    """Group the runs of a building by ground motion and level, and return the indices of the runs
+    of each group. A pair has the runs of both components at a level, even if their scale factors
+    differ."""
     indices: dict[tuple[int, int, int], list[int]] = {}
     for index, (key, rank) in enumerate(zip(damage.keys, damage.rank.tolist(), strict=True)):
         indices.setdefault((rule.motion(key.motion), key.sample, rank), []).append(index)
     return list(indices.values())
 
 
-def by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
+def damage_by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
     """Return the damage of a building with one entry per ground motion instead of per run.
 
     The demand of a pair follows from the rule, and its damage follows from that demand. A pair is a
     collapse if the building collapses under at least one component. A pair has no result if one
     component has no result. Key, rank, intensity and peak acceleration are taken from the first
-    component.
+    component. If components count separately, the damage is returned unchanged.
     """
     if rule.demand == SEPARATE or not rule.pairs:
         return damage
-    groups = places_of_motions(damage, rule)
-    firsts = [group[0] for group in groups]
-    demand = np.array([rule.combine(damage.demand[group]) for group in groups])
+    runs_of_motion = runs_of_motions(damage, rule)
+    firsts = [indices[0] for indices in runs_of_motion]
+    demand = np.array([rule.combine(damage.demand[indices]) for indices in runs_of_motion])
 
-    # A failure has precedence over a collapse, as in profiles.
+    # If one component has no result and the other collapses, the pair has no result.
     status = []
-    for group in groups:
-        statuses = [damage.status[index] for index in group]
+    for indices in runs_of_motion:
+        statuses = [damage.status[index] for index in indices]
         failed = [item for item in statuses if item not in (DONE, *FALLEN)]
         collapsed = [item for item in statuses if item in FALLEN]
         status.append(next(iter([*failed, *collapsed]), DONE))
@@ -279,15 +296,16 @@ def by_motion(damage: BuildingDamage, rule: PairRule) -> BuildingDamage:
 def level_values(store: Store) -> list[float]:
     """Return the levels of a campaign in ascending order.
 
-    The levels are values of an intensity measure (SI units) or factors. The list is empty if the
-    ground motions have different factors; their levels are numbered from 1.
+    The levels are values of an intensity measure (SI units) or scale factors. The list is empty if
+    each ground motion has individual factors; then the levels are numbered from 1.
     """
     settings = store.parameters()
     return sorted(settings.get("levels") or settings.get("scales") or (), key=abs)
 
 
 class Mean(NamedTuple):
-    """Mean over runs with its standard error over ground motions; nan if not available."""
+    """Mean over runs, and its standard error, which is a jackknife estimate over ground motions;
+    nan if not available."""
 
     value: Array
     error: Array
@@ -304,7 +322,7 @@ class TypeDamage:
     event : str
         Event of a ground motion field; empty without events.
     level : float
-        Level, as in `level_values`.
+        Value of the intensity measure (SI units), scale factor, or number of the level.
     states : DamageStates
         Damage states of the type.
     buildings, runs, failed : int
@@ -321,11 +339,11 @@ class TypeDamage:
         does not specify costs.
     money : Mean
         Mean loss of all these buildings together; arrays of one value, nan without costs.
-    part : str
-        Entry of the column of the inventory by which buildings are grouped.
+    inventory_entry : str
+        Entry of the column of the inventory by which buildings are grouped; empty for other groups.
     scatter : tuple of two floats
-        Standard deviation of the loss (of the mean loss ratio without costs), for independent and
-        for fully correlated losses of the buildings.
+        Standard deviation of the total loss, for independent and for fully correlated losses of the
+        buildings. Without costs, the standard deviation of the mean loss ratio.
     """
 
     type: str
@@ -341,31 +359,39 @@ class TypeDamage:
     loss_sd: float
     value: float
     money: Mean
-    part: str = ""
+    inventory_entry: str = ""
     scatter: tuple[float, float] = (0.0, 0.0)
 
 
 class _Group:
-    """Group of runs with sums for each ground motion.
+    """Runs of a group of buildings in one event and at one level, as sums for each ground motion.
 
-    The sums contain the number of runs, the outcomes, the loss ratio and its square; and separately
-    the cost and the loss of the buildings.
+    Attributes
+    ----------
+    states : DamageStates
+        Damage states of the group.
+    buildings, runs, failed : int
+        Number of buildings, of runs, and of runs without a result.
     """
 
     def __init__(self, states: DamageStates) -> None:
         self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
+        # For each ground motion: number of runs, and sums of the probability of each outcome, of
+        # the loss ratio and of its square.
         self._sums: dict[int, Array] = {}
+        # For each ground motion: cost of the buildings, and their mean loss.
         self._money: dict[int, Array] = {}
-        # Sums of variances and of standard deviations, for the loss and for the loss ratio
+        # Rows: loss, loss ratio. Columns: sum of the variances, and of the standard deviations, of
+        # the buildings.
         self._scatter = np.zeros((2, 2))
 
     def add(
         self,
         damage: BuildingDamage,
-        chosen: NDArray[np.bool_],
+        is_at_level: NDArray[np.bool_],
         motions: NDArray[np.intp],
-        value: float = math.nan,
-        number: float = 1.0,
+        cost: float = math.nan,
+        identical_count: float = 1.0,
     ) -> None:
         """Add the runs of a building at one level.
 
@@ -373,44 +399,48 @@ class _Group:
         ----------
         damage : BuildingDamage
             Damage of the building after each run.
-        chosen : ndarray of bool, shape (runs,)
-            Runs at the level.
+        is_at_level : ndarray of bool, shape (runs,)
+            True for the runs at the level, and in the event.
         motions : ndarray of int, shape (runs,)
             Ground motion of each run.
-        value : float
+        cost : float
             Cost of all identical buildings together.
-        number : float
+        identical_count : float
             Number of identical buildings.
         """
-        counted = chosen & damage.known
+        is_counted = is_at_level & damage.known
         self.buildings += 1
-        self.runs += int(np.sum(chosen))
-        self.failed += int(np.sum(chosen & ~counted))
-        has_losses, has_cost = bool(damage.states.losses), not math.isnan(value)
-        loss = (damage.loss, damage.squared_loss) if has_losses else ()
-        rows = np.column_stack([np.ones(len(damage.keys)), damage.probability, *loss])
-        for motion in np.unique(motions[counted]).tolist():
-            added = rows[counted & (motions == motion)].sum(axis=0)
-            self._sums[motion] = self._sums[motion] + added if motion in self._sums else added
-            # The cost of the building is divided equally among its runs. `added[0]` is the number
-            # of runs under this ground motion, `added[-2]` the sum of their loss ratios.
+        self.runs += int(np.sum(is_at_level))
+        self.failed += int(np.sum(is_at_level & ~is_counted))
+        has_losses, has_cost = bool(damage.states.losses), not math.isnan(cost)
+        loss_columns = (damage.loss, damage.squared_loss) if has_losses else ()
+        summands = np.column_stack([np.ones(len(damage.keys)), damage.probability, *loss_columns])
+        for motion in np.unique(motions[is_counted]).tolist():
+            motion_sums = summands[is_counted & (motions == motion)].sum(axis=0)
+            previous_sums = self._sums.get(motion)
+            self._sums[motion] = (
+                motion_sums if previous_sums is None else previous_sums + motion_sums
+            )
+            # The cost of the building is divided equally among its runs. `motion_sums[0]` is the
+            # number of runs under this ground motion, `motion_sums[-2]` the sum of their loss
+            # ratios.
             if has_losses and has_cost:
-                share = value / float(np.sum(counted)) * added[[0, -2]]
-                self._money[motion] = (
-                    self._money[motion] + share if motion in self._money else share
-                )
+                cost_and_loss = cost / float(np.sum(is_counted)) * motion_sums[[0, -2]]
+                if motion in self._money:
+                    cost_and_loss = self._money[motion] + cost_and_loss
+                self._money[motion] = cost_and_loss
         # Add the variance and the standard deviation of the loss, which result from the scatter of
-        # the runs and of the damage thresholds, twice: weighted with the cost for the loss, and
-        # with the number of runs for the loss ratio.
-        if has_losses and counted.any() and number > 0.0:
-            mean = float(damage.loss[counted].mean())
-            deviation = math.sqrt(max(float(damage.squared_loss[counted].mean()) - mean**2, 0.0))
-            for sums, weight in zip(self._scatter, (value, float(np.sum(counted))), strict=True):
+        # the runs and of the damage thresholds. The weight is the cost for the loss, and the number
+        # of runs for the loss ratio. Losses of identical buildings are independent.
+        if has_losses and is_counted.any() and identical_count > 0.0:
+            mean = float(damage.loss[is_counted].mean())
+            deviation = math.sqrt(max(float(damage.squared_loss[is_counted].mean()) - mean**2, 0.0))
+            for sums, weight in zip(self._scatter, (cost, float(np.sum(is_counted))), strict=True):
                 if not math.isnan(weight):
-                    sums += (weight * deviation) ** 2 / number, weight * deviation
+                    sums += (weight * deviation) ** 2 / identical_count, weight * deviation
 
     def damage(
-        self, name: str, building: str, event: str, level: float, part: str = ""
+        self, name: str, building: str, event: str, level: float, inventory_entry: str = ""
     ) -> TypeDamage:
         """Return the damage of the group.
 
@@ -419,56 +449,59 @@ class _Group:
         name, building, event : str
             Type, building and event.
         level : float
-            Level, as in `level_values`.
-        part : str
-            Entry of the column of the inventory.
+            Value of the intensity measure (SI units), scale factor, or number of the level.
+        inventory_entry : str
+            Entry of the column of the inventory by which buildings are grouped.
         """
-        count = len(self.states.outcomes)
+        outcome_count = len(self.states.outcomes)
         # The sums have one row per ground motion, because the jackknife omits one ground motion at
         # a time: runs under the same ground motion are correlated.
-        sums = np.array(list(self._sums.values()))
-        mean = _mean(sums) if len(sums) else Mean(*np.full((2, count), math.nan))
-        probability = Mean(mean.value[:count], mean.error[:count])
+        sum_rows = np.array(list(self._sums.values()))
+        mean = _mean(sum_rows) if len(sum_rows) else Mean(*np.full((2, outcome_count), math.nan))
+        probability = Mean(mean.value[:outcome_count], mean.error[:outcome_count])
         loss = money = Mean(*np.full((2, 1), math.nan))
-        sd = value = math.nan
+        loss_sd = value = math.nan
         # The last two sums are the loss ratio and its square.
-        if self.states.losses and len(sums):
+        if self.states.losses and len(sum_rows):
             loss = Mean(mean.value[-2:-1], mean.error[-2:-1])
-            sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
+            loss_sd = math.sqrt(max(float(mean.value[-1] - mean.value[-2] ** 2), 0.0))
+        # The scatter of the loss is a sum; the scatter of the mean loss ratio is divided by the
+        # number of runs, its weight.
+        variance_sum, deviation_sum = self._scatter[0 if self._money else 1].tolist()
+        divisor = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
         # The mean loss is a fraction of the cost under each ground motion, averaged over them.
-        squares, deviations = self._scatter[0 if self._money else 1].tolist()
-        total = 1.0 if self._money else max(float(self.runs - self.failed), 1.0)
         if self._money:
-            rows = np.array(list(self._money.values()))
-            value = float(rows[:, 0].sum())
+            money_rows = np.array(list(self._money.values()))
+            value = float(money_rows[:, 0].sum())
             if value > 0.0:
-                money = Mean(*(value * part for part in _mean(rows)))
-        values = (
-            self.states,
-            self.buildings,
-            self.runs,
-            self.failed,
-            probability,
-            loss,
-            sd,
-            value,
-            money,
-        )
+                mean_fraction = _mean(money_rows)
+                money = Mean(value * mean_fraction.value, value * mean_fraction.error)
         return TypeDamage(
-            name,
-            building,
-            event,
-            level,
-            *values,
-            part,
-            (math.sqrt(squares) / total, deviations / total),
+            type=name,
+            building=building,
+            event=event,
+            level=level,
+            states=self.states,
+            buildings=self.buildings,
+            runs=self.runs,
+            failed=self.failed,
+            probability=probability,
+            loss=loss,
+            loss_sd=loss_sd,
+            value=value,
+            money=money,
+            inventory_entry=inventory_entry,
+            scatter=(math.sqrt(variance_sum) / divisor, deviation_sum / divisor),
         )
 
 
 def _mean(sums: Array) -> Mean:
     """Return the mean over all runs with a jackknife standard error over ground motions.
 
-    `sums` has one row per ground motion; its first column is the number of runs.
+    Parameters
+    ----------
+    sums : ndarray, shape (motions, 1 + k)
+        Number of runs under each ground motion, and the sums of k quantities over these runs.
     """
     counts, motions = sums[:, :1], len(sums)
     value = sums[:, 1:].sum(axis=0) / counts.sum()
@@ -501,36 +534,37 @@ def group_damages(
     groups: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]
 
-    # The name of a group is the building type, or the entry of the column `by` of the inventory.
     def result(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
+        """Return the damage of a group. The key is its name (the building type, or the entry of the
+        column `by` of the inventory), the index of the event, and the rank of the level."""
         name, event, rank = key
         level = levels[rank] if levels else rank + 1.0
-        return group.damage(
-            "" if by is not None else name, building, events[event], level, name if by else ""
-        )
+        type_name = name if by is None else ""
+        return group.damage(type_name, building, events[event], level, name if by else "")
 
     for run_damage in building_damages(store):
-        damage = by_motion(run_damage, rule)
-        cells = (
-            dict(zip(columns, store.copied_cells(damage.number), strict=False))
-            if COST in columns or by
-            else {}
-        )
-        # A row of an inventory can represent several buildings, each with this cost.
-        represented = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
-        value = cell_number(cells.get(COST, "")) * represented
+        damage = damage_by_motion(run_damage, rule)
+        cells = {}
+        if COST in columns or by:
+            cells = dict(zip(columns, store.copied_cells(damage.number), strict=False))
+        # A row of an inventory can represent several identical buildings, each with this cost.
+        identical_count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
+        cost = cell_number(cells.get(COST, "")) * identical_count
         name = damage.type if by is None else cells.get(by.lower(), "")
         motions = np.array([rule.recordings[record] for record, _, _ in damage.keys])
-        event = np.array([sample if len(events) > 1 else 0 for _, _, sample in damage.keys])
-        # A group of a single building is complete after this building. Groups of several buildings
-        # are complete after all buildings.
-        for number, rank in sorted(set(zip(event.tolist(), damage.rank.tolist(), strict=True))):
-            chosen, key = (damage.rank == rank) & (event == number), (name, number, rank)
+        # With ground motion fields, the sample of a run is the number of its event.
+        event_of_run = np.array([sample if len(events) > 1 else 0 for _, _, sample in damage.keys])
+        events_and_ranks = zip(event_of_run.tolist(), damage.rank.tolist(), strict=True)
+        for event, rank in sorted(set(events_and_ranks)):
+            is_at_level = (damage.rank == rank) & (event_of_run == event)
+            key = (name, event, rank)
+            # A group of a single building is complete after this building. Groups of several
+            # buildings are complete after all buildings.
             if by_building:
                 group = _Group(damage.states)
             else:
                 group = groups.setdefault(key, _Group(damage.states))
-            group.add(damage, chosen, motions, value, represented)
+            group.add(damage, is_at_level, motions, cost, identical_count)
             if by_building:
                 yield result(group, damage.building, key)
     for key in sorted(groups):

@@ -1,7 +1,7 @@
 """Damage states of the building types of a campaign.
 
-The module reads the key `damage` with its tables of thresholds and losses, and determines the type
-of each building.
+The module reads the key `damage` of a campaign file, and the tables of thresholds and losses to
+which it refers. It determines the type of each building and the states of each type.
 """
 
 from __future__ import annotations
@@ -36,8 +36,9 @@ from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.modes import solve_modes
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
-_THRESHOLD_SOURCES = "hazus, capacity (the rules of the capacity curves), or a CSV file with one "
-"row per class"
+_THRESHOLD_SOURCES = (
+    "hazus, capacity (the rules of the capacity curves), or a CSV file with one row per class"
+)
 _THRESHOLDS, _LOSSES = (
     Either((damage.THRESHOLDS, Words())),
     Either((damage.ByState(damage.LOSS), Words())),
@@ -63,7 +64,7 @@ _DEMANDS_OF_RULES = {
     HAZUS: ("roof_drift_ratio", "drift_ratio"),
     CAPACITY: ("spectral_displacement",),
 }
-"""Possible demands of these thresholds; the first demand is the default."""
+"""Possible demands of published thresholds; the first demand is the default."""
 
 _SUFFIXES = {
     "1": {"": 1.0},
@@ -84,12 +85,13 @@ class DamageRequest:
         Demand of the states, one of `tdint.model.definition.DEMANDS`.
     states : tuple of str
         Names of the states, from the lightest.
-    of_all : DamageStates or None
-        States of all buildings, if they are equal.
+    common_states : DamageStates or None
+        States of all buildings, if they are equal; None if they depend on the class.
     source : str
-        Otherwise `hazus`, `capacity` or a CSV file of thresholds by class.
+        Source of thresholds by class: `hazus`, `capacity`, or a CSV file; empty if all buildings
+        have the same states.
     dispersion : float or None
-        As in `tdint.model.definition.DamageStates`; None if a table specifies it.
+        Standard deviation of the logarithm of the thresholds; None if a table specifies it.
     losses : tuple of float
         Loss ratio of each state and after a collapse, if equal for all buildings.
     loss_file : str or None
@@ -98,17 +100,23 @@ class DamageRequest:
 
     demand: str
     states: tuple[str, ...]
-    of_all: DamageStates | None = None
+    common_states: DamageStates | None = None
     source: str = ""
     dispersion: float | None = None
     losses: tuple[float, ...] = ()
     loss_file: str | None = None
 
 
-def read_wishes(value: Value | None, rules: str | None) -> DamageRequest | None:
-    """Read the settings of damage; None if they are missing or invalid.
+def read_damage_request(value: Value | None, rules: str | None) -> DamageRequest | None:
+    """Read the key `damage` of a campaign file; None if it is missing or invalid. Errors are
+    recorded in the document.
 
-    `rules` are the rules of an inventory.
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key.
+    rules : str or None
+        Name of the rules of the inventory; None if the buildings are model files.
     """
     section = value.section(DAMAGE) if value else None
     remedy = f"specify the demand of each state, {_THRESHOLD_SOURCES}"
@@ -118,18 +126,22 @@ def read_wishes(value: Value | None, rules: str | None) -> DamageRequest | None:
     if not thresholds.is_mapping:
         return _by_class(section, thresholds, rules)
     if entry := section.get("states"):
-        entry.fault("the thresholds name the states; remove `states` or use a table of thresholds")
+        entry.fault(
+            "cannot be used with a mapping of thresholds, whose keys are the states; remove "
+            "`states`, or use a table of thresholds"
+        )
     losses = section.get("losses")
     demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
-        read = damage.states_of(section, demand or "", thresholds)
-        return DamageRequest(read.demand, read.states, read) if read else None
+        states = damage.states_of(section, demand or "", thresholds)
+        return DamageRequest(states.demand, states.states, states) if states else None
     losses.fault("must be a mapping by state, because the thresholds are a mapping")
     return None
 
 
 def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageRequest | None:
-    """Read the settings for thresholds by rules or of a table; None if they are invalid.
+    """Read the key `damage` if the thresholds depend on the class of the building: published
+    thresholds, or a table. None if a value is invalid, which is recorded in the document.
 
     Parameters
     ----------
@@ -166,25 +178,28 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageR
         )
         return None
     # Hazus specifies a dispersion; for capacity curves the user must specify it.
-    beta = section.read("dispersion")
+    stated_dispersion = section.read("dispersion")
     if source == CAPACITY and not section.has("dispersion"):
         section.need("dispersion", "specify 0 for exact thresholds")
     # Losses in the campaign file apply to all classes. Losses in a table depend on the class.
-    entry = section.get("losses")
-    common_losses = entry if entry and entry.is_mapping else None
+    losses_value = section.get("losses")
+    common_losses = losses_value if losses_value and losses_value.is_mapping else None
     losses = damage.read_losses(common_losses, states)
-    file = entry.file() if entry and not common_losses else None
+    loss_file = losses_value.file() if losses_value and not common_losses else None
     if losses is None:
         return None
-    dispersion = HAZUS_DISPERSION if source == HAZUS and beta is None else beta
+    dispersion = (
+        HAZUS_DISPERSION if source == HAZUS and stated_dispersion is None else stated_dispersion
+    )
     source = source if required_rules else thresholds.file() or source
     return DamageRequest(
-        demand, states, source=source, dispersion=dispersion, losses=losses, loss_file=file
+        demand, states, source=source, dispersion=dispersion, losses=losses, loss_file=loss_file
     )
 
 
 def _names(section: Section) -> tuple[str, ...] | None:
-    """Return the names of the states; None if they are invalid."""
+    """Return the names of the states in the section `damage`; None if they are invalid, which is
+    recorded in the document."""
     names: tuple[str, ...] | None = section.read("states", STATES)
     if names and not all(map(damage.is_state, names)):
         section.refuse(("states",), "must be names of letters, digits, _ and -")
@@ -194,14 +209,15 @@ def _names(section: Section) -> tuple[str, ...] | None:
 
 @dataclass(frozen=True)
 class ClassDamage:
-    """Damage states and loss ratios of classes by name, as far as tables specify them."""
+    """Damage states and loss ratios by the name of the class. Each mapping is empty if no table
+    specifies the values."""
 
     states: Mapping[str, DamageStates] = field(default_factory=dict)
     losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
 
 def read_class_damage(request: DamageRequest | None) -> ClassDamage:
-    """Read the tables that a campaign refers to.
+    """Read the tables of thresholds and loss ratios by class to which a campaign file refers.
 
     Raises
     ------
@@ -235,7 +251,8 @@ def read_class_damage(request: DamageRequest | None) -> ClassDamage:
 
 
 def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
-    """Read the damage states by class of a CSV file, which can be the file of capacity curves.
+    """Read a CSV file of thresholds, which can be the file of capacity curves, and return the
+    damage states of each class by its name.
 
     The columns are `class`, one column for each state with the unit of the demand (`slight` for a
     ratio, `slight_m`, `slight_g`), and optionally `beta`. One row of a class must contain the
@@ -248,34 +265,52 @@ def _read_states(request: DamageRequest) -> dict[str, DamageStates]:
     # The names of the columns contain the unit, which is the same for all states.
     suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
     available = (
-        ending
-        for ending in suffixes
-        if table.has(*(f"{state}{ending}" for state in request.states))
+        suffix_with_unit
+        for suffix_with_unit in suffixes
+        if table.has(*(f"{state}{suffix_with_unit}" for state in request.states))
     )
     suffix = next(available, next(iter(suffixes)))
     columns = {state: f"{state}{suffix}" for state in request.states}
     # If the campaign file specifies no dispersion, each class must specify it.
     if request.dispersion is None:
         table.need(*columns.values(), "beta")
-    rows = _values_by_class(
-        table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})}
-    )
-    by_class = {}
+        columns = {**columns, "beta": "beta"}
+    rows = _values_by_class(table, columns)
+    states_of_class = {}
     for name, values in rows.items():
-        beta = values.pop("beta", request.dispersion or 0.0)
+        dispersion = values.pop("beta", request.dispersion or 0.0)
         # The constructor checks the order of the medians.
         try:
             medians = tuple(suffixes[suffix] * values[state] for state in request.states)
-            by_class[name] = DamageStates(
-                request.demand, request.states, medians, beta, request.losses
+            states_of_class[name] = DamageStates(
+                request.demand, request.states, medians, dispersion, request.losses
             )
         except UsageError as error:
             raise ModelError(f"{request.source}: class {name}: {error}") from None
-    return by_class
+    return states_of_class
 
 
 def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[str, float]]:
-    """Return the values of each class that has values, by the keys of their columns."""
+    """Return the values of each class in a table.
+
+    Parameters
+    ----------
+    table : CsvTable
+        The table, with a column `class`.
+    columns : mapping of str to str
+        Name of the column of each value.
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        Values by the name of the class, and then by the keys of `columns`. Classes without values
+        are omitted.
+
+    Raises
+    ------
+    ModelError
+        A value is missing or invalid, or a class has different values in two rows.
+    """
     table.need("class", *columns.values())
     cells = {key: list(table.lines(column)) for key, column in columns.items()}
     by_class: dict[str, dict[str, float]] = {}
@@ -300,14 +335,15 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
 
 
 class BuildingType(NamedTuple):
-    """Properties of a building for its damage.
+    """Properties of a building from which its damage is computed.
 
     Attributes
     ----------
     type : str
         Type of the building.
     divisor : float
-        Divisor of the roof displacement for the demand.
+        Divisor that converts a peak of the run to the demand of the damage states, for example the
+        height for the roof drift ratio; 1 if the peak is the demand.
     period : float
         First period, s.
     """
@@ -325,7 +361,9 @@ class Damage:
     buildings: Sequence[BuildingType]
 
     def description(self) -> str:
-        """Return the states of each type and the SHA-256 of the buildings, as JSON for a store."""
+        """Return the states of each type and the SHA-256 of the buildings as JSON text, which is
+        written to the store."""
+        # Many buildings have the same properties: convert each of them to text once.
         texts = {building: repr(tuple(building)) for building in set(self.buildings)}
         digest = hashlib.sha256("".join(map(texts.__getitem__, self.buildings)).encode())
         types = {name: asdict(states) for name, states in self.types.items()}
@@ -358,49 +396,59 @@ def damage_of(
     types: dict[str, DamageStates] = {}  # the states of a type are those of its first building
     building_types: list[BuildingType] = []
     # Buildings of an inventory that differ only by location and size have the same properties. They
-    # are computed for the first of these buildings; `firsts` is its index for each building.
-    firsts: Sequence[int] = range(len(buildings))
-    if isinstance(buildings, RowBuildings) and not (
+    # are computed for the first of these buildings; `first_alike` has its index for each building.
+    first_alike: Sequence[int] = range(len(buildings))
+    has_random_factors = isinstance(buildings, RowBuildings) and (
         buildings.rules.stiffness or buildings.rules.damping
-    ):
-        firsts = buildings.rows.alike
-    for index, first in enumerate(firsts):
+    )
+    if isinstance(buildings, RowBuildings) and not has_random_factors:
+        first_alike = buildings.rows.alike
+    for index, first in enumerate(first_alike):
         if first < index:
             building_types.append(building_types[first])
             continue
         building = buildings[index]
         if isinstance(building, RowBuilding):
-            rules, facts = building.rules, building.row.facts
+            facts = building.row.facts
             name = type_of(facts)
             states = types.get(name) or _states(request, classes, name, facts)
-            if rules.stiffness or rules.damping or building.row.changes:
-                divisor_and_period = _of_model(building.subject().model, states.demand)
-            else:
-                # The results do not depend on the size of the building; any size can be used.
-                unit_size = (
-                    replace(facts, mass=UNIT_MASS)
-                    if isinstance(facts, CapacityFacts)
-                    else replace(facts, area=1.0)
-                )
-                divisor_and_period = _divisor_and_period(
-                    RULES[rules.name](unit_size, None).stories, states.demand, ""
-                )
+            divisor, period = _divisor_and_period_of_row(building, states.demand)
         else:
             model = building.made.model
             name = model.name
-            states = types.get(name) or (
-                _states(request, classes, name) if request else _model_states(model, models)
-            )
-            divisor_and_period = _of_model(model, states.demand)
+            if name in types:
+                states = types[name]
+            elif request:
+                states = _states(request, classes, name)
+            else:
+                states = _model_states(model, models)
+            divisor, period = _divisor_and_period_of_model(model, states.demand)
         types[name] = states
-        building_types.append(BuildingType(name, *divisor_and_period))
+        building_types.append(BuildingType(name, divisor, period))
     return Damage(types, building_types)
+
+
+def _divisor_and_period_of_row(building: RowBuilding, demand: str) -> tuple[float, float]:
+    """Return the divisor and the first period (s) of a building of an inventory, as
+    `_divisor_and_period` computes them."""
+    rules, facts = building.rules, building.row.facts
+    if rules.stiffness or rules.damping or building.row.changes:
+        return _divisor_and_period_of_model(building.subject().model, demand)
+    # Without random factors and variations, the results do not depend on the size of the building:
+    # use a unit size, for which no model is required.
+    unit_size: BuildingFacts | CapacityFacts
+    if isinstance(facts, CapacityFacts):
+        unit_size = replace(facts, mass=UNIT_MASS)
+    else:
+        unit_size = replace(facts, area=1.0)
+    return _divisor_and_period(RULES[rules.name](unit_size, None).stories, demand, "")
 
 
 def type_of(facts: BuildingFacts | CapacityFacts) -> str:
     """Return the type of a building of an inventory.
 
-    The type is its class, or the type and design level of Hazus (for example C1M-high).
+    The type is the name of its class for the rules of capacity curves; otherwise the type and the
+    design level of Hazus, for example C1M-high.
     """
     return facts.name if isinstance(facts, CapacityFacts) else "{1}-{0}".format(*code_of(facts))
 
@@ -408,11 +456,16 @@ def type_of(facts: BuildingFacts | CapacityFacts) -> str:
 def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
     """Return the spectral displacements of four damage states from a capacity curve, m.
 
-    The formulas are those of GEM's toolkit for single-degree-of-freedom systems: from yielding to
-    the end of the curve.
+    The formulas are those of GEM's toolkit for single-degree-of-freedom systems. They use the
+    displacement at which damage begins and the displacement at the end of the curve.
     """
-    first, last = facts.curve.damage_begins, facts.curve.displacement[-1]
-    return 0.75 * first, 0.5 * first + 0.33 * last, 0.25 * first + 0.67 * last, last
+    yielding, ultimate = facts.curve.damage_begins, facts.curve.displacement[-1]
+    return (
+        0.75 * yielding,
+        0.5 * yielding + 0.33 * ultimate,
+        0.25 * yielding + 0.67 * ultimate,
+        ultimate,
+    )
 
 
 def _states(
@@ -421,7 +474,7 @@ def _states(
     name: str,
     facts: BuildingFacts | CapacityFacts | None = None,
 ) -> DamageStates:
-    """Return the states of a type as specified by the campaign.
+    """Return the damage states of a type that the campaign file specifies.
 
     Parameters
     ----------
@@ -433,10 +486,15 @@ def _states(
         Type of the building.
     facts : BuildingFacts or CapacityFacts, optional
         Data of the inventory.
+
+    Raises
+    ------
+    ModelError
+        A table does not contain the class.
     """
     assert request is not None
-    if request.of_all:
-        return request.of_all
+    if request.common_states:
+        return request.common_states
     if request.source in (HAZUS, CAPACITY):
         medians = (
             curve_medians(facts) if isinstance(facts, CapacityFacts) else _hazus_medians(facts)
@@ -471,8 +529,8 @@ def _hazus_medians(facts: Any) -> tuple[float, ...]:
 
 
 def _model_states(model: Model, models: Sequence[Model]) -> DamageStates:
-    """Return the states of a model, which must match the other models in names and demand."""
-    # Functions and losses are summed over models, so the states and the demand must be the same.
+    """Return the damage states of a model. Names and demand must be the same in all models,
+    because losses are summed over models; otherwise raise ModelError."""
     first = next(candidate.damage for candidate in models if candidate.damage)
     if model.damage is None:
         raise ModelError(
@@ -487,25 +545,29 @@ def _model_states(model: Model, models: Sequence[Model]) -> DamageStates:
 
 
 def own_type(model: Model) -> BuildingType | None:
-    """Return the properties of a building for the states of its model; None without states.
+    """Return the properties of a building from which the damage by the states of its model is
+    computed; None if the model has no damage states.
 
     Raises
     ------
     ModelError
         The model lacks data from which the demand is computed.
     """
-    return (
-        BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
-    )
+    if model.damage is None:
+        return None
+    return BuildingType(model.name, *_divisor_and_period_of_model(model, model.damage.demand))
 
 
-def _of_model(model: Model, demand: str) -> tuple[float, float]:
-    """Return divisor and period of a model, see `_divisor_and_period`."""
+def _divisor_and_period_of_model(model: Model, demand: str) -> tuple[float, float]:
+    """Return the divisor and the first period (s) of a model, as `_divisor_and_period` computes
+    them."""
     return _divisor_and_period(model.stories, demand, model.source or model.name)
 
 
 def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tuple[float, float]:
-    """Return the divisor of the roof displacement for a demand, and the first period (s).
+    """Return the divisor that converts a peak of a run to a demand, and the first period (s).
+
+    The divisor is the total height, the participation factor of the first mode, or 1.
 
     Parameters
     ----------
@@ -516,10 +578,13 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
     name : str
         Source of the model in messages.
     """
+    # The roof drift ratio, which has a divisor, requires the heights of all stories; the maximum
+    # drift ratio requires the height of at least one story.
     heights = [story.height for story in stories]
-    if "ratio" in demand and (None in heights if DEMANDS[demand].per else not any(heights)):
+    lacks_height = None in heights if DEMANDS[demand].per else not any(heights)
+    if "ratio" in demand and lacks_height:
         raise ModelError(f"{name}: damage by {demand} requires the heights of the stories")
-    links = np.minimum(np.arange(len(stories)), 1.0)
+    links = np.minimum(np.arange(len(stories)), 1.0)  # 0 for the first story, 1 for all others
     modes = solve_modes(
         np.array([story.mass for story in stories]),
         np.array([story.stiffness for story in stories]),

@@ -606,12 +606,12 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
     """Draw observations: the fitted levels or capacities, or the fractions of a cloud in bins."""
     points, counted = function.points, function.counted
     if points is None and counted is not None:
-        points = Points(counted.im, counted.share)
+        points = Points(counted.im, counted.fraction)
     if points is not None:
         shown = points.im <= end
         axes.plot(
             points.im[shown],
-            points.part[shown],
+            points.fraction[shown],
             linestyle="none",
             markerfacecolor="white",
             zorder=4,

@@ -291,7 +291,7 @@ def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
     def row(of: TypeDamage) -> list[Any]:
         means = (float(of.loss.value[0]), float(of.loss.error[0]), of.loss_sd)
         money = (of.value, float(of.money.value[0]), float(of.money.error[0])) if costs else ()
-        part = (cell_text(of.part),) if by else ()
+        part = (cell_text(of.inventory_entry),) if by else ()
         head = (cell_text(of.type), cell_text(of.building), *part, of.level)
         return [*head, *_counts(of), *means, *money, *_event(of), *demand]
 
@@ -404,7 +404,7 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
         for of in groups:
             lost = float((of.money if costs else of.loss).value[0])
             if not math.isnan(lost):
-                curves.setdefault((of.part, of.level), []).append((lost, of))
+                curves.setdefault((of.inventory_entry, of.level), []).append((lost, of))
         for (part, level), events in curves.items():
             events.sort(key=lambda event: -event[0])
             rate = np.array([rates[of.event] for _, of in events])

@@ -15,7 +15,7 @@ from tdint.campaign.fragility.runs import (
     BuildingDamage,
     TypeDamage,
     building_damages,
-    by_motion,
+    damage_by_motion,
     group_damages,
     stored_states,
 )
@@ -136,7 +136,7 @@ def _features(store: Store, units: OutputUnits, chosen: Collection[str]) -> Iter
     kinds = numeric(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
         of_runs = next(damages, None)
-        damage = by_motion(of_runs, rules.pairs) if of_runs else None
+        damage = damage_by_motion(of_runs, rules.pairs) if of_runs else None
         runs = {Run(*row[1:4]): row for row in rows}
         cells = store.copied_cells(number)
         carried = {
@@ -301,28 +301,30 @@ def _districts(
     annual: dict[tuple[str, float], list[float]] = {}
     for group in groups:
         if rates and not math.isnan(mean_loss(group)):
-            annual.setdefault((group.part, group.level), []).append(
+            annual.setdefault((group.inventory_entry, group.level), []).append(
                 rates[group.event] * mean_loss(group)
             )
     for group in groups:
         if chosen and group.event not in chosen:
             continue
-        feature: Feature = {by: group.part} | ({"event": group.event} if group.event else {})
+        feature: Feature = {by: group.inventory_entry} | (
+            {"event": group.event} if group.event else {}
+        )
         feature |= {"level": digits(group.level), "buildings": group.buildings, "runs": group.runs}
         feature |= {"failed": group.failed, LOSS.name: cell(float(group.loss.value[0]))}
         if costs:
             feature |= {_VALUE: cell(group.value), _LOSS: cell(float(group.money.value[0]))}
             feature[f"{_LOSS}_error"] = cell(float(group.money.error[0]))
         if rates:
-            losses_of_events = annual.get((group.part, group.level), [])
+            losses_of_events = annual.get((group.inventory_entry, group.level), [])
             feature |= {
                 _ANNUAL: cell(rates[group.event] * mean_loss(group)),
                 _AVERAGE: cell(math.fsum(losses_of_events) if losses_of_events else math.nan),
             }
         feature |= {"pair_demand": pair_demand} if pair_demand else {}
-        points = positions.get(group.part, [])
+        points = positions.get(group.inventory_entry, [])
         geometry: Feature | None = {"type": "MultiPoint", "coordinates": points} if points else None
-        geometry = geometry if polygons is None else polygons.get(group.part)
+        geometry = geometry if polygons is None else polygons.get(group.inventory_entry)
         yield {"type": "Feature", "geometry": geometry, "properties": feature}
 
 

@@ -1,0 +1,416 @@
+"""Fragility functions of a campaign: one function for each building type (or building) and damage
+state.
+
+A run that ends with a collapse exceeds all states. Its demand is known only to be above the
+heaviest state, regardless of the drift at which the run was stopped. The dispersion of the
+thresholds is part of beta: stripes count probabilities of exceedance, and a cloud uses each run
+with several thresholds that have this dispersion.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tdint.arrays import Array
+from tdint.campaign.fragility.fit_table import (
+    MIN_RUNS_PER_LEVEL,
+    NO_COMMON_LEVELS,
+    FragilityRequest,
+    FragilityResult,
+)
+from tdint.campaign.fragility.fits import (
+    CLOUD,
+    IDA,
+    STRIPES,
+    Fragility,
+    fit_cloud,
+    fit_stripes,
+    levels_of,
+)
+from tdint.campaign.fragility.measures import (
+    RunIntensities,
+    RunMeasure,
+    measure_named,
+    over_motions,
+)
+from tdint.campaign.fragility.runs import (
+    BuildingDamage,
+    building_damages,
+    damage_by_motion,
+    exceedance,
+    runs_of_motions,
+)
+from tdint.campaign.pairs import PairRule
+from tdint.campaign.store import check_chunks, open_existing
+from tdint.errors import AnalysisError, UsageError
+from tdint.model.damage_states import FALLEN, DamageStates
+from tdint.number_parsing import pluralize
+
+_SAME_PERIOD = 1e-6  # relative difference; tables are written with at least six digits
+# Three equally likely points with mean 0 and variance 1, which represent a normal distribution.
+# With 20 points, losses differ by less than 1 %.
+_THREE_POINTS = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class TypeRuns:
+    """Runs with a result of one group, the buildings of a type or a single building; all arrays
+    have the shape (runs,).
+
+    Attributes
+    ----------
+    states : DamageStates
+        Damage states of the type.
+    im, demand : ndarray
+        Intensity, and demand of the damage states, SI units. After a collapse, the demand is the
+        median of the heaviest state.
+    fallen : ndarray of bool
+        True if the building collapsed.
+    motion : ndarray of int
+        Ground motion, or event of ground motion fields.
+    failed : int
+        Number of runs without a result.
+    name, unit : str
+        Name and unit of the intensity measure.
+    """
+
+    states: DamageStates
+    im: Array
+    demand: Array
+    fallen: NDArray[np.bool_]
+    motion: NDArray[np.intp]
+    failed: int
+    name: str
+    unit: str
+
+
+TYPE, BUILDING = "type", "building"
+BY = (TYPE, BUILDING)
+"""Groups of runs for which functions of a campaign can be fitted."""
+
+
+def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> FragilityResult:
+    """Fit a function for each building type (or building) and damage state of a campaign.
+
+    For functions by building, the states can be thresholds of the maximum drift ratio.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the campaign.
+    request : FragilityRequest
+        Settings.
+    by : str
+        One of `BY`; default by type.
+
+    Raises
+    ------
+    UsageError
+        The directory contains no campaign, or the campaign has no damage states; a fit or a
+        threshold does not suit it; or the runs have no such measure.
+    OutputError
+        The store cannot be read.
+    """
+    # The damage states of a campaign depend on the building type, whereas a threshold would apply
+    # to all types.
+    if request.thresholds and by == TYPE:
+        raise UsageError(
+            "functions by type use the damage states of the campaign: remove --threshold"
+        )
+    if request.fit == IDA:
+        raise UsageError(f"functions by {by} are fitted to runs: use --fit stripes or --fit cloud")
+    measure = measure_named(request.measure or "sa")
+    requested_states = _requested_states(request)
+    # Read the store one time, building by building. The fits follow after it is closed.
+    with open_existing(folder) as store:
+        check_chunks(store)
+        if not (store.damage() or requested_states):
+            remedy = "add `damage` to its file and run it again"
+            more = ", or specify --threshold" if by == BUILDING else ""
+            raise UsageError(f"{folder}: this campaign has no damage states; {remedy}{more}")
+        intensities = RunIntensities(store, folder, measure, request.pair_demand)
+        rule = store.pair_rule()
+        if request.pair_demand:
+            rule = replace(rule, demand=request.pair_demand)
+        # Correlated runs form one ground motion: the components of a recording, or, for ground
+        # motion fields, the runs of an event, which the store numbers as samples.
+        motion_of_record = {} if store.events() else rule.recordings
+        collectors: dict[str, _RunCollector] = {}
+        for damage in building_damages(store, requested_states):
+            name = damage.type if by == TYPE else damage.building
+            collector = collectors.setdefault(name, _RunCollector(damage.states))
+            collector.add(damage, intensities.of(damage), motion_of_record, rule)
+        runs_of_group = {
+            name: collectors[name].runs(measure, intensities.unit) for name in sorted(collectors)
+        }
+    fits: list[Fragility | AnalysisError] = []
+    for name, runs in runs_of_group.items():
+        for state, fit in zip(runs.states.states, fit_states(runs, request), strict=True):
+            # A fit that is impossible is reported with its type and state; the other fits are
+            # returned.
+            if isinstance(fit, AnalysisError):
+                fits.append(AnalysisError(f"{name}, {state}: {fit}"))
+                continue
+            fits.append(
+                replace(
+                    fit,
+                    type=name,
+                    state=state,
+                    modeling_dispersion=request.modeling_dispersion,
+                    pair_demand=rule.demand_if_pairs,
+                )
+            )
+    failed = sum(runs.failed for runs in runs_of_group.values())
+    warnings = (f"{folder}: omitted {pluralize(failed, 'run')} without a result",) if failed else ()
+    notes: tuple[str, ...] = (intensities.note,) if intensities.note else ()
+    if rule.pairs and not request.pair_demand:
+        notes += (rule.note(),)
+    return replace(FragilityResult.of(fits, *warnings), notes=notes)
+
+
+def _requested_states(request: FragilityRequest) -> DamageStates | None:
+    """Return the damage states of all buildings that follow from requested thresholds of the
+    maximum drift ratio; None without thresholds.
+
+    Raises
+    ------
+    UsageError
+        The number of names differs from the number of thresholds.
+    """
+    medians = tuple(sorted(request.thresholds))
+    if not medians:
+        return None
+    names = request.states or tuple(f"ds{number}" for number in range(1, len(medians) + 1))
+    if len(names) != len(medians):
+        raise UsageError(
+            f"{pluralize(len(medians), 'threshold')}: --states requires the same number of names, "
+            f"got {len(names)}"
+        )
+    return DamageStates("drift_ratio", names, medians)
+
+
+@dataclass
+class _RunCollector:
+    """Runs of a group, collected building by building in contiguous arrays.
+
+    Attributes
+    ----------
+    states : DamageStates
+        Damage states of the group.
+    failed : int
+        Number of runs without a result.
+    periods : tuple of two floats
+        Minimum and maximum first period of the buildings, s.
+    im, demand, fallen, motion : array
+        Intensity, demand, 1 for a collapse (otherwise 0), and ground motion of each run.
+    """
+
+    states: DamageStates
+    failed: int = 0
+    periods: tuple[float, float] = (math.inf, 0.0)
+    im: array[float] = field(default_factory=lambda: array("d"))
+    demand: array[float] = field(default_factory=lambda: array("d"))
+    fallen: array[int] = field(default_factory=lambda: array("b"))
+    motion: array[int] = field(default_factory=lambda: array("q"))
+
+    def add(
+        self,
+        building: BuildingDamage,
+        im: Array,
+        motion_of_record: Mapping[int, int],
+        rule: PairRule,
+    ) -> None:
+        """Add the runs of a building, or its ground motions if components of pairs are combined.
+
+        Parameters
+        ----------
+        building : BuildingDamage
+            Damage of the building after each run.
+        im : ndarray, shape (runs,)
+            Intensity of each run.
+        motion_of_record : mapping of int to int
+            Ground motion of each record; empty for ground motion fields, in which runs with the
+            same sample number (of the event) count as one ground motion.
+        rule : PairRule
+            Rule by which the components of pairs are combined.
+        """
+        damage = damage_by_motion(building, rule)
+        # If components were combined, use the intensity of the first component of each pair.
+        if damage is not building:
+            im = im[[indices[0] for indices in runs_of_motions(building, rule)]]
+        is_used = damage.known & (im > 0.0)
+        fallen = np.isin(damage.status, FALLEN)
+        motions = [
+            motion_of_record[record] if motion_of_record else sample
+            for record, _, sample in damage.keys
+        ]
+        demand = np.where(fallen, damage.states.medians[-1], damage.demand)
+        columns = (
+            (self.im, im),
+            (self.demand, demand),
+            (self.fallen, fallen.astype(np.int8)),
+            (self.motion, np.array(motions, np.int64)),
+        )
+        for column, values in columns:
+            column.frombytes(values[is_used].tobytes())
+        self.failed += int(np.sum(~damage.known))
+        shortest, longest = self.periods
+        self.periods = min(shortest, damage.period), max(longest, damage.period)
+
+    def runs(self, measure: RunMeasure, unit: str) -> TypeRuns:
+        """Return all collected runs as arrays. `unit` is the unit of the intensities; the name of
+        the measure contains the first period if all buildings have the same."""
+        shortest, longest = self.periods
+        is_same_period = 0.0 < longest < math.inf and longest - shortest <= _SAME_PERIOD * shortest
+        return TypeRuns(
+            states=self.states,
+            im=np.frombuffer(self.im, np.float64),
+            demand=np.frombuffer(self.demand, np.float64),
+            fallen=np.frombuffer(self.fallen, np.int8).astype(bool),
+            motion=np.frombuffer(self.motion, np.int64),
+            failed=self.failed,
+            name=measure.label(shortest if is_same_period else None),
+            unit=unit,
+        )
+
+
+def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
+    """Return the fragility function of each damage state, or the error that prevents its fit.
+
+    By default stripes are fitted if there are several intensity levels with enough ground motions,
+    otherwise a cloud.
+
+    Raises
+    ------
+    UsageError
+        Stripes are requested, but a level has fewer than three ground motions.
+    """
+    if not runs.im.size:
+        return [AnalysisError("no run has a result") for _ in runs.states.states]
+    # Count the distinct ground motions at each level, for all buildings of the group together.
+    level = levels_of(runs.im)
+    motions_at_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])
+    has_stripes = motions_at_level.size > 1 and int(motions_at_level.min()) >= MIN_RUNS_PER_LEVEL
+    if request.fit == STRIPES and not has_stripes:
+        raise UsageError(NO_COMMON_LEVELS)
+    selected_fit = request.fit or (STRIPES if has_stripes else CLOUD)
+
+    def fit(is_used: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+        """Fit each state to the runs that a mask selects."""
+        if selected_fit == STRIPES:
+            return _type_stripes(runs, level, is_used)
+        return _type_cloud(runs, request, is_used)
+
+    fits = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
+    probability_columns = _exceedance_probabilities(runs).T
+    result: list[Fragility | AnalysisError] = []
+    for item, median, probabilities in zip(
+        fits, runs.states.medians, probability_columns, strict=True
+    ):
+        if isinstance(item, Fragility):
+            named = replace(item.named(median, runs.name, runs.unit), failed=runs.failed)
+            item = named.beside_counts(runs.im, probabilities, motion=runs.motion)
+        result.append(item)
+    return result
+
+
+def _exceedance_probabilities(runs: TypeRuns) -> Array:
+    """Return the probability that each run reaches or exceeds each state, shape (runs, states).
+
+    The probability is 1 after a collapse.
+    """
+    return np.where(runs.fallen[:, np.newaxis], 1.0, exceedance(runs.states, runs.demand))
+
+
+def _type_stripes(
+    runs: TypeRuns, level: NDArray[np.intp], is_used: NDArray[np.bool_]
+) -> list[Fragility | AnalysisError]:
+    """Fit each damage state to the probabilities of exceedance at intensity levels. The number of
+    exceedances at a level is the sum of the probabilities of its runs.
+
+    Parameters
+    ----------
+    runs : TypeRuns
+        Runs of the group.
+    level : ndarray of int, shape (runs,)
+        Index of the intensity level of each run.
+    is_used : ndarray of bool, shape (runs,)
+        True for the runs to which the functions are fitted.
+    """
+    # Renumber the levels that contain a selected run.
+    level_number = np.unique(level[is_used], return_inverse=True)[1]
+    total = np.bincount(level_number).astype(float)
+    # Intensities within a level differ by rounding errors only. Their geometric mean is used.
+    im = np.exp(np.bincount(level_number, np.log(runs.im[is_used])) / total)
+    fits: list[Fragility | AnalysisError] = []
+    for probabilities in _exceedance_probabilities(runs)[is_used].T:
+        # The sum of probabilities may exceed the number of runs by rounding errors.
+        expected_count = np.minimum(np.bincount(level_number, probabilities), total)
+        try:
+            fits.append(fit_stripes(im, expected_count, total))
+        except AnalysisError as error:
+            fits.append(error)
+    return fits
+
+
+def _type_cloud(
+    runs: TypeRuns, request: FragilityRequest, is_used: NDArray[np.bool_]
+) -> list[Fragility | AnalysisError]:
+    """Fit the functions of all damage states to a line through the logarithms of the demands over
+    the intensities.
+
+    The demands of collapses are known only to be above the heaviest state. For the states of a
+    campaign, each run is used with three equally likely thresholds that have their dispersion. A
+    collapse exceeds all of them. Demands above the heaviest state and below the lightest state are
+    censored. For requested thresholds the demands are not censored, so that a function does not
+    depend on the other thresholds.
+    """
+    # A demand of zero has no logarithm, and demands below the range are elastic.
+    low, high = request.edp_range
+    is_kept = is_used & (runs.demand >= low) & (runs.demand > 0.0)
+    im, fallen = runs.im[is_kept], runs.fallen[is_kept]
+    demand = np.minimum(runs.demand, high)[is_kept]
+    lightest, heaviest = 0.0, math.inf
+    if not request.thresholds:
+        lightest, heaviest = runs.states.medians[0], runs.states.medians[-1]
+    is_above_range = fallen | (demand >= high)
+    # Dividing a threshold by a factor is equivalent to multiplying the demand by it: each demand is
+    # used three times, with factors that represent the dispersion of the thresholds. The shape of
+    # `scattered` is (runs, 3).
+    threshold_factors = np.exp(runs.states.dispersion * _THREE_POINTS)
+    factors = np.where(fallen[:, np.newaxis], 1.0, threshold_factors)
+    scattered = factors * demand[:, np.newaxis]
+    is_above_states = is_above_range[:, np.newaxis] | (scattered >= heaviest)
+    repeated_im = np.repeat(im, _THREE_POINTS.size)
+    limited_demand = np.minimum(scattered, heaviest).ravel()
+    try:
+        functions = fit_cloud(
+            repeated_im,
+            limited_demand,
+            runs.states.medians,
+            is_above_states.ravel(),
+            lower_threshold=lightest,
+        )
+    except AnalysisError as error:
+        return [error for _ in runs.states.states]
+    # Figures show the demands, not the three values per demand.
+    is_below_states = ~is_above_range & (demand < lightest)
+    counts: dict[str, Any] = {"runs": im.size, "censored": int(np.sum(is_above_range))}
+    points: dict[str, Any] = {
+        "im": im,
+        "edp": demand,
+        "censored": is_above_range,
+        "below": is_below_states,
+    }
+    return [
+        replace(function, cloud=function.cloud and replace(function.cloud, **points), **counts)
+        for function in functions
+    ]
