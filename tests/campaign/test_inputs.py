@@ -13,7 +13,7 @@ from building_cases import model, noise, story
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.campaign.batch import Run
 from tdint.campaign.definition import AnalysisOverrides, InventoryFile
-from tdint.campaign.fragility.type_states import _of_model as type_of_model
+from tdint.campaign.fragility.type_states import _divisor_and_period_of_model as type_of_model
 from tdint.campaign.inputs import adapted, read_rows
 from tdint.campaign.pairs import recording_numbers
 from tdint.campaign.profiles import level_ranks

@@ -448,7 +448,7 @@ class Batch:
         Parameters
         ----------
         run : Run
-            Run whose ground motion is a JoinedRecord.
+            Run with a JoinedRecord as ground motion.
         max_step : float or None
             Maximum time step, as for `results`.
         """

@@ -1,5 +1,5 @@
-"""Contents of a campaign file as typed values in SI units. The files to which it refers, such as
-models and records, are read elsewhere."""
+"""Contents of a campaign file as typed values in SI units. Other modules read the files that
+it lists, such as models and records."""
 
 from __future__ import annotations
 

@@ -173,7 +173,7 @@ def cluster(scheduler: Cluster) -> Engine:
 def compile_for(plan: Plan) -> None:
     """Load the time loops of the buildings, and compile them if necessary, before threads request
     them simultaneously."""
-    # Use the keys of a dictionary, so that each loop is listed once, in order. `integrate_many`
+    # Use the keys of a dictionary, which has no duplicates and keeps the order. `integrate_many`
     # with all laws is required in any case.
     variants = {(integrate_many, EVERYTHING): None}
     for building in plan.buildings[:_MAX_COMPILED_FOR]:
@@ -446,7 +446,7 @@ class _Part:
     runs : int
         Number of runs of the complete campaign.
     shards : list of str
-        Shards, K/N, whose runs were written to the store.
+        Shards, K/N, with runs in the store.
     chunks : dict of int to int
         Number of runs of each chunk that is complete and not corrupt, by the number of the chunk.
     corrupt_count : int

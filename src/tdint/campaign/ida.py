@@ -697,7 +697,7 @@ def _identity(
     records: Sequence[Record],
     pair_intensity: str | None,
 ) -> Identity:
-    """Return the input on which the runs depend. It is stored with them, so that runs of another
+    """Return the complete input of the runs. It is stored with the runs, so that runs of another
     study in the directory are recognized.
 
     Parameters

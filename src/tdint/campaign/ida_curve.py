@@ -635,7 +635,7 @@ def _factor_for_drift(
     drift : float
         Drift ratio.
     first_factor : float
-        Scale factor at which the search starts.
+        First scale factor of the search.
     dt : float or None
         Time step, s; None: the default of the building.
 

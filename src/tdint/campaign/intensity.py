@@ -1,4 +1,4 @@
-"""Intensity measures by which records are scaled: the pseudo-acceleration Sa at a period, its
+"""Intensity measures for the scaling of records: the pseudo-acceleration Sa at a period, its
 average over periods, and measures of the ground motion such as PGA, PGV, Arias intensity and CAV.
 
 The intensity of a pair of horizontal components is the geometric mean of both components, or a
@@ -136,7 +136,7 @@ def scaling_obstacle(name: str) -> str:
 
 
 def scalable_measures() -> tuple[str, ...]:
-    """Return the names of the intensity measures to whose levels motions can be scaled."""
+    """Return the names of the intensity measures that permit scaling of motions to levels."""
     motion_measures = [name for name, measure in MEASURES.items() if not measure.without_levels]
     return (*motion_measures, *SPECTRAL)
 

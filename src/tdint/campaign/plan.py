@@ -208,7 +208,7 @@ class Plan:
 
         settings = self.settings
         analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models}
-        analyses = analyses or {(None, None)}  # an inventory has no settings of its own
+        analyses = analyses or {(None, None)}  # an inventory does not specify these settings
         # Records with the same sampling interval have the same result: check the first of them.
         first_motions = {motion.record.dt: motion for motion in reversed(self.motions)}
         for dt, duration in sorted(analyses, key=str):

@@ -120,7 +120,7 @@ def select(
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
     check_rule(rule, suite, count, target_spectrum)
     pool, spectra, left_out = _pool(suite, compared_periods, damping, spectrum_pair)
-    # Without a maximum per event, each motion counts as an event of its own.
+    # Without a maximum per event, each motion counts as a separate event.
     event_numbers, labels = np.arange(len(suite)), list[str]()
     if per_event is not None:
         labels = events_of(suite) if events is None else [str(event or "") for event in events]
@@ -186,7 +186,7 @@ def _check_arguments(
     Parameters
     ----------
     motion_count : int
-        Number of motions from which to select.
+        Number of candidates.
     count : int
         Number of motions to select.
     factors : tuple of two floats

@@ -292,7 +292,7 @@ class _FieldRows:
     site, event, record : array of int
         Numbers of the site, the event and the record in each row.
     value : array of float
-        Factor on the record, or the intensity to which the record is scaled (SI units).
+        Factor on the record, or the target intensity of the record (SI units).
     line : array of int
         Line of each row in the file.
     """
@@ -806,7 +806,7 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
         )
     if field.pairs:
         return tuple(selected)
-    # Without pairs, each component is a motion of its own.
+    # Without pairs, each component is a separate motion.
     return tuple(replace(motion, whole=motion.record, direction=1) for motion in selected)
 
 

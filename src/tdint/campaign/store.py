@@ -1,4 +1,5 @@
-"""Store of a campaign or study: one SQLite file, to which one process writes chunk by chunk."""
+"""Store of a campaign or study: an SQLite file, which a single process
+writes chunk by chunk."""
 
 from __future__ import annotations
 
@@ -44,14 +45,14 @@ from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.system import __version__
 from tdint.units import SI, OutputUnits, parse_output_units
 
-# ---- Identity of a store: everything on which its runs depend. Differences between two identities
+# ---- Identity of a store: complete input of its runs. Differences between two identities
 
 _MAX_LISTED_DIFFERENCES = 8  # lines of a message; users do not read longer lists
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Everything on which the runs in a store depend, and metadata of the runs.
+    """Complete input of the runs in a store, and metadata of the runs.
 
     Attributes
     ----------
@@ -164,7 +165,8 @@ class Identity:
 
     @property
     def compared_values(self) -> ComparedValues:
-        """Values by which `all_differences` describes the differences from another identity."""
+        """Values that `all_differences` compares to describe the differences from another
+        identity."""
         buildings = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions with the same name and component, such as the samples of a grid, are
@@ -488,7 +490,7 @@ class Store:
         return parse_output_units(units) if units is not None else SI
 
     def update_metadata(self, identity: Identity) -> None:
-        """Store the metadata on which the results of runs do not depend: unused inputs, output
+        """Store the metadata that do not affect the results of runs: unused inputs, output
         units, damage states, limits, style of figures, files of models, and columns of an
         inventory. Also add buildings that the store does not contain yet."""
         values = _metadata(identity)
@@ -563,7 +565,7 @@ class Store:
         return sorted(json.loads(self._meta_or_none("files") or "{}").values())
 
     def shards(self) -> list[str]:
-        """Return the shards, as K/N, whose runs were written to this store."""
+        """Return the shards, as K/N, with runs in this store."""
         return list(json.loads(self._meta_or_none("shards") or "[]"))
 
     def add_shard(self, text: str) -> None:
@@ -604,8 +606,8 @@ class Store:
         return requested_tables is None or table in requested_tables
 
     def style(self) -> tuple[str, str]:
-        """Return the style of the figures, empty if not specified, and the directory to which
-        relative paths of style sheets refer."""
+        """Return the style of the figures, empty if not specified, and the base
+        directory of relative paths of style sheets."""
         text, folder = json.loads(self._meta_or_none("style") or '["", ""]')
         return text, folder
 
@@ -979,7 +981,7 @@ def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
 
 
 def _metadata(identity: Identity) -> dict[str, str]:
-    """Return the metadata on which the results of runs do not depend, as texts by their keys in the
+    """Return the metadata that do not affect the results of runs, as texts by their keys in the
     table `meta`."""
     buildings = identity.buildings
     rows = buildings.rows if isinstance(buildings, RowBuildings) else None

@@ -302,7 +302,7 @@ _SQL_TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
 @dataclass(frozen=True)
 class RowTable:
-    """Table in which the result rows of chunks are stored, and a view of it for users.
+    """Table for the result rows of chunks, and the view of this table for users.
 
     Attributes
     ----------
@@ -388,7 +388,7 @@ class RowTable:
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
         """Convert rows to the form in which SQLite returns them, sorted by key.
 
-        Nested tuples, such as the values and errors of a run, become columns of their own. Each
+        Nested tuples, such as the values and errors of a run, become separate columns. Each
         cell is converted to the type of its column; NaN and missing errors become None.
         """
         types = (self.key | self.others).values()
@@ -494,7 +494,7 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
 
 
 def corrupt_chunks(connection: sqlite3.Connection) -> set[int]:
-    """Return the numbers of corrupt chunks: chunks whose rows do not match the checksum or the
+    """Return the numbers of corrupt chunks: chunks with rows that do not match the checksum or the
     number of rows in the table `chunks`, and chunks that are missing from this table."""
     query = "SELECT id, runs, stories, seconds, sha256 FROM chunks"
     entries = {number: values for number, *values in connection.execute(query)}

@@ -91,7 +91,7 @@ class FragilityRequest:
     states : tuple of str
         Names of the states of the thresholds in ascending order; default ds1, ds2, ...
     pair_demand : str or None
-        Rule by which the components of pairs are combined (`tdint.campaign.pairs`); default is the
+        Rule that combines the components of pairs (`tdint.campaign.pairs`); default is the
         rule of the study in the same directory, otherwise the larger demand.
     """
 
@@ -309,8 +309,8 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     )
 
     def fit(rows: NDArray[np.bool_]) -> Fragility:
-        """Fit a function to the rows that a mask selects, and add the counts to which it was
-        fitted, for figures and for the test of its shape."""
+        """Fit a function to the rows that a mask selects, and add the counts of the levels,
+        for figures and for the test of its shape."""
         levels, level_records, level_exceeding = im[rows], records[rows], exceeding[rows]
         fraction = np.sum(level_exceeding) / np.sum(level_records)
         function = fit_stripes(levels, level_exceeding, level_records)
@@ -383,7 +383,7 @@ def _fit_capacity_rows(
     capacity : ndarray, shape (n,)
         Capacity in each row.
     rows : ndarray of bool, shape (n,)
-        True for the rows to which the functions are fitted.
+        True for the rows that are used in the fit.
     """
     censored = np.array(table.truths("censored"))
     motion = motions_if_known(table)
@@ -497,7 +497,7 @@ class _Runs:
     names : tuple of str
         Name and unit of the intensity measure.
     pairs : PairRule
-        Rule by which the components of pairs were combined.
+        Rule that combined the components of pairs.
     """
 
     im: Array
@@ -618,7 +618,7 @@ def _stripes(runs: _Runs, is_exceeding: NDArray[np.bool_], is_used: NDArray[np.b
     is_exceeding : ndarray of bool, shape (n,)
         True for runs that exceed the threshold.
     is_used : ndarray of bool, shape (n,)
-        True for the runs to which the function is fitted.
+        True for the runs that are used in the fit.
     """
     stripes = [is_used & (runs.level == level) for level in np.unique(runs.level[is_used])]
     # Intensities within a level differ by rounding errors only. Their geometric mean is used.

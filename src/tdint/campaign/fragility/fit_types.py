@@ -240,7 +240,7 @@ class _RunCollector:
             Ground motion of each record; empty for ground motion fields, in which runs with the
             same sample number (of the event) count as one ground motion.
         rule : PairRule
-            Rule by which the components of pairs are combined.
+            Rule that combines the components of pairs.
         """
         damage = damage_by_motion(building, rule)
         # If components were combined, use the intensity of the first component of each pair.
@@ -343,7 +343,7 @@ def _type_stripes(
     level : ndarray of int, shape (runs,)
         Index of the intensity level of each run.
     is_used : ndarray of bool, shape (runs,)
-        True for the runs to which the functions are fitted.
+        True for the runs that are used in the fit.
     """
     # Renumber the levels that contain a selected run.
     level_number = np.unique(level[is_used], return_inverse=True)[1]

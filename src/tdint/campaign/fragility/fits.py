@@ -303,7 +303,7 @@ class Fragility:
     extrapolated : str
         Reason why the observations do not cover the median; empty if they do.
     pair_demand : str
-        Rule by which the components of pairs are combined (`tdint.campaign.pairs`); empty without
+        Rule that combines the components of pairs (`tdint.campaign.pairs`); empty without
         pairs.
     motions : int
         Number of ground motions of the runs; both components of a recording are one. If the runs

@@ -342,7 +342,7 @@ class RunIntensities:
     measure : RunMeasure
         Intensity measure.
     pair_demand : str or None
-        Rule by which the components of pairs are combined; None for the rule of the campaign.
+        Rule that combines the components of pairs; None for the rule of the campaign.
 
     Raises
     ------
@@ -706,7 +706,7 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     of the table. Without a store, components of one record, and of records whose names differ only
     in the component, are a pair.
     """
-    # By default each row is a ground motion of its own.
+    # By default each row is a separate ground motion.
     names: list[object] = list(range(len(table.rows)))
     if table.has("record"):
         names = list(motion_names(table.texts("record")))
@@ -752,7 +752,7 @@ def over_motions(
     fit : callable
         Function that fits the runs selected by a mask of shape (n,).
     is_used : ndarray of bool, shape (n,)
-        True for the runs to which the functions are fitted.
+        True for the runs that are used in the fit.
     motion : ndarray of int, shape (n,), or None
         Ground motion of each run. If None, the covariance of the fit is kept.
 

@@ -40,7 +40,7 @@ _RUN_QUANTITIES = {
     "acceleration": "peak_absolute_acceleration",
     "spectral_displacement": "peak_roof_displacement",
 }
-"""Name of the quantity of the runs from which each demand of damage states is computed."""
+"""Name of the quantity of the runs that determines each demand of damage states."""
 
 _COLUMNS = {quantity.name: quantity.column for quantity in RUN}
 """Column of the table of runs by the name of the quantity."""
@@ -340,7 +340,7 @@ class TypeDamage:
     money : Mean
         Mean loss of all these buildings together; arrays of one value, nan without costs.
     inventory_entry : str
-        Entry of the column of the inventory by which buildings are grouped; empty for other groups.
+        Entry of the inventory column that defines the groups; empty for other groups.
     scatter : tuple of two floats
         Standard deviation of the total loss, for independent and for fully correlated losses of the
         buildings. Without costs, the standard deviation of the mean loss ratio.
@@ -451,7 +451,7 @@ class _Group:
         level : float
             Value of the intensity measure (SI units), scale factor, or number of the level.
         inventory_entry : str
-            Entry of the column of the inventory by which buildings are grouped.
+            Entry of the inventory column that defines the groups.
         """
         outcome_count = len(self.states.outcomes)
         # The sums have one row per ground motion, because the jackknife omits one ground motion at

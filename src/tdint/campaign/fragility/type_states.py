@@ -217,7 +217,7 @@ class ClassDamage:
 
 
 def read_class_damage(request: DamageRequest | None) -> ClassDamage:
-    """Read the tables of thresholds and loss ratios by class to which a campaign file refers.
+    """Read the tables of thresholds and loss ratios by class that a campaign file lists.
 
     Raises
     ------
@@ -335,7 +335,7 @@ def _values_by_class(table: CsvTable, columns: Mapping[str, str]) -> dict[str, d
 
 
 class BuildingType(NamedTuple):
-    """Properties of a building from which its damage is computed.
+    """Properties of a building for the computation of its damage.
 
     Attributes
     ----------
@@ -363,7 +363,7 @@ class Damage:
     def description(self) -> str:
         """Return the states of each type and the SHA-256 of the buildings as JSON text, which is
         written to the store."""
-        # Many buildings have the same properties: convert each of them to text once.
+        # Many buildings have the same properties: convert each different building to text.
         texts = {building: repr(tuple(building)) for building in set(self.buildings)}
         digest = hashlib.sha256("".join(map(texts.__getitem__, self.buildings)).encode())
         types = {name: asdict(states) for name, states in self.types.items()}
