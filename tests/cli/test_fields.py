@@ -368,7 +368,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             "pair_demand: separate}",
             "pair_demand: separate}\nintensity: {measure: pga, levels: [1 g]}",
             3,
-            "cannot be used with events, which have scale factors",
+            "cannot be used with events",
         ),
     ],
 )
@@ -759,7 +759,7 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
                     )
                 assert float(row[f"exceedance_rate_{name}"]) == pytest.approx(rate, rel=1e-6)
     Path("rates.csv").write_text("event,rate\nM7-1,0.002\n")
-    said = "rates.csv: the rate of 2 events of the fields is missing, such as 'M7-2'"
+    said = "rates.csv: 2 events of the fields have no rate in this file, such as 'M7-2'"
     tdint.refused(said, "campaign", "campaign.yaml", "-o", "new", code=3)
 
 

@@ -474,7 +474,7 @@ def scale_p695(
 
 def scale(
     motions: Sequence[AnyMotion],
-    requested_measure: IntensityMeasure | str | None = None,
+    measure: IntensityMeasure | str | None = None,
     value: float | None = None,
     *,
     target: TargetSpectrum | str | None = None,
@@ -491,7 +491,7 @@ def scale(
     motions : sequence
         Records, paths or traces. A tuple of two, or a result of `read_horizontals`, is a pair with
         the same factor.
-    requested_measure : IntensityMeasure or str
+    measure : IntensityMeasure or str
         `pga`, `pgv`, `arias`, `cav`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
     value : float
         Value of the measure, m/s^2 or m/s.
@@ -523,26 +523,28 @@ def scale(
         A motion is invalid or zero.
     """
     suite = [motion_of(motion) for motion in motions]
-    measure = (
-        measure_of(requested_measure, damping)
-        if isinstance(requested_measure, str)
-        else requested_measure
-    )
+    intensity_measure = measure_of(measure, damping) if isinstance(measure, str) else measure
     if target is not None:
-        if measure is not None or value is not None:
+        if intensity_measure is not None or value is not None:
             raise UsageError("a target and a value cannot be used together; remove one of them")
         spectrum, compared_periods = target_at(target, periods)
         return scaling_function(rule)(suite, spectrum, compared_periods, damping=damping, pair=pair)
     if rule == "p695":
-        measure_periods = measure.periods if isinstance(measure, SpectralIntensity) else ()
-        if measure is not None and (len(measure_periods) != 1 or measure_periods == (0.0,)):
-            raise UsageError(f"the rule p695 scales a set to a value of sa(T), got {measure.name}")
+        measure_periods = (
+            intensity_measure.periods if isinstance(intensity_measure, SpectralIntensity) else ()
+        )
+        if intensity_measure is not None and (
+            len(measure_periods) != 1 or measure_periods == (0.0,)
+        ):
+            raise UsageError(
+                f"the rule p695 scales a set to a value of sa(T), got {intensity_measure.name}"
+            )
         return scale_p695(
             suite, measure_periods[0] if measure_periods else None, value, damping=damping
         )
-    if measure is None or value is None:
+    if intensity_measure is None or value is None:
         raise UsageError("scale requires an intensity measure with a value, or a target spectrum")
-    return scale_to_value(suite, measure, value, pair)
+    return scale_to_value(suite, intensity_measure, value, pair)
 
 
 _PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade for typical targets

@@ -286,28 +286,35 @@ FAILED = (
 """Columns of fits in which some runs have no result."""
 
 _COUNTS = {
-    "im": ("1", "geometric mean of the intensities in bin {}, from the lowest"),
-    "runs": ("1", "number of runs in bin {}"),
-    "share": ("1", "fraction of the runs in bin {} that exceed the threshold"),
-    "fitted": ("1", "fraction in bin {} by the fitted function"),
-    "bound": ("1", "difference of both fractions in bin {} above which a warning is printed"),
+    "im": ("im", "geometric mean of the intensities in bin {}, from the lowest"),
+    "runs": ("runs", "number of runs in bin {}"),
+    "share": ("fraction", "fraction of the runs in bin {} that exceed the threshold"),
+    "fitted": ("fitted", "fraction in bin {} by the fitted function"),
+    "bound": ("bound", "difference of both fractions in bin {} above which a warning is printed"),
 }
+"""Attribute of `Counted` and meaning of each column of a bin, by the end of the column name."""
 
 
-def _of_bin(place: int, name: str) -> Callable[[Fragility], float]:
-    """Return a function that returns the count of a bin; nan if there are fewer bins."""
+def _value_in_bin(bin_index: int, attribute: str) -> Callable[[Fragility], float]:
+    """Return a function that returns an attribute of `Counted` in the bin with an index, from 0, of
+    a fragility function; nan if the function has fewer bins."""
 
     def value(function: Fragility) -> float:
-        values = getattr(function.counted, name, ())
-        return float(values[place]) if place < len(values) else np.nan
+        values = getattr(function.counted, attribute, ())
+        return float(values[bin_index]) if bin_index < len(values) else np.nan
 
     return value
 
 
 COUNTED = tuple(
-    Column(f"bin_{place + 1}_{name}", unit, _of_bin(place, name), meaning.format(place + 1))
-    for place in range(BINS)
-    for name, (unit, meaning) in _COUNTS.items()
+    Column(
+        f"bin_{bin_index + 1}_{name}",
+        "1",
+        _value_in_bin(bin_index, attribute),
+        meaning.format(bin_index + 1),
+    )
+    for bin_index in range(BINS)
+    for name, (attribute, meaning) in _COUNTS.items()
 )
 """Last columns: counts in bins of the intensity."""
 
