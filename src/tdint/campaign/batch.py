@@ -557,7 +557,7 @@ class Batch:
             peaks = outcomes.stories_of(index)
             # A run that was integrated separately includes its error estimate.
             response = outcomes.responses.get(index)
-            error_estimate = response.check if response else None
+            error_estimate = None if response is None else response.check
             values = demands[index] | {
                 "energy_error": float(outcomes.energy_error[index]),
                 "steps": int(outcomes.steps[index]),
