@@ -912,7 +912,7 @@ def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
         (
             ("--by", "district", "--polygons", "s.json"),
             polygons("north", "south", "north"),
-            "s.json: district 'north' is there twice",
+            "s.json: two polygons have the district 'north'",
         ),
         (
             ("--by", "district", "--polygons", "s.json"),

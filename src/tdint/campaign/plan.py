@@ -387,30 +387,20 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         A time step does not fit a record.
     """
     motions, notes = inputs.motions, list[str]()
-    buildings = _buildings(campaign, inputs, notes)
-    levels: Levels
-    if isinstance(campaign.intensity, Scales):
-        levels = campaign.intensity
-    elif isinstance(campaign.intensity, MeasureLevels):
-        levels = replace(campaign.intensity, motions=motions.motions)
-    else:
-        assert inputs.factors is not None
-        levels = MotionFactors(
-            {number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)}
-        )
+    buildings, levels = _buildings(campaign, inputs, notes), _levels(campaign, inputs)
+    # Report records that the shortest duration of the analyses cuts off.
     duration = campaign.settings.duration
-    ends = [duration or model.analysis.duration for model in inputs.models] or [duration]
-    notes += cut_off(
-        (motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf)
-    )
-    # Residual drifts at the end of a record are not final, because the building still vibrates.
+    durations = [duration or model.analysis.duration for model in inputs.models] or [duration]
+    shortest_duration = min(filter(None, durations), default=math.inf)
+    notes += cut_off((motion.record for motion in motions.motions), shortest_duration)
     damage = damage_of(campaign.damage, inputs.damage, buildings)
-    residual = damage and any("residual" in type_.demand for type_ in damage.types.values())
-    if residual and not campaign.settings.until_rest:
+    depends_on_residual = damage and any(
+        "residual" in states.demand for states in damage.types.values()
+    )
+    if depends_on_residual and not campaign.settings.until_rest:
         notes.append(
             "damage states depend on residual drifts, but the building still vibrates at the end "
-            "of "
-            "the records; set until_rest of the analysis to continue until it is at rest"
+            "of the records; set until_rest of the analysis to continue until it is at rest"
         )
     # The plan includes all messages before the runs: skipped inputs, notes and warnings.
     plan = Plan(
@@ -430,10 +420,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         rates=motions.rates,
         pair_demand=campaign.pair_demand,
         notes=(*notes, *motions.notes),
-        warnings=on_plausibility(
-            (subject.model, subject.prepared.building)
-            for subject in (item.subject() for item in (buildings if inputs.models else ()))
-        ),
+        warnings=_plausibility_warnings(buildings) if inputs.models else (),
         damage=damage,
         factors=inputs.factors.source if inputs.factors else "",
         scaled=inputs.factors.scaled if inputs.factors else {},
@@ -441,6 +428,32 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     )
     plan.check_steps()
     return plan
+
+
+def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
+    """Return the scale factors of the motions: those of the campaign file, factors for levels of an
+    intensity measure, or those of a file of factors.
+
+    Raises
+    ------
+    ModelError
+        A file of factors does not contain a motion.
+    """
+    motions = inputs.motions.motions
+    if isinstance(campaign.intensity, Scales):
+        return campaign.intensity
+    if isinstance(campaign.intensity, MeasureLevels):
+        return replace(campaign.intensity, motions=motions)
+    assert inputs.factors is not None
+    return MotionFactors(
+        {number: inputs.factors.of(motion) for number, motion in enumerate(motions)}
+    )
+
+
+def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:
+    """Return the warnings about unusual values of buildings."""
+    subjects = (building.subject() for building in buildings)
+    return on_plausibility((subject.model, subject.prepared.building) for subject in subjects)
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
@@ -481,8 +494,8 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
         )
     # Warn of model files that are listed repeatedly. Variations of a model in a sweep have
     # different labels.
-    counts = Counter((model.source, model.label) for model in inputs.models)
-    repeated = [source for (source, _), count in counts.items() if count > 1]
+    file_counts = Counter((model.source, model.label) for model in inputs.models)
+    repeated = [source for (source, _), count in file_counts.items() if count > 1]
     if repeated:
         notes.append(
             "model files listed more than once, which are run repeatedly: "

@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -332,64 +331,108 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     list of str
         Name and date of the event; empty if the event of a motion is unknown.
     """
-    # Motions, which are identified by their indices, are grouped by event in a disjoint-set forest:
-    # parents[i] is a motion of the same group as motion i, or i if motion i represents its group.
-    event_of_motion = [_event_of_motion(motion) for motion in motions]
-    parents = list(range(len(event_of_motion)))
+    groups = _EventGroups([_event_of_motion(motion) for motion in motions])
+    groups.unite_equal_events()
+    groups.unite_recordings(_recordings(motions))
+    groups.unite_similar_events()
+    return groups.labels()
 
-    def root(motion: int) -> int:
+
+class _EventGroups:
+    """Groups of motions of the same event. Motions are identified by their indices.
+
+    The groups are a disjoint-set forest: `_parents[i]` is a motion of the same group as motion i,
+    or i if motion i represents its group.
+
+    Attributes
+    ----------
+    events : list of Earthquake
+        Event in the header of each motion.
+    """
+
+    def __init__(self, events: list[Earthquake]) -> None:
+        self.events = events
+        self._parents = list(range(len(events)))
+
+    def _root(self, motion: int) -> int:
         """Return the motion that represents the group of a motion."""
+        parents = self._parents
         while parents[motion] != motion:
             parents[motion] = parents[parents[motion]]  # shortens the path for later calls
             motion = parents[motion]
         return motion
 
-    def unite(motion: int, other_motion: int) -> None:
+    def _unite(self, motion: int, other_motion: int) -> None:
         """Merge the groups of two motions."""
-        representative, merged = sorted((root(motion), root(other_motion)))
-        parents[merged] = representative
+        representative, merged = sorted((self._root(motion), self._root(other_motion)))
+        self._parents[merged] = representative
 
-    # Unite motions with the same event in their headers, then the motions of one recording, which
-    # have files with similar names. Motions with a known event are united first, and only with
-    # motions of the same event, because files with similar names may contain several recordings.
-    # Motions without a known event follow in a second pass.
-    first_motions: dict[Earthquake, int] = {}
-    for motion, event in enumerate(event_of_motion):
-        if event.is_known:
-            unite(motion, first_motions.setdefault(event, motion))
-    motion_of_recording: dict[str, int] = {}
-    for is_second, (motion, recordings) in product((False, True), enumerate(_recordings(motions))):
-        for recording in recordings if event_of_motion[motion].is_known is not is_second else []:
-            other_motion = motion_of_recording.setdefault(recording, motion)
-            if is_second or is_same_event(event_of_motion[motion], event_of_motion[other_motion]):
-                unite(motion, other_motion)
+    def _unite_if_same_event(self, motion: int, other_motion: int) -> None:
+        """Merge the groups of two motions if their headers may describe the same event."""
+        if is_same_event(self.events[motion], self.events[other_motion]):
+            self._unite(motion, other_motion)
 
-    # Headers may describe one event differently. Compare the distinct descriptions: descriptions
-    # with a time only with descriptions of about the same time, in chronological order.
-    described = list(first_motions.values())
-    dated = sorted(
-        (motion for motion in described if event_of_motion[motion].time),
-        key=lambda motion: event_of_motion[motion].time or datetime.min,
-    )
-    undated = [motion for motion in described if not event_of_motion[motion].time]
-    for rank, motion in enumerate(dated):
-        for other_motion in dated[rank + 1 :]:
-            later, earlier = event_of_motion[other_motion].time, event_of_motion[motion].time
-            if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
-                break
-            if is_same_event(event_of_motion[motion], event_of_motion[other_motion]):
-                unite(motion, other_motion)
-    for rank, motion in enumerate(undated):
-        for other_motion in [*undated[rank + 1 :], *dated]:
-            if is_same_event(event_of_motion[motion], event_of_motion[other_motion]):
-                unite(motion, other_motion)
+    def _first_motions(self) -> dict[Earthquake, int]:
+        """Return the first motion of each distinct known event."""
+        first_motions: dict[Earthquake, int] = {}
+        for motion, event in enumerate(self.events):
+            if event.is_known:
+                first_motions.setdefault(event, motion)
+        return first_motions
 
-    # The label of a group is the label of its first motion with a known event.
-    labels: dict[int, str] = {}
-    for motion, event in enumerate(event_of_motion):
-        if event.is_known and root(motion) not in labels:
-            labels[root(motion)] = event.label
-    return [labels.get(root(motion), "") for motion in range(len(event_of_motion))]
+    def unite_equal_events(self) -> None:
+        """Merge the groups of motions with the same event in their headers."""
+        first_motions = self._first_motions()
+        for motion, event in enumerate(self.events):
+            if event.is_known:
+                self._unite(motion, first_motions[event])
+
+    def unite_recordings(self, recordings: Sequence[Sequence[str]]) -> None:
+        """Merge the groups of motions of the same recording. `recordings` has the names of the
+        recordings of each motion."""
+        motion_of_recording: dict[str, int] = {}
+        # Files with similar names may contain several recordings. A motion with a known event is
+        # therefore united only with a motion of the same event.
+        for motion, names in enumerate(recordings):
+            if self.events[motion].is_known:
+                for name in names:
+                    first_motion = motion_of_recording.setdefault(name, motion)
+                    self._unite_if_same_event(motion, first_motion)
+        # Motions without a known event follow in a second pass.
+        for motion, names in enumerate(recordings):
+            if not self.events[motion].is_known:
+                for name in names:
+                    self._unite(motion, motion_of_recording.setdefault(name, motion))
+
+    def unite_similar_events(self) -> None:
+        """Merge the groups of motions whose headers describe the same event differently."""
+        events = self.events
+        # Compare the distinct descriptions: descriptions with a time only with descriptions of
+        # about the same time, in chronological order.
+        described = list(self._first_motions().values())
+        dated = sorted(
+            (motion for motion in described if events[motion].time),
+            key=lambda motion: events[motion].time or datetime.min,
+        )
+        undated = [motion for motion in described if not events[motion].time]
+        for rank, motion in enumerate(dated):
+            for other_motion in dated[rank + 1 :]:
+                earlier, later = events[motion].time, events[other_motion].time
+                if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
+                    break
+                self._unite_if_same_event(motion, other_motion)
+        for rank, motion in enumerate(undated):
+            for other_motion in [*undated[rank + 1 :], *dated]:
+                self._unite_if_same_event(motion, other_motion)
+
+    def labels(self) -> list[str]:
+        """Return the label of the group of each motion, which is the label of the first motion of
+        the group with a known event; empty if no event of the group is known."""
+        label_of_group: dict[int, str] = {}
+        for motion, event in enumerate(self.events):
+            if event.is_known:
+                label_of_group.setdefault(self._root(motion), event.label)
+        return [label_of_group.get(self._root(motion), "") for motion in range(len(self.events))]
 
 
 def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, str]) -> list[str]:
@@ -544,36 +587,7 @@ def _search(
         Maximum number of rows of one event.
     """
     generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
-    squares = deviations * deviations
-    row_sums, scratch = squares.sum(axis=1), np.empty_like(deviations)
-
-    def scores(selected: list[int], size: int) -> Array:
-        """Return, for each row, the score of the selected rows and this additional row; infinite if
-        the row cannot be added. The score is computed as if `size` rows were selected, with `size`
-        equal to the number of the rows including the additional row."""
-        total = deviations[selected].sum(axis=0)
-        # |total + row|^2 for each row, divided by size^2 k: the mean of (mean deviation)^2
-        result = (total @ total + 2.0 * (deviations @ total) + row_sums) / (
-            size**2 * deviations.shape[1]
-        )
-        if target_scatter is not None and size > 2:
-            # (size - 1) variance = sum of squares - (total + row)^2 / size. All operations are in
-            # place, because this function takes most of the time.
-            np.add(deviations, total, out=scratch)
-            np.multiply(scratch, scratch, out=scratch)
-            np.multiply(scratch, -1.0 / size, out=scratch)
-            np.add(scratch, squares, out=scratch)
-            np.add(scratch, squares[selected].sum(axis=0), out=scratch)
-            np.sqrt(np.maximum(scratch, 0.0, out=scratch), out=scratch)
-            np.subtract(scratch, target_scatter * np.sqrt(size - 1.0), out=scratch)
-            result = result + _SCATTER_WEIGHT / ((size - 1) * deviations.shape[1]) * np.einsum(
-                "ij,ij->i", scratch, scratch
-            )
-        result[selected] = np.inf
-        count_of_event = np.bincount(events[selected], minlength=events.max() + 1)
-        result[count_of_event[events] >= max_per_event] = np.inf
-        return np.asarray(result)
-
+    scores = _Scores(deviations, target_scatter, events, max_per_event).with_row
     for start_number in range(int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))):
         selection: list[int] = []
         if start_number % 2:  # half of the best selection so far
@@ -585,17 +599,95 @@ def _search(
                 )
         while len(selection) < count:
             selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
-        # Replace each row by the best row, as long as this decreases the score.
-        score, is_improved = np.inf, True
-        while is_improved:
-            is_improved = False
-            for index in range(count):
-                remaining = selection[:index] + selection[index + 1 :]
-                all_scores = scores(remaining, count)
-                best_row = int(np.argmin(all_scores))
-                if all_scores[best_row] < score * (1.0 - _MIN_GAIN):
-                    is_improved |= best_row != selection[index]
-                    selection[index], score = best_row, float(all_scores[best_row])
+        score = _exchange_rows(selection, scores)
         if score < best_score:
             best_selection, best_score = sorted(selection), score
     return best_selection
+
+
+def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Array]) -> float:
+    """Replace rows of a selection by better rows, in place, as long as the score decreases. Return
+    the final score.
+
+    Parameters
+    ----------
+    selection : list of int
+        Selected rows.
+    scores : callable
+        The function `_Scores.with_row`.
+    """
+    score, is_improved = np.inf, True
+    while is_improved:
+        is_improved = False
+        for index in range(len(selection)):
+            remaining = selection[:index] + selection[index + 1 :]
+            all_scores = scores(remaining, len(selection))
+            best_row = int(np.argmin(all_scores))
+            if all_scores[best_row] < score * (1.0 - _MIN_GAIN):
+                is_improved |= best_row != selection[index]
+                selection[index], score = best_row, float(all_scores[best_row])
+    return score
+
+
+class _Scores:
+    """Scores of selections; the parameters are those of `_search`.
+
+    Parameters
+    ----------
+    deviations : ndarray, shape (n, k)
+        ln of the scaled spectrum divided by the target, for each motion (row) and period.
+    target_scatter : ndarray, shape (k,), or None
+        Target standard deviation of ln Sa.
+    events : ndarray of int, shape (n,)
+        Event of each row.
+    max_per_event : int
+        Maximum number of rows of one event.
+    """
+
+    def __init__(
+        self,
+        deviations: Array,
+        target_scatter: Array | None,
+        events: NDArray[np.int64],
+        max_per_event: int,
+    ) -> None:
+        self._deviations, self._target_scatter = deviations, target_scatter
+        self._events, self._max_per_event = events, max_per_event
+        self._squares = deviations * deviations
+        self._row_sums, self._scratch = self._squares.sum(axis=1), np.empty_like(deviations)
+
+    def with_row(self, selected: list[int], size: int) -> Array:
+        """Return, for each row, the score of the selected rows and this additional row; infinite if
+        the row cannot be added.
+
+        Parameters
+        ----------
+        selected : list of int
+            Selected rows.
+        size : int
+            Number of rows including the additional row.
+        """
+        deviations, events = self._deviations, self._events
+        period_count = deviations.shape[1]
+        total = deviations[selected].sum(axis=0)
+        # |total + row|^2 for each row, divided by size^2 k: the mean of (mean deviation)^2
+        result = (total @ total + 2.0 * (deviations @ total) + self._row_sums) / (
+            size**2 * period_count
+        )
+        if self._target_scatter is not None and size > 2:
+            # (size - 1) variance = sum of squares - (total + row)^2 / size. All operations are in
+            # place, because this function takes most of the time.
+            scratch = self._scratch
+            np.add(deviations, total, out=scratch)
+            np.multiply(scratch, scratch, out=scratch)
+            np.multiply(scratch, -1.0 / size, out=scratch)
+            np.add(scratch, self._squares, out=scratch)
+            np.add(scratch, self._squares[selected].sum(axis=0), out=scratch)
+            np.sqrt(np.maximum(scratch, 0.0, out=scratch), out=scratch)
+            np.subtract(scratch, self._target_scatter * np.sqrt(size - 1.0), out=scratch)
+            scatter_errors = np.einsum("ij,ij->i", scratch, scratch)
+            result = result + _SCATTER_WEIGHT / ((size - 1) * period_count) * scatter_errors
+        result[selected] = np.inf
+        count_of_event = np.bincount(events[selected], minlength=events.max() + 1)
+        result[count_of_event[events] >= self._max_per_event] = np.inf
+        return np.asarray(result)

@@ -15,7 +15,16 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.model.definition import LAWS
-from tdint.output.tables.table import FLOOR, METHOD_SPEC, PERIOD, Cell, Column, Table, part, rows_of
+from tdint.output.tables.table import (
+    FLOOR,
+    METHOD_SPEC,
+    PERIOD,
+    Cell,
+    Column,
+    Table,
+    elements_of,
+    rows_of,
+)
 from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
@@ -127,11 +136,11 @@ OF_CLASSES = (
         Column(
             f"{name}_{point + 1}_{unit}",
             unit,
-            part(f"building.{of}", np.s_[:, point]),
+            elements_of(f"building.{attribute}", np.s_[:, point]),
             f"{name} of point {point + 1} of the backbone",
         )
         for point in range(4)
-        for name, unit, of in (("drift", "m", "drifts"), ("force", "N", "forces"))
+        for name, unit, attribute in (("drift", "m", "drifts"), ("force", "N", "forces"))
     ),
 )
 """Columns of buildings with capacity curves."""
@@ -163,7 +172,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
             Column(
                 f"story_{i + 1}_drift_m",
                 "m",
-                part("drift", np.s_[:, i]),
+                elements_of("drift", np.s_[:, i]),
                 "drift: displacement relative to the floor below",
             )
             for i in range(stories)
@@ -183,7 +192,7 @@ TARGET_DISPLACEMENT = (
     Column(
         "story",
         "1",
-        lambda made: np.arange(1, made.drift.size + 1),
+        lambda result: np.arange(1, result.drift.size + 1),
         "story, numbered from the ground",
     ),
     Column("drift_m", "m", "drift", "drift at the target displacement"),
@@ -219,9 +228,12 @@ TARGET_OF_BUILDING = (
     ),
     Column("strength_ratio", "1", "strength_ratio", "elastic force divided by yield force"),
     Column(
-        "c1", "1", part("factors", 0), "C1; with n2 displacement divided by elastic displacement"
+        "c1",
+        "1",
+        elements_of("factors", 0),
+        "C1; with n2 displacement divided by elastic displacement",
     ),
-    Column("c2", "1", part("factors", 1), "C2; 1 with n2"),
+    Column("c2", "1", elements_of("factors", 1), "C2; 1 with n2"),
 )
 
 
@@ -243,7 +255,7 @@ MODAL_RESPONSE = (
     Column(
         "story",
         "1",
-        lambda made: np.arange(1, made.drift_cqc.size + 1),
+        lambda result: np.arange(1, result.drift_cqc.size + 1),
         "story, numbered from the ground",
     ),
     *(
@@ -253,7 +265,7 @@ MODAL_RESPONSE = (
     Column(
         "drift_ratio_cqc",
         "1",
-        lambda made: made.drift_cqc / made.height,
+        lambda result: result.drift_cqc / result.height,
         "drift_cqc_m divided by story height",
     ),
     *(
@@ -287,7 +299,7 @@ MODAL_SHARE = (
     Column(
         "mode",
         "1",
-        lambda made: np.arange(1, made.period.size + 1),
+        lambda result: np.arange(1, result.period.size + 1),
         "mode number, from the longest period",
     ),
     Column("period_s", "s", "period", "natural period"),
@@ -302,7 +314,7 @@ MODAL_SHARE = (
     Column(
         "base_shear_share",
         "1",
-        lambda made: made.base_shear**2 / np.sum(made.base_shear**2),
+        lambda result: result.base_shear**2 / np.sum(result.base_shear**2),
         "square of base_shear_N divided by the sum of the squares over all modes",
     ),
 )
@@ -440,7 +452,8 @@ FITTED = (
 
 
 def of_event(name: str) -> Column:
-    """Return the last column, which identifies the event by its file."""
+    """Return the last column of tables of several events. All its cells are `name`, the file of the
+    recordings of the event."""
     return Column("recorded", "text", lambda _: name, "file of the recordings")
 
 
@@ -466,29 +479,36 @@ MODEL = (
 
 
 def _of_stories(model: Model, name: str) -> Array:
-    return np.array(
-        [math.nan if (value := getattr(story, name)) is None else value for story in model.stories]
-    )
+    """Return an attribute of all stories, shape (n,); NaN for a story without a value."""
+    values = [getattr(story, name) for story in model.stories]
+    return np.array([math.nan if value is None else value for value in values])
 
 
 def law_words(story: Story, units: OutputUnits = SI) -> str:
-    """Return the hysteretic law of a story with its parameters, named as in a model file.
+    """Return the hysteretic law of a story as text: its name and its parameters, with the names of
+    a model file.
 
     Parameters are omitted if their value is the default, or if the negative side is equal to the
     positive side.
     """
+    # The law stores the values of all its parameters in one sequence: 8 numbers (4 points) for a
+    # backbone, all remaining numbers for a list, and one number for any other parameter.
     numbers = iter(story.law.parameters)
-    described: list[str] = []
-    by_name: dict[str, tuple[float, ...]] = {}
+    parameter_texts: list[str] = []
+    values_by_name: dict[str, tuple[float, ...]] = {}
     for parameter in LAWS[story.law.name].parameters:
-        values = tuple(islice(numbers, 8 if parameter.points else None if parameter.many else 1))
+        if parameter.points:
+            value_count: int | None = 8
+        else:
+            value_count = None if parameter.many else 1
+        values = tuple(islice(numbers, value_count))
         # A default can be the name of another parameter, which precedes this parameter.
-        default = (
-            by_name[parameter.default]
+        default: tuple[float | None, ...] = (
+            values_by_name[parameter.default]
             if isinstance(parameter.default, str)
             else (parameter.default,)
         )
-        by_name.setdefault(parameter.name, values)
+        values_by_name.setdefault(parameter.name, values)
         if values in (default, (parameter.without,)):
             continue
         # The value is a list of backbone points (force at drift), a list of numbers, or one number.
@@ -497,56 +517,72 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
             text = ", ".join(
                 f"{units.text(force, 'N')} at {units.text(drift, 'm')}" for drift, force in points
             )
-        elif parameter.many:
+        elif parameter.many:  # coefficient j has the dimension force / length^j
             text = ", ".join(
                 _in_units(value, 1, -j, units) for j, value in enumerate(values, start=1)
             )
         else:
             text = _in_units(values[0], parameter.force, parameter.length, units)
-        described.append(f"{parameter.path} {text}")
-    isolator = "; isolator" if story.isolator else ""
-    return story.law.name + (f": {', '.join(described)}" if described else "") + isolator
+        parameter_texts.append(f"{parameter.path} {text}")
+    text = story.law.name
+    if parameter_texts:
+        text += f": {', '.join(parameter_texts)}"
+    return f"{text}; isolator" if story.isolator else text
 
 
 def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
-    """Return a number of the dimension force^i length^j with its unit, for example 5000 kN/m."""
-    above: list[str] = []
-    below: list[str] = []
+    """Return a number with its unit as text, for example 5000 kN/m.
+
+    Parameters
+    ----------
+    value : float
+        Number in SI units.
+    force, length : int
+        Exponents of force and length in its dimension.
+    units : OutputUnits
+        Units of the text.
+    """
+    numerator: list[str] = []
+    denominator: list[str] = []
     for si, power in (("N", force), ("m", length)):
+        if not power:
+            continue
         name, factor = units.unit(si)
         value /= factor**power
-        (above if power > 0 else below).extend(
-            [name if abs(power) == 1 else f"{name}^{abs(power)}"] * bool(power)
-        )
-    # Positive powers are in the numerator, so that a stiffness is in kN/m.
-    unit = "/".join(["*".join(above) or "1", *below])
+        factor_text = name if abs(power) == 1 else f"{name}^{abs(power)}"
+        (numerator if power > 0 else denominator).append(factor_text)
+    unit = "/".join(["*".join(numerator) or "1", *denominator])
     return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
 
 
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
-    """Return the table with one row per story, from the ground up."""
+    """Return the table of a model with one row per story, from the ground up: numbers, hysteretic
+    law and dashpot."""
     numbers = Table.of_results(MODEL, [model]).in_units(units)
-    (force, newton), (speed, rate) = units.unit("N"), units.unit("m/s")
-    rows = []
-    for row, story in zip(numbers.rows, model.stories, strict=True):
-        # The force of a linear or power-law dashpot, as a function of the drift rate v.
-        power = story.power_dashpot
-        coefficient, exponent = (
-            (story.dashpot, 1.0) if power is None else (power.coefficient, power.exponent)
-        )
-        dashpot = ""
-        if coefficient:
-            law = "v" if exponent == 1.0 else f"v^{exponent:g}"
-            below = (
-                f"; linear below {power.linear_below / rate:.4g} {speed}"
-                if power and power.linear_below
-                else ""
-            )
-            dashpot = (
-                f"{coefficient * rate**exponent / newton:.4g} {law} ({force}; v in {speed}{below})"
-            )
-        rows.append((*row, law_words(story, units), dashpot))
+    rows = [
+        (*row, law_words(story, units), _dashpot_text(story, units))
+        for row, story in zip(numbers.rows, model.stories, strict=True)
+    ]
     return replace(numbers, columns=(*numbers.columns, "law", "dashpots"), rows=rows)
+
+
+def _dashpot_text(story: Story, units: OutputUnits) -> str:
+    """Return the force of the linear or power-law dashpot of a story as a function of the drift
+    rate v, for example `20 v^0.5 (kN; v in m/s)`; an empty text without a dashpot."""
+    power_law = story.power_dashpot
+    if power_law is None:
+        coefficient, exponent = story.dashpot, 1.0
+    else:
+        coefficient, exponent = power_law.coefficient, power_law.exponent
+    if not coefficient:
+        return ""
+    (force_unit, newtons), (rate_unit, meters_per_second) = units.unit("N"), units.unit("m/s")
+    function = "v" if exponent == 1.0 else f"v^{exponent:g}"
+    linear_text = ""
+    if power_law and power_law.linear_below:
+        linear_text = f"; linear below {power_law.linear_below / meters_per_second:.4g} {rate_unit}"
+    number = coefficient * meters_per_second**exponent / newtons
+    return f"{number:.4g} {function} ({force_unit}; v in {rate_unit}{linear_text})"
 
 
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
@@ -559,17 +595,17 @@ def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
     damping : ndarray, shape (n,)
         Damping ratios of the modes.
     norm : str, optional
-        Normalization (`tdint.model.modes.Modes.normalized`). If it is specified, the mode shape has
-        a column for each floor.
+        Normalization of the mode shapes (`tdint.model.modes.Modes.normalized`). If it is specified,
+        the table has a column with the ordinates of the mode shapes for each floor.
     """
     shapes = modes.normalized(norm) if norm else ()
-    size = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
-    meaning = f"ordinate of the mode at the floor, {size}"
-    floors = (
+    scale_text = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
+    meaning = f"ordinate of the mode at the floor, {scale_text}"
+    shape_columns = (
         Column(f"floor_{floor}_shape", "1", shape, meaning)
         for floor, shape in enumerate(shapes, start=1)
     )
-    return Table.of_results((*MODE, mode_damping(damping), *MODE_END, *floors), [modes])
+    return Table.of_results((*MODE, mode_damping(damping), *MODE_END, *shape_columns), [modes])
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
@@ -596,7 +632,7 @@ def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Tabl
 
 
 def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
-    """Return a fitted value in other units, with the corresponding name."""
+    """Return a fitted value in other units. Its name ends with the new unit."""
     name, factor = units.column(value.name, value.unit)
     numbers = {
         key: getattr(value, key) / factor
@@ -608,11 +644,22 @@ def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
 def _by_event(
     columns: Sequence[Column], events: Sequence[tuple[Comparison, Sequence[object]]]
 ) -> Table:
+    """Return the rows of several results for each event. If there are several events, the last
+    column is the file of the recordings.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Columns of the results.
+    events : sequence of (Comparison, sequence of object)
+        Comparison with the recordings of each event, and the results of the event.
+    """
+    has_event_column = len(events) > 1
     rows: list[tuple[Cell, ...]] = []
     for comparison, results in events:
-        # For a single event, the column of its file is not needed.
-        every = (
-            (*columns, of_event(comparison.event.recording.source)) if len(events) > 1 else columns
-        )
-        rows += [row for result in results for row in rows_of(every, result)]
-    return Table.of((*columns, of_event("")) if len(events) > 1 else columns, rows)
+        all_columns = list(columns)
+        if has_event_column:
+            all_columns.append(of_event(comparison.event.recording.source))
+        for result in results:
+            rows += rows_of(all_columns, result)
+    return Table.of((*columns, of_event("")) if has_event_column else columns, rows)

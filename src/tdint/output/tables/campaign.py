@@ -1,4 +1,5 @@
-"""Tables of a campaign, written from its store in batches, so that memory use is limited."""
+"""Tables of a campaign: runs, stories, profiles and floor spectra. They are read from the store and
+written in batches, so that memory use is limited."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import islice
+from itertools import islice, repeat
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -39,7 +40,7 @@ from tdint.units import SI, OutputUnits, Quantity, suffix
 
 if TYPE_CHECKING:
     from tdint.campaign.fragility.measures import MeasuredRun, RunMeasure
-    from tdint.campaign.profiles import FloorSuite, Profile, Ratios, RunFloors
+    from tdint.campaign.profiles import FloorSuite, Profile, Ratios, RunFloors, Statistics
     from tdint.campaign.store import Store
 
 OF_BUILDING = (
@@ -59,11 +60,11 @@ RUNS = (
     *OF_BUILDING,
     SAMPLE,
     METHOD_SPEC,
-    *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN),
+    *(Column.of_quantity(quantity) for quantity in RUN if quantity.shown != HIDDEN),
 )
 """Columns of runs.csv."""
 
-_WITH_ERROR = tuple(Column.of_quantity(one) for one in RUN_WITH_ERROR)
+_WITH_ERROR = tuple(Column.of_quantity(quantity) for quantity in RUN_WITH_ERROR)
 RUN_ERRORS = error_columns(_WITH_ERROR)
 """Additional columns of a campaign with error estimates."""
 
@@ -136,7 +137,7 @@ SHOCKS = (
     Column("shock", "1", "shock", "event of the sequence, from 1"),
     Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
     Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
-    *(Column.of_quantity(one) for one in DEMANDED),
+    *(Column.of_quantity(quantity) for quantity in DEMANDED),
 )
 """Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
 
@@ -150,13 +151,13 @@ RATIOS = (
     Column(
         "quantity",
         "text",
-        lambda one: one.quantity.called or one.quantity.name,
+        lambda ratios: ratios.quantity.called or ratios.quantity.name,
         PROFILES[2].meaning,
     ),
     Column(
         "story",
         "1",
-        lambda one: np.array([None, *range(1, one.mean.size)], dtype=object),
+        lambda ratios: np.array([None, *range(1, ratios.mean.size)], dtype=object),
         "story (or the floor above); empty for the maximum over the stories",
     ),
     Column(
@@ -197,7 +198,7 @@ STATUS = (
 )
 
 
-_PLACED = {
+_SITE_COLUMNS = {
     "site": "site of the ground motion fields that is nearest to the building",
     "distance_km": "distance between site and building, km",
 }
@@ -210,63 +211,66 @@ _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?"
 
 
 def run_columns(store: Store) -> tuple[Column, ...]:
-    """Return the columns of runs.csv; varied parameters and inventory columns are the last ones."""
-    columns = (*RUNS, *RUN_ERRORS * store.checked, *varied_columns(_swept(store.varied())))
-    return (*columns, *carried_columns(store, names(columns)))
+    """Return the columns of runs.csv. Parameters of a sweep, the event and columns of the inventory
+    are the last columns."""
+    error_columns_of_runs = RUN_ERRORS if store.checked else ()
+    sweep_columns = varied_columns(_varied_names(store.varied()))
+    columns = (*RUNS, *error_columns_of_runs, *sweep_columns)
+    return (*columns, *copied_columns(store, names(columns)))
 
 
-def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
+def _varied_names(varied: Sequence[Mapping[str, float]]) -> list[str]:
+    """Return the names of all parameters that a sweep changed; `varied` has the changed values of
+    each building by name."""
     return list(dict.fromkeys(name for values in varied for name in values))
 
 
 def varied_columns(names: Iterable[str]) -> list[Column]:
-    """Return the columns of the parameters that differ between buildings."""
-    # `story 3.mass_factor` becomes story_3_mass_factor; a key of model files is unchanged.
-    return [
-        Column(
-            name
-            if name.startswith(("stories", "record"))
-            else name.replace(" ", "_").replace(".", "_"),
-            "1",
-            name,
-            parameter_meaning(name),
-        )
-        for name in names
-    ]
+    """Return the columns of parameters that a sweep changed, by their names."""
+    columns = []
+    for name in names:
+        # `story 3.mass_factor` becomes story_3_mass_factor; a key of model files is unchanged.
+        column_name = name
+        if not name.startswith(("stories", "record")):
+            column_name = name.replace(" ", "_").replace(".", "_")
+        columns.append(Column(column_name, "1", name, parameter_meaning(name)))
+    return columns
 
 
 def run_heads(store: Store) -> Callable[[int, int], list[str]]:
-    """Return a function that returns building, record and component of a run.
-
-    The arguments of the function are the numbers of the building and the record.
-    """
+    """Return a function that returns the first three cells of the row of a run: building, record
+    and component. The arguments of the function are the numbers of the building and the record."""
     # The names are formatted once, because there can be millions of runs.
     buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
-    records = {number: [*map(cell_text, named[:2])] for number, named in store.records().items()}
+    records = {
+        number: [cell_text(name), cell_text(component)]
+        for number, (name, component, _) in store.records().items()
+    }
     return lambda building, record: [buildings[building], *records[record]]
 
 
 def run_rows(store: Store) -> Iterator[list[Any]]:
     """Yield the rows of runs.csv in the order of buildings, records, scale factors and samples."""
     varied = store.varied()
-    swept = [[values.get(name) for name in _swept(varied)] for values in varied]
+    varied_names = _varied_names(varied)
+    varied_cells = [[values.get(name) for name in varied_names] for values in varied]
     methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
-    # A row of the store has all error columns, even if no errors were estimated.
-    estimated, named, carried = (
-        len(RUN_ERRORS) * store.checked,
-        run_heads(store),
-        carried_cells(store),
-    )
-    for building, record, scale, sample, dt, status, *rest in store.runs():
-        head = [*named(building, record), scale, sample, methods[building], dt, cell_text(status)]
-        results, behind = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) :]
-        yield (
-            head
-            + results
-            + behind[:estimated]
-            + (swept[building] if swept else [])
-            + carried(building, sample)
-        )
+    name_cells, inventory_cells, has_errors = run_heads(store), copied_cells(store), store.checked
+    for building, record, scale, sample, dt, status, *values in store.runs():
+        head = [
+            *name_cells(building, record),
+            scale,
+            sample,
+            methods[building],
+            dt,
+            cell_text(status),
+        ]
+        # The columns of RUNS are followed by values that are not in the table, and by the errors,
+        # which every row of the store contains, even if no errors were estimated.
+        results = values[: len(RUNS) - len(head)]
+        errors = values[len(values) - len(RUN_ERRORS) :] if has_errors else []
+        parameters = varied_cells[building] if varied_cells else []
+        yield head + results + errors + parameters + inventory_cells(building, sample)
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
@@ -275,16 +279,18 @@ def story_columns(store: Store) -> tuple[Column, ...]:
     The column `sample` is included if ground motions were sampled, because two samples can be the
     same ground motion.
     """
-    drawn = (SAMPLE,) if store.count("sample > 0") else ()
-    return (*OF_BUILDING, *drawn, *STORY_COLUMNS, *STORY_ERROR * store.checked)
+    sample_column = (SAMPLE,) if store.count("sample > 0") else ()
+    return (*OF_BUILDING, *sample_column, *STORY_COLUMNS, *STORY_ERROR * store.checked)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
     """Yield the rows of stories.csv, in the order of runs.csv and from the ground up."""
-    drawn, named = store.count("sample > 0") > 0, run_heads(store)
-    count = len(STORY_COLUMNS) + len(STORY_ERROR) * store.checked
-    for building, record, scale, sample, *rest in store.stories():
-        yield [*named(building, record), scale, *((sample,) if drawn else ()), *rest[:count]]
+    has_samples, name_cells = store.count("sample > 0") > 0, run_heads(store)
+    # A row of the store has cells of errors, even if no errors were estimated.
+    value_count = len(STORY_COLUMNS) + len(STORY_ERROR) * store.checked
+    for building, record, scale, sample, *values in store.stories():
+        sample_cell = (sample,) if has_samples else ()
+        yield [*name_cells(building, record), scale, *sample_cell, *values[:value_count]]
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -302,44 +308,46 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
         level = () if math.isnan(profile.level) else (profile.level,)
-        demand = (profile.pair_demand,) if profile.pair_demand else ()
+        pair_demand = (profile.pair_demand,) if profile.pair_demand else ()
         for quantity in STORY_QUANTITIES:
             unit, factor = units.unit(quantity.unit)
-            statistics = profile.statistics(quantity)
-            errors = profile.errors(quantity)
-            # Statistics and errors of the stories; there are no errors if none were estimated.
-            columns, behind = (
-                (np.array(list(vars(of).values())).T / factor).tolist()
-                if of
-                else [()] * profile.height.size
-                for of in (statistics, errors)
-            )
-            for story, (cells, off) in enumerate(zip(columns, behind, strict=True), start=1):
-                head = (cell_text(profile.building), profile.scale, *level)
-                yield [
-                    *head,
-                    quantity.called or quantity.name,
-                    story,
-                    unit,
-                    *cells,
-                    *counts,
-                    *off,
-                    *demand,
-                ]
+            statistics = _cells_of_stories(profile.statistics(quantity), factor)
+            errors: Iterable[Sequence[float]] = repeat(())  # no cells if not estimated
+            if (error_statistics := profile.errors(quantity)) is not None:
+                errors = _cells_of_stories(error_statistics, factor)
+            name = quantity.called or quantity.name
+            for story, (cells, error_cells) in enumerate(
+                zip(statistics, errors, strict=False), start=1
+            ):
+                head = (cell_text(profile.building), profile.scale, *level, name, story, unit)
+                yield [*head, *cells, *counts, *error_cells, *pair_demand]
 
 
-def _with_level(store: Store, columns: tuple[Column, ...], place: int) -> tuple[Column, ...]:
-    """Insert the column LEVEL at index `place` if levels are not scale factors."""
+def _cells_of_stories(statistics: Statistics, factor: float) -> list[list[float]]:
+    """Return the statistics of each story, divided by `factor`, in the order of the columns mean,
+    median, p16, p84 and max."""
+    values = np.array(list(vars(statistics).values()))
+    cells: list[list[float]] = (values.T / factor).tolist()
+    return cells
+
+
+def _with_level(store: Store, columns: tuple[Column, ...], index: int) -> tuple[Column, ...]:
+    """Return the columns with the column LEVEL inserted before the column with an index; the
+    unchanged columns if the levels of the campaign are scale factors."""
     from tdint.campaign.profiles import has_levels
 
-    return (*columns[:place], *((LEVEL,) if has_levels(store) else ()), *columns[place:])
+    if not has_levels(store):
+        return columns
+    return (*columns[:index], LEVEL, *columns[index:])
 
 
 def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
-    """Return the columns and, if there are pairs, the column that states how they are counted."""
-
-    stated = store.pair_rule().demand_if_pairs
-    return (*columns, *(replace(PAIR_DEMAND, value=lambda _: stated),) * bool(stated))
+    """Return the columns. If the store has pairs of components, add the column that states how
+    pairs are counted; all its cells are equal."""
+    pair_demand = store.pair_rule().demand_if_pairs
+    if not pair_demand:
+        return tuple(columns)
+    return (*columns, replace(PAIR_DEMAND, value=lambda _: pair_demand))
 
 
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
@@ -353,18 +361,25 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
 def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write shocks.csv to a stream."""
-    named = run_heads(store)
+    name_cells = run_heads(store)
     rows = (
-        [*named(building, record), scale, *rest]
-        for building, record, scale, _, *rest in store.shocks()
+        [*name_cells(building, record), scale, *values]
+        for building, record, scale, _, *values in store.shocks()
     )
     write_rows(SHOCKS, rows, stream, units)
 
 
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
-    """Return mean and maximum of quantities, with one row per story.
+    """Return the mean and maximum of quantities over the ground motions, with one row per story.
 
-    A quantity that is zero or missing in all stories is omitted.
+    Parameters
+    ----------
+    profile : Profile
+        Peaks of a building at one level.
+    names : sequence of str
+        Names of the quantities. A quantity that is zero or missing in all stories is omitted.
+    units : OutputUnits
+        Units of the table.
     """
     columns: list[Column] = [_STORY_OF_PROFILE]
     for quantity in _named(names):
@@ -401,21 +416,30 @@ def _named(names: Sequence[str]) -> list[Quantity]:
 
 
 def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
-    """Return the effect of the errors of the runs on means and maxima, in percent.
+    """Return the errors of means and maxima that result from the errors of the runs, in percent,
+    with one row per story. Errors of residual drifts are in percent of the peak drifts.
 
-    Errors of residual drifts are in percent of the peak drifts.
+    Parameters
+    ----------
+    profile : Profile
+        Peaks of a building at one level.
+    names : sequence of str
+        Names of the quantities. A quantity without estimated errors is omitted.
     """
     columns: list[Column] = [_STORY_OF_PROFILE]
-    drift = profile.statistics(_named(["peak_drift"])[0])
+    drift_statistics = profile.statistics(_named(["peak_drift"])[0])
     for quantity in _named(names):
         statistics, errors = profile.statistics(quantity), profile.errors(quantity)
         if errors is None or not np.any(np.nan_to_num(statistics.max)):
             continue
         # A residual drift can be close to zero, so its error is given relative to the peak drift.
-        reference = drift if quantity.name.startswith("residual") else statistics
+        reference = drift_statistics if quantity.name.startswith("residual") else statistics
         for name in ("mean", "max"):
-            size = np.where(getattr(reference, name) > 0.0, getattr(reference, name), np.nan)
-            percent = [float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / size]
+            reference_values = getattr(reference, name)
+            reference_values = np.where(reference_values > 0.0, reference_values, np.nan)
+            percent = [
+                float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / reference_values
+            ]
             columns.append(
                 Column(
                     f"{name}_{quantity.called or quantity.name}",
@@ -428,35 +452,43 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
 
 
 def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Table:
-    """Return ratios to a baseline of the maxima over the stories; with `stories`, of each story
-    also.
+    """Return the table of the ratios to a baseline.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    ratios : sequence of Ratios
+        Ratios of each building, level and quantity.
+    stories : bool
+        True for the ratios of each story and of the maxima over the stories; False for the ratios
+        of the maxima only.
     """
     table = Table.of_results(with_pair_demand(store, _with_level(store, RATIOS, 3)), ratios)
-    # The row without a story has the maximum over the stories.
-    place = table.columns.index("story")
-    return (
-        table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
-    )
+    if stories:
+        return table
+    # The rows of the maxima over the stories have no story.
+    story_index = table.columns.index("story")
+    return replace(table, rows=[row for row in table.rows if row[story_index] is None])
 
 
 def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     """Return floor spectra of all runs, with one row per run, floor, damping ratio and period."""
     # Two samples can be the same ground motion; their numbers distinguish the rows.
-    drawn = store.count("sample > 0") > 0
-    columns = (*OF_BUILDING, *((SAMPLE,) if drawn else ()), FLOOR, *SPECTRUM)
+    has_samples = store.count("sample > 0") > 0
+    columns = (*OF_BUILDING, *((SAMPLE,) if has_samples else ()), FLOOR, *SPECTRUM)
     buildings, records = store.buildings(), store.records()
     heads: list[tuple[Cell, ...]] = []
-    for run in floors:
-        name, component, _ = records[run.run.motion]
-        head = (
-            buildings[run.building][0],
-            name,
-            component,
-            run.run.scale,
-            *((run.run.sample,) if drawn else ()),
-        )
-        heads += ((*head, of.floor) for of in run.spectra)
-    return Table.of_results(columns, [of.spectrum for run in floors for of in run.spectra], heads)
+    spectra = []
+    for run_floors in floors:
+        run = run_floors.run
+        building_name, _ = buildings[run_floors.building]
+        name, component, _ = records[run.motion]
+        sample = (run.sample,) if has_samples else ()
+        for floor_spectrum in run_floors.spectra:
+            heads.append((building_name, name, component, run.scale, *sample, floor_spectrum.floor))
+            spectra.append(floor_spectrum.spectrum)
+    return Table.of_results(columns, spectra, heads)
 
 
 def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
@@ -483,10 +515,10 @@ def write_rows(
     units : OutputUnits
         Units of the output; SI by default.
     """
-    headed = [units.column(column.name, column.unit) for column in columns]
-    stream.write(csv_bytes([[harmless(name) for name, _ in headed]]))
+    names_and_factors = [units.column(column.name, column.unit) for column in columns]
+    stream.write(csv_bytes([[harmless(name) for name, _ in names_and_factors]]))
     if units != SI:
-        factors = [factor for _, factor in headed]
+        factors = [factor for _, factor in names_and_factors]
         rows = (
             [converted(cell, factor) for cell, factor in zip(row, factors, strict=True)]
             for row in rows
@@ -503,7 +535,7 @@ def number_text(cell: Any) -> str:
     It is a fast version of `cell_text`, because it is called for millions of cells.
     """
     if type(cell) is float:
-        return format(cell + 0.0, ".12g") if cell == cell else ""
+        return format(cell + 0.0, ".12g") if cell == cell else ""  # NaN differs from itself
     return "" if cell is None else str(cell)
 
 
@@ -512,13 +544,15 @@ def runs_table(store: Store) -> Table:
     return Table.of(run_columns(store), run_rows(store))
 
 
-def status_table(statuses: dict[str, int], left: int) -> Table:
-    """Return the number of runs of each status and the number of remaining runs."""
-    return Table.of(STATUS, [*statuses.items(), ("left", left)])
+def status_table(statuses: dict[str, int], remaining: int) -> Table:
+    """Return the number of runs of each status, and the number of remaining runs in the last row
+    with the status `left`."""
+    return Table.of(STATUS, [*statuses.items(), ("left", remaining)])
 
 
-def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
-    """Return the column of the event, if there are fields, and the columns of the inventory.
+def copied_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
+    """Return the column of the event, if the campaign has ground motion fields, and the columns
+    that are copied from the inventory.
 
     Parameters
     ----------
@@ -529,41 +563,43 @@ def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
         `inventory_`.
     """
     columns = [EVENT] if store.events() else []
-    taken, titles = {*others, *names(columns)}, store.inventory_columns()
-    # If the fields have sites, tdint has added the first columns.
-    placed = _PLACED if columns and titles[: len(_PLACED)] == tuple(_PLACED) else {}
-    for place, title in enumerate(titles):
+    used_names, titles = {*others, *names(columns)}, store.inventory_columns()
+    # If the fields have sites, the first columns are the nearest site and its distance, which tdint
+    # has added to the columns of the inventory.
+    has_site_columns = bool(columns) and titles[: len(_SITE_COLUMNS)] == tuple(_SITE_COLUMNS)
+    for index, title in enumerate(titles):
         name = title
-        while name in taken:
+        while name in used_names:
             name = f"inventory_{name}"
-        taken.add(name)
-        description = f"column {title} of the inventory, unchanged"
-        if place < len(placed):
-            description = placed.get(title, description)
-        columns.append(Column(name, TEXT, name, description))
+        used_names.add(name)
+        meaning = f"column {title} of the inventory, unchanged"
+        if has_site_columns and index < len(_SITE_COLUMNS):
+            meaning = _SITE_COLUMNS[title]
+        columns.append(Column(name, TEXT, name, meaning))
     return tuple(columns)
 
 
-def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
-    """Return a function that returns the cells of these columns.
-
-    The arguments of the function are the numbers of the building and the sample.
-    """
+def copied_cells(store: Store) -> Callable[[int, int], list[str]]:
+    """Return a function that returns the cells of the columns of `copied_columns`: the event, and
+    the cells of the inventory. Its arguments are the numbers of the building and the sample."""
     events = [cell_text(event) for event in store.events()]
 
     # The runs of a building are consecutive, so the cells of one building are cached.
     @lru_cache(maxsize=1)
-    def of_building(building: int) -> list[str]:
+    def inventory_cells(building: int) -> list[str]:
         return [cell_text(cell) for cell in store.copied_cells(building)]
 
-    return lambda building, sample: [*events[sample - 1 : sample], *of_building(building)]
+    # The sample is the number of the event, from 1. Without events, the slice is empty.
+    return lambda building, sample: [*events[sample - 1 : sample], *inventory_cells(building)]
 
 
 def numeric(store: Store) -> list[bool]:
-    """Return, for each inventory column, True if it contains only numbers and empty cells."""
-    matches: list[set[bool]] = [set() for _ in store.inventory_columns()]
+    """Return, for each copied inventory column, True if it contains numbers and no other text.
+    Empty cells are ignored; a column with only empty cells is not numeric."""
+    # For each column, the set of the answers to the question whether a cell is a number.
+    answers: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
-        for column, text in zip(matches, store.copied_cells(number), strict=False):
+        for column_answers, text in zip(answers, store.copied_cells(number), strict=False):
             if text:
-                column.add(_NUMBER.fullmatch(text) is not None)
-    return [column == {True} for column in matches]
+                column_answers.add(_NUMBER.fullmatch(text) is not None)
+    return [column_answers == {True} for column_answers in answers]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import chain
 from typing import Any, BinaryIO
@@ -20,8 +20,8 @@ from tdint.output.tables.campaign import (
     EVENT,
     OF_BUILDING,
     SAMPLE,
-    carried_cells,
-    carried_columns,
+    copied_cells,
+    copied_columns,
     with_pair_demand,
     write_rows,
 )
@@ -130,12 +130,14 @@ def demand_column(states: DamageStates) -> Column:
 
 
 def probability_name(outcome: str) -> str:
-    """Return the name of the column of the probability of an outcome."""
+    """Return the name of the column with the probability of an outcome, a damage state or a type of
+    collapse."""
     return f"probability_{outcome.replace('-', '_')}"
 
 
 def damage_columns(states: DamageStates) -> tuple[Column, ...]:
-    """Return the columns of damage.csv of a campaign in which all types have these states."""
+    """Return the columns of damage.csv. The names of the states and the demand are the same for all
+    building types of a campaign; `states` are the states of any type."""
     outcomes = (
         Column(
             probability_name(name),
@@ -152,25 +154,33 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
 def damage_table_columns(store: Store) -> tuple[Column, ...]:
     """Return the columns of damage.csv of a store; inventory columns are the last ones."""
     columns = damage_columns(next(iter(stored_states(store).values())))
-    return (*columns, *carried_columns(store, names(columns)))
+    return (*columns, *copied_columns(store, names(columns)))
 
 
 def damage_rows(store: Store) -> Iterator[list[Any]]:
     """Yield the rows of damage.csv, in the order of runs.csv."""
     records = {
-        number: tuple(map(cell_text, named[:2])) for number, named in store.records().items()
+        number: (cell_text(name), cell_text(component))
+        for number, (name, component, _) in store.records().items()
     }
-    carried = carried_cells(store)
-    for of in building_damages(store):
-        head, kind = cell_text(of.building), cell_text(of.type)
-        # One row of probabilities and losses for each run.
-        damage = np.column_stack(
-            [of.probability, *((of.loss,) if of.states.losses else ())]
-        ).tolist()
-        cells = zip(of.keys, of.status, of.demand.tolist(), of.state, damage, strict=True)
-        for (record, scale, sample), status, demand, state, numbers in cells:
-            results = [scale, sample, kind, status, demand, state, *numbers]
-            yield [head, *records[record], *results, *carried(of.number, sample)]
+    inventory_cells = copied_cells(store)
+    for damage in building_damages(store):
+        building, type_name = cell_text(damage.building), cell_text(damage.type)
+        # Probabilities of all outcomes and, if there are losses, the loss ratio of each run.
+        loss_columns = [damage.loss] if damage.states.losses else []
+        values_of_runs = np.column_stack([damage.probability, *loss_columns]).tolist()
+        cells_of_runs = zip(
+            damage.keys,
+            damage.status,
+            damage.demand.tolist(),
+            damage.state,
+            values_of_runs,
+            strict=True,
+        )
+        for (record, scale, sample), status, demand, state, values in cells_of_runs:
+            results = [scale, sample, type_name, status, demand, state, *values]
+            copied = inventory_cells(damage.number, sample)
+            yield [building, *records[record], *results, *copied]
 
 
 def damage_summary(store: Store) -> dict[str, Any]:
@@ -183,7 +193,7 @@ def damage_summary(store: Store) -> dict[str, Any]:
     }
     return {
         "types": {name: asdict(states) for name, states in types.items()},
-        **{name: {"columns": describe(of_one)} for name, of_one in columns.items()},
+        **{file: {"columns": describe(file_columns)} for file, file_columns in columns.items()},
     }
 
 
@@ -203,11 +213,9 @@ def has_costs(store: Store) -> bool:
 
 
 def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Return the columns of losses.csv.
-
-    If `by` names a column of the inventory, the column is included.
-    """
-    part = Column(
+    """Return the columns of losses.csv. If `by` is the name of a column of the inventory, this
+    column is included."""
+    group_column = Column(
         by or "",
         "text",
         "part",
@@ -215,10 +223,10 @@ def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
     )
     columns = (
         *LOSSES[:2],
-        *(part,) * bool(by),
+        *((group_column,) if by else ()),
         *LOSSES[2:],
-        *_MONEY * has_costs(store),
-        *(EVENT,) * bool(store.events()),
+        *(_MONEY if has_costs(store) else ()),
+        *((EVENT,) if store.events() else ()),
     )
     return with_pair_demand(store, columns)
 
@@ -234,25 +242,24 @@ def type_table(store: Store) -> Table:
 
 
 def _type_rows(store: Store) -> Iterator[list[Any]]:
-    """Return the rows of damage-types.csv: one per type, event, level and damage state."""
-    demand = _pair_demand(store)
-    return (
-        [
-            *(cell_text(of.type), of.level, *_counts(of), cell_text(state)),
-            *(*numbers, *_event(of), *demand),
-        ]
-        for of in group_damages(store)
-        for state, *numbers in zip(
-            of.states.outcomes, *(outcome.tolist() for outcome in of.probability), strict=True
-        )
-    )
+    """Yield the rows of damage-types.csv: one per type, event, level and outcome, which is a damage
+    state or a type of collapse."""
+    pair_demand = _pair_demand(store)
+    for group in group_damages(store):
+        probabilities = group.probability.value.tolist()
+        errors = group.probability.error.tolist()
+        for state, probability, error in zip(
+            group.states.outcomes, probabilities, errors, strict=True
+        ):
+            head = [cell_text(group.type), group.level, *_counts(group), cell_text(state)]
+            yield [*head, probability, error, *_event(group), *pair_demand]
 
 
 def check_column(store: Store, by: str) -> None:
-    """Raise UsageError if the inventory has no column of a name."""
+    """Raise UsageError if the inventory has no column with the name `by`, regardless of case."""
     if by.lower() not in [title.lower() for title in store.inventory_columns()]:
-        offered = ", ".join(store.inventory_columns()) or "none"
-        raise UsageError(f"--by {by}: the inventory has no such column; it has {offered}")
+        available = ", ".join(store.inventory_columns()) or "none"
+        raise UsageError(f"--by {by}: the inventory has no such column; it has {available}")
 
 
 def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
@@ -273,59 +280,66 @@ def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
 
 def loss_table(store: Store) -> Table:
     """Return losses.csv as a table for a report; it has no rows if the states have no losses."""
-    lost = any(states.losses for states in stored_states(store).values())
-    return Table.of(loss_columns(store), _loss_rows(store) if lost else ())
+    has_losses = any(states.losses for states in stored_states(store).values())
+    return Table.of(loss_columns(store), _loss_rows(store) if has_losses else ())
 
 
 def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
-    """Return the rows of losses.csv in the order that `write_losses` describes."""
-    costs, demand = has_costs(store), _pair_demand(store)
-    # The total over all types is meaningful if there are costs, or for comparison with its parts.
+    """Yield the rows of losses.csv: all buildings, each type, each value of the inventory column
+    `by`, and each building."""
+    costs, pair_demand = has_costs(store), _pair_demand(store)
+    # The total over all types is meaningful if there are costs, or for comparison with the groups.
     groups = chain(
         group_damages(store, by="") if costs or by else (),
         group_damages(store),
         group_damages(store, by=by) if by else (),
         group_damages(store, by_building=True),
     )
-
-    def row(of: TypeDamage) -> list[Any]:
-        means = (float(of.loss.value[0]), float(of.loss.error[0]), of.loss_sd)
-        money = (of.value, float(of.money.value[0]), float(of.money.error[0])) if costs else ()
-        part = (cell_text(of.inventory_entry),) if by else ()
-        head = (cell_text(of.type), cell_text(of.building), *part, of.level)
-        return [*head, *_counts(of), *means, *money, *_event(of), *demand]
-
-    return map(row, groups)
+    for group in groups:
+        head = [cell_text(group.type), cell_text(group.building)]
+        if by:
+            head.append(cell_text(group.inventory_entry))
+        loss_ratio = (float(group.loss.value[0]), float(group.loss.error[0]), group.loss_sd)
+        loss: tuple[float, ...] = ()
+        if costs:
+            loss = (group.value, float(group.money.value[0]), float(group.money.error[0]))
+        yield [
+            *head,
+            group.level,
+            *_counts(group),
+            *loss_ratio,
+            *loss,
+            *_event(group),
+            *pair_demand,
+        ]
 
 
 def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Return the columns of exceedance.csv."""
-    lost = _MONEY[1] if has_costs(store) else LOSS
+    """Return the columns of exceedance.csv. The loss is an amount of money if the inventory has
+    costs, otherwise a loss ratio. If `by` is the name of a column of the inventory, this column is
+    included."""
+    loss = _MONEY[1] if has_costs(store) else LOSS
+    group_meaning = f"column {by} of the inventory; empty for all buildings"
     columns = (
-        *(
-            Column(
-                by or "", "text", "part", f"column {by} of the inventory; empty for all buildings"
-            ),
-        )
-        * bool(by),
+        *((Column(by, "text", "part", group_meaning),) if by else ()),
         LEVEL,
         EVENT,
         Column("rate", "1", "rate", "annual rate of the event"),
-        lost,
+        loss,
         Column(
-            f"{lost.name}_error",
+            f"{loss.name}_error",
             "1",
             "error",
-            f"standard error of {lost.name} over the ground motions",
+            f"standard error of {loss.name} over the ground motions",
         ),
         *(
             Column(
-                f"{lost.name}_sd_{name}",
+                f"{loss.name}_sd_{name}",
                 "1",
                 name,
-                f"standard deviation of {lost.name} in the event, {how}",
+                f"standard deviation of {loss.name} in the event, {assumption}",
             )
-            for name, how in _HOW
+            for name, assumption in _CORRELATIONS
         ),
         Column(
             "exceedance_rate",
@@ -339,9 +353,9 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
                 "1",
                 name,
                 "annual rate of exceedance of the loss, with its scatter in each event (beta "
-                f"distributions), {how}",
+                f"distributions), {assumption}",
             )
-            for name, how in _HOW
+            for name, assumption in _CORRELATIONS
         ),
         Column(
             "annual_loss",
@@ -359,10 +373,12 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
     return with_pair_demand(store, columns)
 
 
-_HOW = (
+_CORRELATIONS = (
     ("independent", "losses of buildings independent"),
     ("correlated", "losses of buildings fully correlated"),
 )
+"""Assumptions on the correlation of losses: end of the column name, and description; in the order
+of `TypeDamage.scatter`."""
 
 
 def _exceeding(loss: float, means: Array, deviations: Array, maxima: Array) -> Array:
@@ -395,60 +411,89 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
     The events are listed for all buildings and for the buildings with each value of the column
     `by`.
     """
-    rates, costs, demand = store.rates(), has_costs(store), _pair_demand(store)
+    write_rows(exceedance_columns(store, by), _exceedance_rows(store, by), stream)
 
-    def rows() -> Iterator[list[Any]]:
-        groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
-        # Each part and level has a curve. Events without a result are omitted.
-        curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
-        for of in groups:
-            lost = float((of.money if costs else of.loss).value[0])
-            if not math.isnan(lost):
-                curves.setdefault((of.inventory_entry, of.level), []).append((lost, of))
-        for (part, level), events in curves.items():
-            events.sort(key=lambda event: -event[0])
-            rate = np.array([rates[of.event] for _, of in events])
-            means = np.array([lost for lost, _ in events])
-            maxima = np.array(
-                [
-                    (of.value if costs else 1.0) * (max(of.states.outcome_losses) or 1.0)
-                    for _, of in events
-                ]
-            )
-            annual = rate * means
-            for place, (lost, of) in enumerate(events):
-                often = [
-                    float(
-                        rate
-                        @ _exceeding(
-                            lost,
-                            means,
-                            np.array([other.scatter[way] for _, other in events]),
-                            maxima,
-                        )
-                    )
-                    for way in (0, 1)
-                ]
-                error = float((of.money if costs else of.loss).error[0])
-                head = [*[cell_text(part)] * bool(by), level, cell_text(of.event), rate[place]]
-                sums = [float(np.sum(values[: place + 1])) for values in (rate, annual)]
-                results = (lost, error, *of.scatter, sums[0], *often, annual[place], sums[1])
-                yield [*head, *results, *demand]
 
-    write_rows(exceedance_columns(store, by), rows(), stream)
+def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
+    """Yield the rows of exceedance.csv."""
+    costs, pair_demand = has_costs(store), _pair_demand(store)
+    # There is a loss curve for each group of buildings and each level. Its points are the events;
+    # events without a result are omitted.
+    curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
+    for group in chain(group_damages(store, by=""), group_damages(store, by=by) if by else ()):
+        mean_loss = float((group.money if costs else group.loss).value[0])
+        if not math.isnan(mean_loss):
+            key = group.inventory_entry, group.level
+            curves.setdefault(key, []).append((mean_loss, group))
+    for (inventory_entry, level), curve in curves.items():
+        curve.sort(key=lambda loss_and_event: -loss_and_event[0])
+        group_cell = [cell_text(inventory_entry)] if by else []
+        for event, cells in _curve_cells(curve, store.rates(), costs=costs):
+            yield [*group_cell, level, cell_text(event), *cells, *pair_demand]
+
+
+def _curve_cells(
+    curve: Sequence[tuple[float, TypeDamage]], rates: Mapping[str, float], *, costs: bool
+) -> Iterator[tuple[str, list[float]]]:
+    """Yield each event of a loss curve with its cells in the columns of exceedance.csv from `rate`
+    to `cumulative_annual_loss`.
+
+    Parameters
+    ----------
+    curve : sequence of (float, TypeDamage)
+        Mean loss and damage in each event, in the order of decreasing mean loss.
+    rates : mapping of str to float
+        Annual rate of each event.
+    costs : bool
+        True if losses are amounts of money, False if they are loss ratios.
+    """
+    event_rates = np.array([rates[event.event] for _, event in curve])
+    means = np.array([mean_loss for mean_loss, _ in curve])
+    # The maximum loss is the loss in the heaviest state; without losses, any positive number.
+    maxima = np.array(
+        [
+            (event.value if costs else 1.0) * (max(event.states.outcome_losses) or 1.0)
+            for _, event in curve
+        ]
+    )
+    annual_losses = event_rates * means
+    for index, (mean_loss, event) in enumerate(curve):
+        # Rates with the scatter of the losses: independent and fully correlated buildings.
+        rates_with_scatter = []
+        for assumption in range(len(_CORRELATIONS)):
+            deviations = np.array([other.scatter[assumption] for _, other in curve])
+            probabilities = _exceeding(mean_loss, means, deviations, maxima)
+            rates_with_scatter.append(float(event_rates @ probabilities))
+        error = float((event.money if costs else event.loss).error[0])
+        # The events before this event have larger mean losses.
+        exceedance_rate = float(np.sum(event_rates[: index + 1]))
+        cumulative_annual_loss = float(np.sum(annual_losses[: index + 1]))
+        yield (
+            event.event,
+            [
+                event_rates[index],
+                mean_loss,
+                error,
+                *event.scatter,
+                exceedance_rate,
+                *rates_with_scatter,
+                annual_losses[index],
+                cumulative_annual_loss,
+            ],
+        )
 
 
 def _pair_demand(store: Store) -> tuple[str, ...]:
-    """Return the cell that states how pairs are counted, if there are pairs."""
+    """Return the cell of the column that states how pairs are counted; empty without pairs."""
     pair_demand = store.pair_rule().demand_if_pairs
     return (pair_demand,) if pair_demand else ()
 
 
-def _counts(of: TypeDamage) -> tuple[int, ...]:
-    """Return the cells of the columns `COUNTS`."""
-    return of.buildings, of.runs, of.failed
+def _counts(group: TypeDamage) -> tuple[int, ...]:
+    """Return the cells of the columns `COUNTS`: numbers of buildings, runs and failed runs."""
+    return group.buildings, group.runs, group.failed
 
 
-def _event(of: TypeDamage) -> tuple[str, ...]:
-    """Return the cell of the event; empty if the campaign has no events."""
-    return (cell_text(of.event),) if of.event else ()
+def _event(group: TypeDamage) -> tuple[str, ...]:
+    """Return the cell of the column `event`; empty if the campaign has no events."""
+    return (cell_text(group.event),) if group.event else ()

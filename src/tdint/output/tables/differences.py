@@ -106,53 +106,63 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
     Raises
     ------
     OutputError
-        A file cannot be read, or is no such table.
+        A file cannot be read as CSV or Parquet.
     UsageError
         The files are Parquet, and pyarrow is not installed.
     """
-    name = now.name
-    first, second = _cells(before), _cells(now)
-    old, new = next(first, []), next(second, [])
-    # First the columns that only one file has, then the cells of shared columns.
-    for column in dict.fromkeys((*old, *new)):
-        if (column in old) != (column in new):
-            then, today = ("a column" if column in header else None for header in (old, new))
-            yield Difference(name, None, column, then, today)
-    if old == new:
-        shared = [(column, i, i) for i, column in enumerate(old) if column not in but]
-    else:
-        if sorted(old) == sorted(new):
-            yield Difference(name, None, "", "these columns", "in another order")
-        shared = [
-            (column, old.index(column), new.index(column))
-            for column in old
-            if column in {*new} - {*but}
-        ]
-    scale = _Scale(before, old)
+    file = now.name
+    old_rows, new_rows = _cells(before), _cells(now)
+    old_header, new_header = next(old_rows, []), next(new_rows, [])
+    # First the columns that only one file has, then the cells of common columns.
+    for column in dict.fromkeys((*old_header, *new_header)):
+        if column not in new_header:
+            yield Difference(file, None, column, "a column", None)
+        elif column not in old_header:
+            yield Difference(file, None, column, None, "a column")
+    if old_header != new_header and sorted(old_header) == sorted(new_header):
+        yield Difference(file, None, "", "these columns", "in another order")
+    common_columns = _common_columns(old_header, new_header, but)
+    scale = _Scale(before, old_header)
     # Rows are compared while they are read, because files may be larger than memory.
-    counts = [0, 0]
-    for number, (row, other) in enumerate(zip_longest(first, second), start=1):
-        counts = [counts[0] + (row is not None), counts[1] + (other is not None)]
-        if row is None or other is None:
+    old_count = new_count = 0
+    for number, (old, new) in enumerate(zip_longest(old_rows, new_rows), start=1):
+        old_count += old is not None
+        new_count += new is not None
+        if old is None or new is None:
             continue
-        for column, i, j in shared:
-            cells = row[i] if i < len(row) else None, other[j] if j < len(other) else None
+        for column, i, j in common_columns:
+            cells = old[i] if i < len(old) else None, new[j] if j < len(new) else None
             if cells[0] != cells[1]:
-                is_rounding = scale.is_rounding(column, row, cells)
-                yield Difference(name, number, column, *cells, is_rounding)
-        # Cells outside of the columns of the header.
-        if max(0, len(row) - len(old)) != max(0, len(other) - len(new)):
-            then, today = (pluralize(len(cells), "cell") for cells in (row, other))
-            yield Difference(name, number, "", then, today)
+                is_rounding = scale.is_rounding(column, old, cells)
+                yield Difference(file, number, column, *cells, is_rounding)
+        # Compare the number of cells that exceed the columns of the header.
+        if max(0, len(old) - len(old_header)) != max(0, len(new) - len(new_header)):
+            old_text, new_text = (pluralize(len(row), "cell") for row in (old, new))
+            yield Difference(file, number, "", old_text, new_text)
     # Additional rows of one file are counted, not listed.
-    if counts[0] != counts[1]:
-        then, today = (pluralize(count, "row") for count in counts)
-        yield Difference(name, None, "", then, today)
+    if old_count != new_count:
+        old_text, new_text = (pluralize(count, "row") for count in (old_count, new_count))
+        yield Difference(file, None, "", old_text, new_text)
+
+
+def _common_columns(
+    old_header: Sequence[str], new_header: Sequence[str], but: Collection[str]
+) -> list[tuple[str, int, int]]:
+    """Return the columns that both headers contain, except the columns in `but`: name, index in the
+    old header, index in the new header."""
+    # In equal headers, columns with the same name are compared by their position.
+    if old_header == new_header:
+        return [(column, i, i) for i, column in enumerate(old_header) if column not in but]
+    return [
+        (column, old_header.index(column), new_header.index(column))
+        for column in old_header
+        if column in new_header and column not in but
+    ]
 
 
 @dataclass(frozen=True)
 class _Scale:
-    """Reference values for relative differences of the cells of a table.
+    """Magnitudes to which rounding differences of the cells of a table are relative.
 
     Attributes
     ----------
@@ -168,26 +178,38 @@ class _Scale:
     def is_rounding(
         self, column: str, row: Sequence[str], cells: tuple[str | None, str | None]
     ) -> bool:
-        """Return True if two cells of a column are numbers that are equal within rounding."""
+        """Return True if two cells of a column are numbers that are equal within rounding.
+
+        Parameters
+        ----------
+        column : str
+            Name of the column.
+        row : sequence of str
+            Row of the previous table.
+        cells : tuple of two str or None
+            Previous and current cell; None if the row has no such cell.
+        """
         before, now = map(_number, cells)
         if not math.isfinite(now - before):
             return False
         if _is_whole(cells[0]) and _is_whole(cells[1]):
             return False  # counts have no rounding
-        size = max(abs(before), abs(now))
+        magnitude = max(abs(before), abs(now))
         reference = _reference(column)
         if reference == "":
-            size = max(size, 1.0)
+            magnitude = max(magnitude, 1.0)
         elif reference in self.header:
-            size = max(size, abs(_finite(row, self.header.index(reference))))
-        # In a response history, the rounding of a number near a zero crossing is that of the peak.
+            magnitude = max(magnitude, abs(_finite(row, self.header.index(reference))))
+        # In a response history, the rounding of a number near a zero crossing is relative to the
+        # peak.
         if self.header[:1] == [TIME]:
-            size = max(size, self._peaks.get(column, 0.0), self._peaks.get(reference, 0.0))
-        return abs(now - before) <= ROUNDING * size
+            peaks = self._peaks
+            magnitude = max(magnitude, peaks.get(column, 0.0), peaks.get(reference, 0.0))
+        return abs(now - before) <= ROUNDING * magnitude
 
     @cached_property
     def _peaks(self) -> dict[str, float]:
-        """Maximum magnitude in each column."""
+        """Maximum magnitude in each column of the previous table, by its name."""
         rows = _cells(self.file)
         header = next(rows, [])
         peaks = [0.0] * len(header)
@@ -198,7 +220,7 @@ class _Scale:
 
 
 def _is_whole(text: str | None) -> bool:
-    """Return True if a cell shows a whole number, as counts do."""
+    """Return True if a cell contains a whole number without a decimal point, such as a count."""
     return (text or "").lstrip("-").isdecimal()
 
 
@@ -209,11 +231,13 @@ def _finite(row: Sequence[str], place: int) -> float:
 
 
 def _reference(column: str) -> str:
-    """Return the name of the number that determines the rounding of another number.
+    """Return the name of the column whose numbers determine the rounding of the numbers of a
+    column.
 
     An estimated error is the difference of two results, and a residual drift or oscillation is
-    small compared with the peak, so their rounding is that of the peak. An energy error is relative
-    to the input energy; the name is empty in this case.
+    small compared with the peak, so their rounding is relative to the peak. For other columns it is
+    the column itself. The name is empty for a relative error, such as the energy error: its
+    rounding is relative to 1.
     """
     if column in ("error", "energy_error", "drift_error"):
         return ""
@@ -224,34 +248,38 @@ def _reference(column: str) -> str:
 
 
 def _cells(file: Path) -> Iterator[list[str]]:
-    """Yield the rows of a table, the header first; numbers of Parquet files have all digits."""
+    """Yield the rows of a table as text, the header first. The file is CSV, CSV compressed by gzip,
+    or Parquet; numbers of Parquet files have all digits.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be read.
+    """
     import gzip
     import zlib
 
-    packed = file.suffix.lower()
-    if packed == ".parquet":
+    suffix = file.suffix.lower()
+    if suffix == ".parquet":
         reader = import_optional("pyarrow.parquet", *PARQUET)
-        kind, broken = "Parquet", import_optional("pyarrow", *PARQUET).lib.ArrowException
+        format_name, read_error = "Parquet", import_optional("pyarrow", *PARQUET).lib.ArrowException
     else:
-        kind, broken = "CSV", csv.Error
+        format_name, read_error = "CSV", csv.Error
     try:
-        if packed == ".parquet":
+        if suffix == ".parquet":
             with reader.ParquetFile(file) as content:
                 yield list(content.schema_arrow.names)
                 for batch in content.iter_batches():
-                    cells = [column.to_pylist() for column in batch.columns]
-                    yield from (
-                        ["" if cell is None else str(cell) for cell in row]
-                        for row in zip(*cells, strict=True)
-                    )
+                    columns = [column.to_pylist() for column in batch.columns]
+                    for row in zip(*columns, strict=True):
+                        yield ["" if cell is None else str(cell) for cell in row]
             return
-        with (gzip.open if packed == ".gz" else open)(
-            file, "rt", encoding="utf-8", newline=""
-        ) as stream:
+        open_file = gzip.open if suffix == ".gz" else open
+        with open_file(file, "rt", encoding="utf-8", newline="") as stream:
             yield from csv.reader(stream)
-    except (OSError, EOFError, ValueError, broken, zlib.error) as error:
-        why = getattr(error, "strerror", None) or error
-        raise OutputError(f"{file}: cannot be read as {kind}: {why}") from None
+    except (OSError, EOFError, ValueError, read_error, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"{file}: cannot be read as {format_name}: {reason}") from None
 
 
 # ---- JSON files
@@ -287,28 +315,33 @@ def json_differences(before: Path, now: Path) -> Iterator[Difference]:
         try:
             contents.append(json.loads(file.read_bytes()))
         except (OSError, ValueError, RecursionError) as error:
-            why = getattr(error, "strerror", None) or error
-            raise OutputError(f"{file}: cannot be read as JSON: {why}") from None
-    sizes: dict[str, float] = {}
-    # The current file was written by this program, so its nesting is limited; only it is searched.
-    _collect_sizes(contents[1], sizes)
-    yield from _json_differences(now.name, "", contents[0], contents[1], sizes)
+            reason = getattr(error, "strerror", None) or error
+            raise OutputError(f"{file}: cannot be read as JSON: {reason}") from None
+    before_content, now_content = contents
+    # Only the current file is searched recursively, because this program has written it, so that
+    # the depth of its nesting is limited.
+    magnitudes: dict[str, float] = {}
+    _collect_magnitudes(now_content, magnitudes)
+    yield from _json_differences(now.name, "", before_content, now_content, magnitudes)
 
 
-def _collect_sizes(value: Any, sizes: dict[str, float]) -> None:
-    """Collect the maximum magnitude of the numbers of each key at any depth."""
-    for key, part in value.items() if isinstance(value, Mapping) else ():
-        if _is_number(part):
-            sizes[key] = max(sizes.get(key, 0.0), abs(part))
-    parts = value.values() if isinstance(value, Mapping) else value
-    for part in parts if isinstance(value, Mapping | list) else ():
-        _collect_sizes(part, sizes)
+def _collect_magnitudes(value: Any, magnitudes: dict[str, float]) -> None:
+    """Add the maximum magnitude of the numbers of each key, at any depth of a JSON value, to
+    `magnitudes`."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            if _is_number(item):
+                magnitudes[key] = max(magnitudes.get(key, 0.0), abs(item))
+            _collect_magnitudes(item, magnitudes)
+    elif isinstance(value, list):
+        for item in value:
+            _collect_magnitudes(item, magnitudes)
 
 
 def _json_differences(
-    file: str, path: str, before: Any, now: Any, sizes: Mapping[str, float]
+    file: str, path: str, before: Any, now: Any, magnitudes: Mapping[str, float]
 ) -> Iterator[Difference]:
-    """Yield the differences of two values of JSON.
+    """Yield the differences between two JSON values.
 
     Parameters
     ----------
@@ -318,42 +351,51 @@ def _json_differences(
         Keys that lead to the values, separated by dots.
     before, now : object
         The values.
-    sizes : mapping
+    magnitudes : mapping of str to float
         Maximum magnitude of the numbers of each key.
     """
     # A key that only one version of tdint writes is not a difference of results.
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         for key in before:
             if key in now and key not in _NOT_RESULTS:
-                below = f"{path}.{key}" if path else key
-                yield from _json_differences(file, below, before[key], now[key], sizes)
+                key_path = f"{path}.{key}" if path else key
+                yield from _json_differences(file, key_path, before[key], now[key], magnitudes)
     elif isinstance(before, list) and isinstance(now, list):
         if len(before) != len(now):
-            then, today = (pluralize(len(items), "item") for items in (before, now))
-            yield Difference(file, None, path, then, today)
-        for place, (old, new) in enumerate(zip(before, now, strict=False), start=1):
-            yield from _json_differences(file, f"{path}[{place}]", old, new, sizes)
+            old_text, new_text = (pluralize(len(items), "item") for items in (before, now))
+            yield Difference(file, None, path, old_text, new_text)
+        for number, (old, new) in enumerate(zip(before, now, strict=False), start=1):
+            yield from _json_differences(file, f"{path}[{number}]", old, new, magnitudes)
+    # In Python, True is equal to 1, but they are different JSON values.
     elif before != now or _is_number(before) != _is_number(now):
         is_rounding = False
         if _is_number(before) and _is_number(now):
             key = path.rpartition(".")[2].partition("[")[0]
-            size = max(abs(before), abs(now), _json_size(key, sizes))
-            both_whole = isinstance(before, int) and isinstance(now, int)
-            is_rounding = not both_whole and abs(now - before) <= ROUNDING * size
-        then, today = (json.dumps(value)[:200] for value in (before, now))
-        yield Difference(file, None, path, then, today, is_rounding)
+            magnitude = max(abs(before), abs(now), _json_magnitude(key, magnitudes))
+            are_whole = isinstance(before, int) and isinstance(now, int)
+            is_rounding = not are_whole and abs(now - before) <= ROUNDING * magnitude
+        old_text, new_text = (json.dumps(value)[:200] for value in (before, now))
+        yield Difference(file, None, path, old_text, new_text, is_rounding)
 
 
-def _json_size(key: str, sizes: Mapping[str, float]) -> float:
-    """Return the magnitude that determines the rounding of the number of a key."""
+def _json_magnitude(key: str, magnitudes: Mapping[str, float]) -> float:
+    """Return the magnitude that determines the rounding of the numbers of a key.
+
+    Parameters
+    ----------
+    key : str
+        Key of the numbers.
+    magnitudes : mapping of str to float
+        Maximum magnitude of the numbers of each key.
+    """
     reference = _reference(key)
     if reference == "":
         return 1.0
-    # Final energies are relative to the input energy.
+    # The rounding of the energies at the end, such as `strain_J`, is relative to the input energy.
     name, _, unit = key.rpartition("_")
-    energy = sizes.get(f"input_{unit}", 0.0) if name else 0.0
+    input_energy = magnitudes.get(f"input_{unit}", 0.0) if name else 0.0
     names = (reference, reference.removeprefix("peak_"))
-    return max(energy, *(sizes.get(name, 0.0) for name in names))
+    return max(input_energy, *(magnitudes.get(name, 0.0) for name in names))
 
 
 def _is_number(value: object) -> bool:

@@ -1,7 +1,5 @@
-"""Exports of a campaign: Parquet and demands for SimCenter workflows.
-
-Parquet requires pyarrow. Fragility and vulnerability functions are exported for OpenQuake.
-"""
+"""Exports of campaigns: tables as Parquet, which requires pyarrow, demands for SimCenter workflows,
+and fragility and vulnerability functions for OpenQuake."""
 
 from __future__ import annotations
 
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
 
 _ROWS_AT_ONCE = 131_072  # rows per row group of a Parquet file
 
-_COUNTED = {
+_INTEGER_COLUMNS = {
     SAMPLE.name,
     "story",
     *(quantity.column for quantity in (*RUN, *STORY_QUANTITIES) if quantity.kind is int),
@@ -54,7 +52,11 @@ _COUNTED = {
 def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
     """Write runs.parquet to a stream."""
     _write_parquet(
-        store, stream, run_columns(store), run_rows(store), carried=len(store.inventory_columns())
+        store,
+        stream,
+        run_columns(store),
+        run_rows(store),
+        inventory_count=len(store.inventory_columns()),
     )
 
 
@@ -67,7 +69,7 @@ def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
     """Write damage.parquet to a stream."""
     columns = damage_table_columns(store)
     _write_parquet(
-        store, stream, columns, damage_rows(store), carried=len(store.inventory_columns())
+        store, stream, columns, damage_rows(store), inventory_count=len(store.inventory_columns())
     )
 
 
@@ -77,7 +79,7 @@ def _write_parquet(
     columns: Sequence[Column],
     rows: Iterable[Sequence[Any]],
     *,
-    carried: int = 0,
+    inventory_count: int = 0,
 ) -> None:
     """Write rows as Parquet.
 
@@ -93,49 +95,39 @@ def _write_parquet(
         Columns of the rows.
     rows : iterable of sequence
         Rows.
-    carried : int
+    inventory_count : int
         Number of inventory columns, which are the last columns; 0 by default.
     """
     pyarrow, parquet = (import_optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
-    # Inventory columns that contain only numbers are numeric.
-    first = len(columns) - carried
-    places = (
-        [first + place for place, is_number in enumerate(numeric(store)) if is_number]
-        if carried
-        else []
-    )
-    texts = {
-        column.name
-        for place, column in enumerate(columns)
-        if column.unit == TEXT and place not in places
-    }
-    kinds = {
-        column.name: pyarrow.int64() if column.name in _COUNTED else pyarrow.float64()
-        for column in columns
-    }
-    # Columns have unit and meaning as metadata; the file has the name of the campaign.
-    about = describe(columns)
-    schema = pyarrow.schema(
-        [
-            pyarrow.field(name, kind, metadata=about[name])
-            for name, kind in (kinds | dict.fromkeys(texts, pyarrow.string())).items()
-        ],
-        {
-            "tdint": json.dumps(
-                {"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")}
-            )
-        },
-    )
+    # Inventory columns that contain only numbers are numeric. Their cells are text in `rows`.
+    numeric_inventory_indices = []
+    if inventory_count:
+        first = len(columns) - inventory_count
+        numeric_inventory_indices = [
+            first + index for index, is_number in enumerate(numeric(store)) if is_number
+        ]
+    descriptions = describe(columns)
+    fields = []
+    for index, column in enumerate(columns):
+        if column.unit == TEXT and index not in numeric_inventory_indices:
+            cell_type = pyarrow.string()
+        elif column.name in _INTEGER_COLUMNS:
+            cell_type = pyarrow.int64()
+        else:
+            cell_type = pyarrow.float64()
+        # Columns have unit and meaning as metadata.
+        fields.append(pyarrow.field(column.name, cell_type, metadata=descriptions[column.name]))
+    campaign = {"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")}
+    schema = pyarrow.schema(fields, {"tdint": json.dumps(campaign)})
     with parquet.ParquetWriter(stream, schema) as writer:
-        source = iter(rows)
-        while batch := list(islice(source, _ROWS_AT_ONCE)):
-            cells = list(zip(*batch, strict=True))
-            # Cells of the inventory are text, also in numeric columns.
-            for place in places:
-                cells[place] = tuple(float(text) if text else None for text in cells[place])
+        remaining_rows = iter(rows)
+        while batch := list(islice(remaining_rows, _ROWS_AT_ONCE)):
+            cells = list(zip(*batch, strict=True))  # one tuple per column
+            for index in numeric_inventory_indices:
+                cells[index] = tuple(float(text) if text else None for text in cells[index])
             arrays = [
-                pyarrow.array(column, field.type)
-                for column, field in zip(cells, schema, strict=True)
+                pyarrow.array(column_cells, field.type)
+                for column_cells, field in zip(cells, schema, strict=True)
             ]
             writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
@@ -164,14 +156,22 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     names = [
         name for direction in range(1, directions + 1) for name in demand_names(stories, direction)
     ]
-    # Ground motions in separate rows can have the same name.
+    # Ground motions in separate rows can have the same name, if they are components of one record.
     sources = [source for source, _, direction in store.records().values() if direction == 1]
-    apart = len(set(sources)) < len(sources)
-    rows = (
-        [*head[: 2 + apart], *head[3:], *cells] for head, cells in _rows(store, stories, directions)
-    )
-    header = ("building", "record", *("component",) * apart, "scale", "sample", *names)
-    write_rows([Column(name, "1", name, name) for name in header], rows, stream)
+    has_component_column = len(set(sources)) < len(sources)
+    header = ["building", "record", "component", "scale", "sample", *names]
+    if not has_component_column:
+        header.remove("component")
+
+    def rows() -> Iterator[list[Any]]:
+        """Yield the rows of the table."""
+        for (building, record, component, *scale_and_sample), cells in _rows(
+            store, stories, directions
+        ):
+            component_cell = [component] if has_component_column else []
+            yield [building, record, *component_cell, *scale_and_sample, *cells]
+
+    write_rows([Column(name, "1", name, name) for name in header], rows(), stream)
 
 
 def demand_names(stories: int, direction: int) -> list[str]:
@@ -186,45 +186,71 @@ def demand_names(stories: int, direction: int) -> list[str]:
 
 
 def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
-    """Yield identifiers and demands of each building, ground motion, scale factor and sample."""
-    named, records = run_heads(store), store.records()
-    peaks = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
-    size = len(demand_names(stories, 1))
-    # A row belongs to the first component: the ground motion, or the component before it.
-    firsts = {number: number - (direction - 1) for number, (_, _, direction) in records.items()}
-    for building, of_building in groupby(store.stories(), key=lambda row: row[0]):
+    """Yield the rows of the SimCenter export, one per building, ground motion, scale factor and
+    sample, each as a tuple of two lists: identifiers of the run, and demands in all directions.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    stories : int
+        Number of stories of the tallest building.
+    directions : int
+        1 if all ground motions are single components, 2 if there are pairs.
+    """
+    name_cells, records = run_heads(store), store.records()
+    pga_of_record = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
+    demand_count = len(demand_names(stories, 1))  # in each direction
+    # Both components of a pair are in the same row, which belongs to the first component. The
+    # second component (direction 2) has the number after the first component.
+    first_components = {
+        number: number - (direction - 1) for number, (_, _, direction) in records.items()
+    }
+    for building, building_rows in groupby(store.stories(), key=lambda row: row[0]):
         rows: dict[tuple[int, float, int], list[Any]] = {}
-        for (record, scale, sample), of_run in groupby(of_building, key=lambda row: row[1:4]):
-            direction = records[record][2]
-            # Both components of a pair are in the same row.
-            cells = rows.setdefault((firsts[record], scale, sample), [None] * (size * directions))
-            start = size * (direction - 1)
-            cells[start : start + size] = _demands_of_run(
-                list(of_run), abs(scale) * peaks[record], stories
-            )
+        for (record, scale, sample), story_rows_of_run in groupby(
+            building_rows, key=lambda row: row[1:4]
+        ):
+            key = (first_components[record], scale, sample)
+            cells = rows.setdefault(key, [None] * (demand_count * directions))
+            _, _, direction = records[record]
+            start = demand_count * (direction - 1)
+            pga = abs(scale) * pga_of_record[record]
+            demands = _demands_of_run(list(story_rows_of_run), pga, stories)
+            cells[start : start + demand_count] = demands
         for (record, scale, sample), cells in rows.items():
-            yield [*named(building, record), scale, sample], cells
+            yield [*name_cells(building, record), scale, sample], cells
 
 
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
-    """Return the cells of one run; cells of stories above the building are empty."""
+    """Return the cells of the demands of a run, in the order of `demand_names`.
+
+    Parameters
+    ----------
+    rows : list of tuple
+        Rows of the stories in the store, from the ground up.
+    pga : float
+        Peak ground acceleration of the scaled motion, m/s^2.
+    stories : int
+        Number of stories of the tallest building. Cells of missing stories are empty (None).
+    """
     columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
-    rest = [None] * (stories - len(rows))
+    missing_stories = [None] * (stories - len(rows))
     heights, displacements = columns["height_m"], columns["peak_displacement_m"]
     # The building has a height only if all its stories have heights.
     roof_ratio = displacements[-1] / sum(heights) if all(heights) else None
     return [
-        *(pga, *columns["peak_absolute_acceleration_m_s2"], *rest),
-        *(*columns["peak_drift_ratio"], *rest),
+        *(pga, *columns["peak_absolute_acceleration_m_s2"], *missing_stories),
+        *(*columns["peak_drift_ratio"], *missing_stories),
         roof_ratio,
-        *(*displacements, *rest),
+        *(*displacements, *missing_stories),
     ]
 
 
 # ---- Fragility functions for OpenQuake: NRML 0.5, lognormal functions defined by mean and standard
 # deviation of the intensity (not of its logarithm)
 
-_FAR = 4.0  # range of the intensities in standard deviations from the medians
+_RANGE = 4.0  # range of the intensities in standard deviations from the medians
 _GRAVITY = ACCELERATION["g"]
 _PERIOD = r"\((?P<period>[0-9.]+)\)"
 _IMTS: tuple[tuple[str, str, Mapping[str, float], float], ...] = (
@@ -268,18 +294,20 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
     UsageError
         OpenQuake does not support the intensity measure, or the number of states is wrong.
     """
-    named = {} if functions[0].type else _named(functions, states)
-    every = list(
-        dict.fromkeys(named[state] for state in sorted(named))
-        or dict.fromkeys(function.state for function in functions)
-    )
-    lines = [f"    <limitStates>{' '.join(every)}</limitStates>"]
-    for of_one in _grouped(functions):
-        listed = [function.state or named[function.threshold] for function in of_one]
-        first = of_one[0]
+    state_of_threshold = {} if functions[0].type else _state_names(functions, states)
+    if state_of_threshold:
+        all_states = list(state_of_threshold.values())  # in ascending order of the thresholds
+    else:
+        all_states = list(dict.fromkeys(function.state for function in functions))
+    lines = [f"    <limitStates>{' '.join(all_states)}</limitStates>"]
+    for group in _grouped(functions):
+        group_states = [
+            function.state or state_of_threshold[function.threshold] for function in group
+        ]
+        first = group[0]
         # OpenQuake requires a function of each state for every building or type.
-        if listed != every:
-            missing = ", ".join(state for state in every if state not in listed)
+        if group_states != all_states:
+            missing = ", ".join(state for state in all_states if state not in group_states)
             subject = first.type or f"damage {first.damage:g}"
             raise UsageError(
                 f"{subject}: no function of {missing}; OpenQuake requires a function of every "
@@ -288,20 +316,20 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
         suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
         imt, factor = _measure(first)
         params: list[str] = []
-        far: list[float] = []
-        # Mean and standard deviation are those of the intensity, not of its logarithm.
-        for function, state in zip(of_one, listed, strict=True):
+        limits: list[float] = []
+        # OpenQuake requires the mean and standard deviation of the intensity, not of its logarithm.
+        for function, state in zip(group, group_states, strict=True):
             median, beta = function.theta * factor, function.beta_total
-            far += [median * math.exp(sign * _FAR * beta) for sign in (-1.0, 1.0)]
+            limits += [median * math.exp(sign * _RANGE * beta) for sign in (-1.0, 1.0)]
             mean = median * math.exp(0.5 * beta**2)
             deviation = mean * math.sqrt(math.expm1(beta**2))
             params.append(
                 f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>'
             )
-        called = quoteattr(first.type or f"{name}{suffix}")
+        function_id = quoteattr(first.type or f"{name}{suffix}")
         lines += [
-            f'    <fragilityFunction id={called} format="continuous" shape="logncdf">',
-            f'      <imls imt="{imt}" minIML="{min(far):.6g}" maxIML="{max(far):.6g}"/>',
+            f'    <fragilityFunction id={function_id} format="continuous" shape="logncdf">',
+            f'      <imls imt="{imt}" minIML="{min(limits):.6g}" maxIML="{max(limits):.6g}"/>',
             *params,
             "    </fragilityFunction>",
         ]
@@ -309,7 +337,19 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
 
 
 def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable[str]) -> bytes:
-    """Return an OpenQuake model that contains the lines of functions."""
+    """Return an OpenQuake model in NRML.
+
+    Parameters
+    ----------
+    model : str
+        Element of the model: `fragilityModel` or `vulnerabilityModel`.
+    name : str
+        Name of the building, for the description.
+    functions : sequence of Fragility
+        Functions of the model; the description states their fit.
+    lines : iterable of str
+        Lines of XML with the functions.
+    """
     document = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
@@ -323,14 +363,24 @@ def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable
 
 
 def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:
-    """Return the functions of types that have every state, and the names of other types."""
-    most = max(len(of_one) for of_one in _grouped(functions))
-    partial = [of_one[0].type for of_one in _grouped(functions) if len(of_one) < most]
-    return [function for function in functions if function.type not in partial], partial
+    """Return the functions of the building types that have a function of every state, and the names
+    of the other types."""
+    groups = _grouped(functions)
+    state_count = max(len(group) for group in groups)
+    incomplete_types = [group[0].type for group in groups if len(group) < state_count]
+    complete = [function for function in functions if function.type not in incomplete_types]
+    return complete, incomplete_types
 
 
-def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
-    """Return the names of the limit states by threshold.
+def _state_names(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
+    """Return the names of the limit states by threshold, in ascending order of the thresholds.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions with thresholds.
+    states : sequence of str
+        Names; ds1, ds2, ... if empty.
 
     Raises
     ------
@@ -349,11 +399,13 @@ def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float,
 
 
 def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
-    """Return the functions of each building or type by increasing threshold."""
+    """Return one list of functions for each state of previous damage, or for each building type.
+    Each list is in ascending order of the thresholds."""
+    # The damage is a text in the key, because NaN is not equal to NaN.
     groups: dict[tuple[str, str], list[Fragility]] = {}
     for function in functions:
         groups.setdefault((str(function.damage), function.type), []).append(function)
-    return [sorted(of_one, key=lambda function: function.threshold) for of_one in groups.values()]
+    return [sorted(group, key=lambda function: function.threshold) for group in groups.values()]
 
 
 # Number of intensities of a vulnerability function; linear interpolation errors are 0.3 % for
@@ -370,37 +422,61 @@ def vulnerability_model(
     of variation are those of one building, for beta distributions. Collapse counts as the heaviest
     state.
 
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Fragility functions by building type.
+    losses : mapping of str to sequence of float
+        Loss ratio in each state, by building type.
+    name : str
+        Name of the campaign, for the description.
+
     Raises
     ------
     UsageError
         OpenQuake does not support the intensity measure.
     """
     lines: list[str] = []
-    for of_one in _grouped(functions):
-        imt, factor = _measure(of_one[0])
-        ends = [
-            of.theta * math.exp(sign * _FAR * of.beta_total)
-            for of in of_one
+    for group in _grouped(functions):
+        imt, factor = _measure(group[0])
+        limits = [
+            function.theta * math.exp(sign * _RANGE * function.beta_total)
+            for function in group
             for sign in (-1.0, 1.0)
         ]
-        im = np.geomspace(min(ends), max(ends), _INTENSITIES)
-        # Functions of a type may intersect; a heavier state is never more likely than a lighter
-        # state.
-        reached = np.minimum.accumulate([of.probability(im, total=True) for of in of_one])
-        shares = reached - np.vstack([reached[1:], np.zeros_like(im)])
-        ratios = np.array(losses[of_one[0].type][: len(of_one)])
-        mean, square = np.maximum(ratios @ shares, _LEAST_LOSS), ratios**2 @ shares
-        # The variance is less than that of losses that are either 0 or 1 (limit of beta
-        # distributions).
-        variance = np.minimum(
-            np.maximum(square / mean**2 - 1.0, 0.0), (1.0 - 1e-6) * (1.0 / mean - 1.0)
+        intensities = np.geomspace(min(limits), max(limits), _INTENSITIES)
+        # Functions of a type may intersect. Limit the probability of reaching a state to the
+        # probability of reaching the next lighter state.
+        reaching_probabilities = np.minimum.accumulate(
+            [function.probability(intensities, total=True) for function in group]
         )
-        rows = {"imls": factor * im, "meanLRs": mean, "covLRs": np.sqrt(np.maximum(variance, 0.0))}
-        texts = {key: " ".join(f"{value:.9g}" for value in values) for key, values in rows.items()}
+        state_probabilities = reaching_probabilities - np.vstack(
+            [reaching_probabilities[1:], np.zeros_like(intensities)]
+        )
+        loss_ratios = np.array(losses[group[0].type][: len(group)])
+        mean = np.maximum(loss_ratios @ state_probabilities, _LEAST_LOSS)
+        mean_square = loss_ratios**2 @ state_probabilities
+        # The coefficient of variation of a beta distribution is below the coefficient for losses
+        # that are either 0 or 1, the square root of 1 / mean - 1.
+        squared_cov = np.minimum(
+            np.maximum(mean_square / mean**2 - 1.0, 0.0), (1.0 - 1e-6) * (1.0 / mean - 1.0)
+        )
+        arrays = {
+            "imls": factor * intensities,
+            "meanLRs": mean,
+            "covLRs": np.sqrt(np.maximum(squared_cov, 0.0)),
+        }
+        texts = {
+            element: " ".join(f"{value:.9g}" for value in values)
+            for element, values in arrays.items()
+        }
         lines += [
-            f'    <vulnerabilityFunction id={quoteattr(of_one[0].type)} dist="BT">',
+            f'    <vulnerabilityFunction id={quoteattr(group[0].type)} dist="BT">',
             f'      <imls imt="{imt}">{texts["imls"]}</imls>',
-            *(f"      <{key}>{texts[key]}</{key}>" for key in ("meanLRs", "covLRs")),
+            *(
+                f"      <{element}>{texts[element]}</{element}>"
+                for element in ("meanLRs", "covLRs")
+            ),
             "    </vulnerabilityFunction>",
         ]
     return _nrml("vulnerabilityModel", name, functions, lines)
@@ -410,14 +486,19 @@ _LEAST_LOSS = 1e-9  # OpenQuake rejects a coefficient of variation for a mean lo
 
 
 def _measure(first: Fragility) -> tuple[str, float]:
-    """Return OpenQuake's name of the measure of a function, and the factor to its unit."""
-    for pattern, called, units, unit in _IMTS:
+    """Return OpenQuake's name of the intensity measure of a function, and the factor that converts
+    the intensity to OpenQuake's unit.
+
+    Raises
+    ------
+    UsageError
+        OpenQuake does not support the intensity measure.
+    """
+    for pattern, name, units, openquake_unit in _IMTS:
         match = re.fullmatch(pattern, first.im.lower())
         if match and first.unit in units:
-            imt = called.format(
-                **{part: f"{float(text):.6g}" for part, text in match.groupdict().items()}
-            )
-            return imt, units[first.unit] / unit
+            numbers = {key: f"{float(text):.6g}" for key, text in match.groupdict().items()}
+            return name.format(**numbers), units[first.unit] / openquake_unit
     measure = f"{first.im or 'unknown'} {first.unit}".rstrip()
     raise UsageError(
         "the intensity measure must be Sa or its average at a period, PGA, PGV, Arias intensity, "

@@ -25,7 +25,7 @@ from tdint.csv_table import number as cell_number
 from tdint.errors import UsageError
 from tdint.files import MOST_BYTES, read_whole, record_digest
 from tdint.model.damage_states import COST, NUMBER
-from tdint.output.tables.campaign import carried_columns, numeric
+from tdint.output.tables.campaign import copied_columns, numeric
 from tdint.output.tables.damage_states import LOSS, has_costs, probability_name
 from tdint.output.tables.table import digits, names
 from tdint.units import SI, OutputUnits
@@ -35,15 +35,16 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import SuiteLevel
     from tdint.campaign.store import Store
 
-_SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleration")
-_DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
-_PLACES = tuple(RUNS.columns.index(one.column) for one in _DEMANDS)
-_STATUS = RUNS.columns.index("status")
+_DEMAND_NAMES = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleration")
+_DEMANDS = tuple(quantity for quantity in RUN if quantity.name in _DEMAND_NAMES)
+_DEMAND_INDICES = tuple(RUNS.columns.index(quantity.column) for quantity in _DEMANDS)
+_STATUS_INDEX = RUNS.columns.index("status")
 _VALUE, _LOSS, _ANNUAL, _AVERAGE = "value", "loss", "annual_loss", "average_annual_loss"
-_OWN = (
+_PROPERTIES = (
     *("building", "scale", "level", "runs", "collapsed", "failed", "pair_demand"),
     *(_VALUE, _LOSS, _ANNUAL, _AVERAGE),
 )
+"""Names of the properties that do not depend on the campaign."""
 
 Feature = dict[str, Any]
 
@@ -72,7 +73,7 @@ def write_geojson(
     units : OutputUnits
         Units of the demands.
     events : collection of str
-        Events to write; all by default. The average annual loss is that of all events.
+        Events to write; all by default. The average annual loss includes all events.
     """
     _write_collection(_features(store, units, events), stream)
 
@@ -80,13 +81,11 @@ def write_geojson(
 def _write_collection(features: Iterable[Feature], stream: BinaryIO) -> None:
     """Write GeoJSON features to a stream."""
     stream.write(b'{"type": "FeatureCollection", "features": [')
-    between = b"\n"
+    separator = b"\n"
     for feature in features:
-        stream.write(
-            between
-            + json.dumps(feature, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace")
-        )
-        between = b",\n"
+        text = json.dumps(feature, ensure_ascii=False, allow_nan=False)
+        stream.write(separator + text.encode("utf-8", "replace"))
+        separator = b",\n"
     stream.write(b"\n]}\n")
 
 
@@ -95,33 +94,79 @@ def is_mapped(store: Store) -> bool:
     return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
 
 
-def check_events(store: Store, chosen: Collection[str]) -> None:
-    """Raise UsageError if the campaign has no event of a name."""
+def check_events(store: Store, requested: Collection[str]) -> None:
+    """Raise UsageError if the campaign has no event with a requested name."""
     events = store.events()
-    for name in chosen:
+    for name in requested:
         if name not in events:
-            known = ", ".join(events[:10]) + ", ..." * (len(events) > 10)
-            raise UsageError(
-                f"--event {name}: {store.name} has no such event; "
-                + (f"it has {known}" if events else "only ground motion fields have events")
-            )
+            known_names = ", ".join(events[:10]) + ", ..." * (len(events) > 10)
+            reason = f"it has {known_names}" if events else "only ground motion fields have events"
+            raise UsageError(f"--event {name}: {store.name} has no such event; {reason}")
 
 
-def _features(store: Store, units: OutputUnits, chosen: Collection[str]) -> Iterator[Feature]:
-    """Yield the feature of each building, event and level, as in `write_geojson`."""
+def _features(store: Store, units: OutputUnits, requested: Collection[str]) -> Iterator[Feature]:
+    """Yield the feature of each building, event and level, with the properties that
+    `write_geojson` describes.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    units : OutputUnits
+        Units of the demands.
+    requested : collection of str
+        Events to write; all if empty.
+    """
     from tdint.campaign.batch import Run
     from tdint.campaign.profiles import SuiteRules
 
     titles = [title.lower() for title in store.inventory_columns()]
     longitude, latitude = titles.index("longitude"), titles.index("latitude")
-    rules, events, buildings, damages = (
-        SuiteRules.of(store),
-        store.events(),
-        store.buildings(),
-        building_damages(store),
-    )
+    rules, events, buildings = SuiteRules.of(store), store.events(), store.buildings()
+    # Buildings have the same order as the runs. Without damage states, the iterator is empty.
+    damages = building_damages(store)
     rates, costs = store.rates(), has_costs(store)
-    # Inventory columns get names that differ from all other properties.
+    inventory_names, is_numeric = _inventory_names(store), numeric(store)
+    for number, rows in groupby(store.runs(), key=lambda row: row[0]):
+        run_damage = next(damages, None)
+        damage = damage_by_motion(run_damage, rules.pairs) if run_damage else None
+        runs = {Run(*row[1:4]): row for row in rows}
+        cells = store.copied_cells(number)
+        inventory_properties: Feature = {}
+        for name, text, is_number in zip(inventory_names, cells, is_numeric, strict=True):
+            if is_number:
+                inventory_properties[name] = json.loads(text) if text else None
+            else:
+                inventory_properties[name] = text
+        position = _position(cells[longitude], cells[latitude])
+        geometry = {"type": "Point", "coordinates": position} if position else None
+        value = _value_of(dict(zip(titles, cells, strict=False))) if costs else math.nan
+        annual_losses = _annual_losses(damage, rates, events) if damage and rates else {}
+        # With ground motion fields, the sample of a run is the number of its event, from 1. Without
+        # events, all runs belong to event 0.
+        building_events = sorted({run.sample for run in runs}) if events else [0]
+        for event in building_events:
+            head: Feature = {"building": buildings[number][0]}
+            if events:
+                event_name = events[event - 1]
+                if requested and event_name not in requested:
+                    continue
+                head["event"] = event_name
+            runs_of_event = {run: row for run, row in runs.items() if event in (0, run.sample)}
+            statuses = {run: row[_STATUS_INDEX] for run, row in runs_of_event.items()}
+            for rank, level in enumerate(rules.levels(statuses)):
+                results = _damage(damage, rank, event) if damage else {}
+                results |= _losses(results, value, annual_losses, rank, event)
+                if level.pair_demand:
+                    results["pair_demand"] = level.pair_demand
+                demands = _of_level(level, runs_of_event, units)
+                properties = head | demands | results | inventory_properties
+                yield {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _inventory_names(store: Store) -> tuple[str, ...]:
+    """Return the names of the properties with cells of the inventory. They differ from the names of
+    all other properties."""
     demands = [
         f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
     ]
@@ -130,44 +175,15 @@ def _features(store: Store, units: OutputUnits, chosen: Collection[str]) -> Iter
         for states in stored_states(store).values()
         for name in states.outcomes
     ]
-    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[
-        1 if events else 0 :
-    ]
-    kinds = numeric(store)
-    for number, rows in groupby(store.runs(), key=lambda row: row[0]):
-        of_runs = next(damages, None)
-        damage = damage_by_motion(of_runs, rules.pairs) if of_runs else None
-        runs = {Run(*row[1:4]): row for row in rows}
-        cells = store.copied_cells(number)
-        carried = {
-            name: (json.loads(text) if text else None) if is_number else text
-            for name, text, is_number in zip(columns, cells, kinds, strict=True)
-        }
-        position = _position(cells[longitude], cells[latitude])
-        geometry = {"type": "Point", "coordinates": position} if position else None
-        value = _value_of(dict(zip(titles, cells, strict=False))) if costs else math.nan
-        building_events = sorted({key.sample for key in runs}) if events else [0]
-        annual = _annual_losses(damage, rates, events) if damage and rates else {}
-        for event in building_events:
-            if chosen and events[event - 1] not in chosen:
-                continue
-            head: Feature = {"building": buildings[number][0]} | (
-                {"event": events[event - 1]} if events else {}
-            )
-            # Without events, all runs belong to event 0.
-            runs_of_event = {key: row for key, row in runs.items() if event in (0, key.sample)}
-            for rank, level in enumerate(
-                rules.levels({key: row[_STATUS] for key, row in runs_of_event.items()})
-            ):
-                results = _damage(damage, rank, event) if damage else {}
-                results |= _losses(results, value, annual, rank, event)
-                results |= {"pair_demand": level.pair_demand} if level.pair_demand else {}
-                feature = head | _of_level(level, runs_of_event, units) | results | carried
-                yield {"type": "Feature", "geometry": geometry, "properties": feature}
+    other_names = (*_PROPERTIES, *demands, *outcomes, LOSS.name)
+    copied_names = names(copied_columns(store, other_names))
+    # The first copied column is the event, if there are events.
+    return copied_names[1:] if store.events() else copied_names
 
 
 def _position(longitude: str, latitude: str) -> list[float] | None:
-    """Return a GeoJSON position, or None if the inventory does not state it.
+    """Return a GeoJSON position, longitude and latitude, from cells of the inventory; None if a
+    cell is empty.
 
     Longitudes are between -180 and 180 degrees, positive to the east; latitudes are positive to the
     north.
@@ -175,34 +191,41 @@ def _position(longitude: str, latitude: str) -> list[float] | None:
     if not (longitude and latitude):
         return None
     east = float(longitude)
-    east = (east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east
+    if abs(east) > 180.0:
+        east = (east + 180.0) % 360.0 - 180.0
     return [digits(east), digits(float(latitude))]
 
 
 def _annual_losses(
     damage: BuildingDamage, rates: Mapping[str, float], events: Sequence[str]
 ) -> dict[tuple[int, int], float]:
-    """Return rate times mean loss ratio of each level and event of a building.
+    """Return the annual loss ratios of a building: annual rate of the event times mean loss ratio.
 
-    Events whose runs have no result are omitted, as in exceedance.csv.
+    The key of the result is the rank of the level and the number of the event. Events are omitted
+    if none of their runs has a result. Without losses of the damage states, the result is empty.
     """
     if not damage.states.losses:
         return {}
-    losses: dict[tuple[int, int], list[float]] = {}
-    known = zip(damage.rank.tolist(), damage.keys, damage.loss.tolist(), strict=True)
-    for rank, key, loss in known:
-        if not math.isnan(loss):
-            losses.setdefault((rank, key.sample), []).append(loss)
+    loss_ratios: dict[tuple[int, int], list[float]] = {}
+    runs = zip(damage.rank.tolist(), damage.keys, damage.loss.tolist(), strict=True)
+    for rank, run, loss_ratio in runs:
+        if not math.isnan(loss_ratio):
+            loss_ratios.setdefault((rank, run.sample), []).append(loss_ratio)
     return {
         (rank, event): rates[events[event - 1]] * math.fsum(ratios) / len(ratios)
-        for (rank, event), ratios in losses.items()
+        for (rank, event), ratios in loss_ratios.items()
     }
 
 
 def _losses(
-    results: Feature, value: float, annual: Mapping[tuple[int, int], float], rank: int, event: int
+    results: Feature,
+    value: float,
+    annual_losses: Mapping[tuple[int, int], float],
+    rank: int,
+    event: int,
 ) -> Feature:
-    """Return value, loss and annual losses of a building.
+    """Return the properties `value`, `loss`, `annual_loss` and `average_annual_loss` of a building;
+    empty if the results contain no loss ratio.
 
     Parameters
     ----------
@@ -210,33 +233,34 @@ def _losses(
         Results of the damage states, with the mean loss ratio.
     value : float
         Cost of all buildings of the row; nan without costs.
-    annual : mapping
-        Rate times mean loss ratio by level and event.
+    annual_losses : mapping of (int, int) to float
+        Annual rate times mean loss ratio, by rank of the level and number of the event; empty
+        without rates.
     rank, event : int
-        Level and event.
+        Rank of the level, and number of the event.
     """
     if LOSS.name not in results:
         return {}
-    # Without costs, annual losses are fractions of the value of the building.
-    ratio, feature, unit = results[LOSS.name], Feature(), 1.0
-    if not math.isnan(value):
-        unit = value
-        feature = {
-            _VALUE: digits(value),
-            _LOSS: None if ratio is None else digits(value * ratio),
-        }
-    if annual:
-        by_event = annual.get((rank, event))
-        over_events = math.fsum(loss for (level, _), loss in annual.items() if level == rank)
-        feature |= {
-            _ANNUAL: None if by_event is None else digits(unit * by_event),
-            _AVERAGE: digits(unit * over_events),
-        }
-    return feature
+    loss_ratio, properties = results[LOSS.name], Feature()
+    has_value = not math.isnan(value)
+    if has_value:
+        properties[_VALUE] = digits(value)
+        properties[_LOSS] = None if loss_ratio is None else digits(value * loss_ratio)
+    if annual_losses:
+        # Without costs, annual losses are fractions of the value of the building.
+        unit = value if has_value else 1.0
+        event_loss = annual_losses.get((rank, event))
+        total_loss = math.fsum(
+            loss for (level_rank, _), loss in annual_losses.items() if level_rank == rank
+        )
+        properties[_ANNUAL] = None if event_loss is None else digits(unit * event_loss)
+        properties[_AVERAGE] = digits(unit * total_loss)
+    return properties
 
 
 def _value_of(cells: Mapping[str, str]) -> float:
-    """Return the cost of all buildings of a row of an inventory; nan for an empty cost."""
+    """Return the cost of all identical buildings of a row of an inventory; nan if the cell of the
+    cost is empty. `cells` are the cells of the row by the name of the column."""
     count = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
     return cell_number(cells.get(COST, "")) * count
 
@@ -252,8 +276,9 @@ def write_districts(
 
     The properties are the value of the column, the level, the event, the numbers of buildings, runs
     and failed runs, the mean loss ratio and, with costs, `value`, `loss` and its standard error;
-    with rates of the events also `annual_loss` and `average_annual_loss` as in `write_geojson`. The
-    geometry is the polygon of the value, or the points of the buildings.
+    with rates of the events also `annual_loss` (rate times loss of the event) and
+    `average_annual_loss` (their sum over all events). The geometry is the polygon of the value, or
+    the points of the buildings.
 
     Parameters
     ----------
@@ -272,7 +297,7 @@ def write_districts(
 
 
 def _districts(
-    store: Store, by: str, polygons: Mapping[str, Feature] | None, chosen: Collection[str]
+    store: Store, by: str, polygons: Mapping[str, Feature] | None, requested: Collection[str]
 ) -> Iterator[Feature]:
     """Yield a feature for each district (value of the column `by`), event and level.
 
@@ -281,9 +306,13 @@ def _districts(
 
     Parameters
     ----------
-    store, by, polygons
-        As in `write_districts`.
-    chosen : collection of str
+    store : Store
+        Store of a campaign with losses.
+    by : str
+        Column of the inventory.
+    polygons : mapping or None
+        Geometry by the value of the column; None for the points of the buildings.
+    requested : collection of str
         Events to write; all if empty.
     """
     positions, rates, costs = _positions_by_district(store, by), store.rates(), has_costs(store)
@@ -295,41 +324,47 @@ def _districts(
         return float((group.money if costs else group.loss).value[0])
 
     def cell(value: float) -> float | None:
+        """Return a number with 12 digits; None for NaN, which JSON does not have."""
         return None if math.isnan(value) else digits(value)
 
     # The average annual loss of a district is the sum over all events, also those not written.
-    annual: dict[tuple[str, float], list[float]] = {}
+    annual_losses: dict[tuple[str, float], list[float]] = {}
     for group in groups:
         if rates and not math.isnan(mean_loss(group)):
-            annual.setdefault((group.inventory_entry, group.level), []).append(
+            annual_losses.setdefault((group.inventory_entry, group.level), []).append(
                 rates[group.event] * mean_loss(group)
             )
     for group in groups:
-        if chosen and group.event not in chosen:
+        if requested and group.event not in requested:
             continue
-        feature: Feature = {by: group.inventory_entry} | (
+        properties: Feature = {by: group.inventory_entry} | (
             {"event": group.event} if group.event else {}
         )
-        feature |= {"level": digits(group.level), "buildings": group.buildings, "runs": group.runs}
-        feature |= {"failed": group.failed, LOSS.name: cell(float(group.loss.value[0]))}
+        properties |= {
+            "level": digits(group.level),
+            "buildings": group.buildings,
+            "runs": group.runs,
+        }
+        properties |= {"failed": group.failed, LOSS.name: cell(float(group.loss.value[0]))}
         if costs:
-            feature |= {_VALUE: cell(group.value), _LOSS: cell(float(group.money.value[0]))}
-            feature[f"{_LOSS}_error"] = cell(float(group.money.error[0]))
+            properties |= {_VALUE: cell(group.value), _LOSS: cell(float(group.money.value[0]))}
+            properties[f"{_LOSS}_error"] = cell(float(group.money.error[0]))
         if rates:
-            losses_of_events = annual.get((group.inventory_entry, group.level), [])
-            feature |= {
+            losses_of_events = annual_losses.get((group.inventory_entry, group.level), [])
+            properties |= {
                 _ANNUAL: cell(rates[group.event] * mean_loss(group)),
                 _AVERAGE: cell(math.fsum(losses_of_events) if losses_of_events else math.nan),
             }
-        feature |= {"pair_demand": pair_demand} if pair_demand else {}
+        properties |= {"pair_demand": pair_demand} if pair_demand else {}
         points = positions.get(group.inventory_entry, [])
         geometry: Feature | None = {"type": "MultiPoint", "coordinates": points} if points else None
         geometry = geometry if polygons is None else polygons.get(group.inventory_entry)
-        yield {"type": "Feature", "geometry": geometry, "properties": feature}
+        yield {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
 def _positions_by_district(store: Store, by: str) -> dict[str, list[list[float]]]:
-    """Return the positions of the buildings with each value of a column of the inventory."""
+    """Return a dictionary from each value of the inventory column `by` to the positions of the
+    buildings with this value, as longitude and latitude."""
     titles = [title.lower() for title in store.inventory_columns()]
     column, *degrees = (titles.index(name) for name in (by.lower(), "longitude", "latitude"))
     positions: dict[str, list[list[float]]] = {}
@@ -361,23 +396,25 @@ def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feat
     UsageError
         The file cannot be read, is no such collection, or lacks the polygon of a value.
     """
-    large = f"larger than {MOST_BYTES // 1024**2} MiB; simplify the polygons"
-    data = read_whole(source, UsageError, {}, large, MOST_BYTES)
+    too_large_text = f"larger than {MOST_BYTES // 1024**2} MiB; simplify the polygons"
+    data = read_whole(source, UsageError, {}, too_large_text, MOST_BYTES)
     record_digest(source, data)
-    needs = f"--polygons is a GeoJSON file (FeatureCollection) of polygons with a property {by}"
+    format_text = (
+        f"--polygons is a GeoJSON file (FeatureCollection) of polygons with a property {by}"
+    )
     try:
         features = json.loads(data)["features"]
-        named = [
+        properties_and_geometries = [
             (
-                {name.lower(): text for name, text in feature["properties"].items()},
+                {name.lower(): value for name, value in feature["properties"].items()},
                 feature["geometry"],
             )
             for feature in features
         ]
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        raise UsageError(f"{source}: cannot be read; {needs}") from None
-    shapes: dict[str, Feature] = {}
-    for properties, geometry in named:
+        raise UsageError(f"{source}: cannot be read; {format_text}") from None
+    polygons: dict[str, Feature] = {}
+    for properties, geometry in properties_and_geometries:
         if by.lower() in properties:
             if not isinstance(geometry, dict) or geometry.get("type") not in _POLYGONS:
                 raise UsageError(
@@ -385,56 +422,68 @@ def read_polygons(source: str, by: str, values: Iterable[str]) -> dict[str, Feat
                     "MultiPolygon"
                 )
             name = str(properties[by.lower()])
-            if name in shapes:
-                raise UsageError(f"{source}: {by} {name!r} is there twice; merge its polygons")
-            shapes[name] = geometry
-    missing = [value for value in dict.fromkeys(values) if value and value not in shapes]
+            if name in polygons:
+                raise UsageError(
+                    f"{source}: two polygons have the {by} {name!r}; merge them to a MultiPolygon"
+                )
+            polygons[name] = geometry
+    missing = [value for value in dict.fromkeys(values) if value and value not in polygons]
     if missing:
-        listed = ", ".join(missing[:10]) + ", ..." * (len(missing) > 10)
-        raise UsageError(f"{source}: no polygon of {by} {listed}; {needs}")
-    return shapes
+        missing_text = ", ".join(missing[:10]) + ", ..." * (len(missing) > 10)
+        raise UsageError(f"{source}: no polygon of {by} {missing_text}; {format_text}")
+    return polygons
 
 
 _POLYGONS = ("Polygon", "MultiPolygon")
 
 
 def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
-    """Return the level, the counts of its ground motions, and mean and maximum of each demand.
+    """Return the properties of a level: scale factor or level, numbers of ground motions, and mean
+    and maximum of each demand. A demand is None without completed runs, or if it is undefined (no
+    drift ratio without height).
 
-    A demand is None without completed runs, or if it is undefined (no drift ratio without height).
+    Parameters
+    ----------
+    level : SuiteLevel
+        Outcome of the runs of a building at a level.
+    runs : mapping of Run to sequence
+        Row of each run, in the order of the columns of `RUNS`.
+    units : OutputUnits
+        Units of the demands.
     """
-    feature: Feature = {"scale": level.scale, "level": level.level}
-    feature = {name: digits(value) for name, value in feature.items() if not math.isnan(value)}
-    feature |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
-    for demand, place in zip(_DEMANDS, _PLACES, strict=True):
+    properties: Feature = {}
+    for name, number in (("scale", level.scale), ("level", level.level)):
+        if not math.isnan(number):
+            properties[name] = digits(number)
+    properties |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
+    for demand, column_index in zip(_DEMANDS, _DEMAND_INDICES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
-        cells = [[runs[key][place] for key in keys] for keys in level.completed]
-        values = [
-            float(combine(np.abs(of_motion), level.pair_demand)) / factor
-            for of_motion in cells
-            if None not in of_motion
-        ]
-        feature[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
-        feature[f"max_{column}"] = digits(max(values)) if values else None
-    return feature
+        values = []
+        for motion_runs in level.completed:
+            # One value, or one per component of a pair
+            component_values = [runs[run][column_index] for run in motion_runs]
+            if None not in component_values:
+                value = float(combine(np.abs(component_values), level.pair_demand))
+                values.append(value / factor)
+        properties[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
+        properties[f"max_{column}"] = digits(max(values)) if values else None
+    return properties
 
 
 def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
-    """Return mean probabilities of damage states and the mean loss ratio of the runs of a level.
+    """Return the mean probability of each outcome, and the mean loss ratio, of the runs at the
+    level with a rank. They are None if no run has a result.
 
     If `event` is not 0, only the runs of this event are included.
     """
     is_of_event = np.array([event in (0, sample) for _, _, sample in damage.keys])
-    chosen = damage.known & (damage.rank == rank) & is_of_event
-    outcomes = damage.states.outcomes
-    means = (
-        damage.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(outcomes)
-    )
-    names = [*map(probability_name, outcomes)]
+    is_used = damage.known & (damage.rank == rank) & is_of_event
+    property_names = [*map(probability_name, damage.states.outcomes)]
     if damage.states.losses:
-        means.append(float(damage.loss[chosen].mean()) if chosen.any() else None)
-        names.append(LOSS.name)
-    return {
-        name: None if mean is None else digits(mean)
-        for name, mean in zip(names, means, strict=True)
-    }
+        property_names.append(LOSS.name)
+    if not is_used.any():
+        return dict.fromkeys(property_names)
+    means = damage.probability[is_used].mean(axis=0).tolist()
+    if damage.states.losses:
+        means.append(float(damage.loss[is_used].mean()))
+    return dict(zip(property_names, map(digits, means), strict=True))

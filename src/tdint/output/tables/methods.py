@@ -24,38 +24,43 @@ if TYPE_CHECKING:
     from tdint.validation import ValidationResult
 
 
-def _uncut(name: str) -> Callable[[Any], str]:
-    """Return a function that returns a text without commas, which could be taken for separators."""
-    return lambda row: str(attrgetter(name)(row)).replace(",", ";")
+def _without_commas(name: str) -> Callable[[Any], str]:
+    """Return a function of a result, which returns the attribute `name` as text with semicolons
+    instead of commas, because commas could be taken for separators of cells."""
+    return lambda result: str(attrgetter(name)(result)).replace(",", ";")
 
 
-def _power(value: float) -> float:
-    """Return a power; nan instead of the infinite power of a zero value."""
+def _finite_or_nan(value: float) -> float:
+    """Return a number; nan (an empty cell) if it is infinite."""
     return value if math.isfinite(value) else math.nan
 
 
-def _or_none(name: str) -> Callable[[Any], float | str]:
-    """Return a function that returns a limit, or the text none for infinity."""
-    return lambda row: "none" if math.isinf(limit := attrgetter(name)(row)) else limit
+def _limit_or_none(name: str) -> Callable[[Any], float | str]:
+    """Return a function of a result, which returns the limit in the attribute `name`, or the text
+    `none` if it is infinite."""
+
+    def value(result: Any) -> float | str:
+        limit: float = attrgetter(name)(result)
+        return "none" if math.isinf(limit) else limit
+
+    return value
+
+
+def _parameter_texts(integrator: Integrator) -> str:
+    """Return the parameters of a method with their values and ranges, for example `beta=0.25 in [0
+    to 1]; theta=1.02 in [1 to 10] computed`. A computed default follows from the parameters before
+    it."""
+    texts = []
+    for parameter, value in zip(integrator.method.parameters, integrator.values, strict=True):
+        text = f"{parameter.name}={cell_text(value)} in {parameter.range.replace(',', ' to')}"
+        texts.append(f"{text} computed" if callable(parameter.default) else text)
+    return "; ".join(texts)
 
 
 METHOD = (
     Column("name", "text", "method.name", "name"),
     Column("family", "text", "family.name", "methods that share one compiled step"),
-    Column(
-        "parameters",
-        "text",
-        # beta=0.25 in [0 to 1]; theta=1.02 in [1 to 10] computed: a computed default follows from
-        # the parameters before it.
-        lambda integrator: "; ".join(
-            f"{parameter.name}={cell_text(value)} in {parameter.range.replace(',', ' to')}"
-            + " computed" * callable(parameter.default)
-            for parameter, value in zip(
-                integrator.method.parameters, integrator.values, strict=True
-            )
-        ),
-        "default values and ranges",
-    ),
+    Column("parameters", "text", _parameter_texts, "default values and ranges"),
     Column(
         "order", "1", "order", "order of accuracy of displacement and velocity for a smooth load"
     ),
@@ -65,11 +70,11 @@ METHOD = (
     Column(
         "stability_limit",
         "1",
-        _or_none("stability_limit"),
+        _limit_or_none("stability_limit"),
         "largest stable omega dt without damping; none if stable for all time steps",
     ),
     Column("rho_inf", "1", "rho_inf", "spectral radius for omega dt to infinity"),
-    Column("source", "text", _uncut("method.source"), "publication"),
+    Column("source", "text", _without_commas("method.source"), "publication"),
 )
 
 
@@ -86,15 +91,15 @@ DECLARATION = (
     Column(
         "stability_limit",
         "1",
-        _or_none("integrator.stability_limit"),
+        _limit_or_none("integrator.stability_limit"),
         "declared largest stable omega dt without damping",
     ),
-    Column("measured_limit", "1", _or_none("limit"), "measured largest stable omega dt"),
+    Column("measured_limit", "1", _limit_or_none("limit"), "measured largest stable omega dt"),
     Column(
         "rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"
     ),
     Column("measured_rho_inf", "1", "rho_inf", "measured spectral radius for omega dt to infinity"),
-    Column("faults", "1", lambda one: len(one.faults), "number of incorrect declarations"),
+    Column("faults", "1", lambda result: len(result.faults), "number of incorrect declarations"),
 )
 
 _DT_OVER_T = Column(
@@ -157,14 +162,14 @@ OVERSHOOT = (
     Column(
         "displacement_power",
         "1",
-        lambda one: _power(one.displacement_power),
+        lambda result: _finite_or_nan(result.displacement_power),
         "exponent of omega dt in the displacement after the first step; empty if this displacement "
         "is zero",
     ),
     Column(
         "velocity_power",
         "1",
-        lambda one: _power(one.velocity_power),
+        lambda result: _finite_or_nan(result.velocity_power),
         "exponent of omega dt in the velocity times dt after the first step; empty if this "
         "velocity is zero",
     ),
@@ -196,7 +201,7 @@ ORDER = (
     Column(
         "displacement_error",
         "1",
-        lambda one: float(one.displacement[-1]),
+        lambda result: float(result.displacement[-1]),
         "maximum error with the smallest time step, divided by the maximum displacement",
     ),
 )
@@ -267,15 +272,28 @@ FAILURE = (
     Column("outcome", "text", "outcome", "status with which `tdint run` ends"),
     Column("verdict", "text", "verdict", "pass, the detected defect, or the type of failure"),
     Column("end_s", "s", "time", "last time reached"),
-    Column("error_of", "text", _uncut("error_of"), "quantity of the error"),
+    Column("error_of", "text", _without_commas("error_of"), "quantity of the error"),
 )
 
 
-def _example_errors(reference: str, against: str, prefix: str = "") -> tuple[Column, ...]:
+def _example_errors(reference: str, description: str, prefix: str = "") -> tuple[Column, ...]:
+    """Return the columns of the errors of displacement, velocity and acceleration.
+
+    Parameters
+    ----------
+    reference : str
+        Reference of the errors, a key of `tdint.analysis.assessment.paper_examples.REFERENCES`.
+    description : str
+        Description of the reference.
+    prefix : str
+        Start of the column names.
+    """
+
     def column(quantity: str, unit: str) -> Column:
-        about = f"maximum error of the {quantity} over all floors, relative to {against}"
+        """Return the column of a quantity."""
+        meaning = f"maximum error of the {quantity} over all floors, relative to {description}"
         name = f"{prefix}{quantity}{suffix(unit)}_error"
-        return Column(name, unit, lambda run: run.error(quantity, reference), about)
+        return Column(name, unit, lambda run: run.error(quantity, reference), meaning)
 
     return tuple(map(column, ("displacement", "velocity", "acceleration"), ("m", "m/s", "m/s^2")))
 
@@ -293,12 +311,13 @@ EXAMPLE = (
 OUTCOME = Column("outcome", "text", "outcome", "status of the run")
 
 
-def rank(of: Callable[[Any], int | None]) -> Column:
-    """Return the column of the rank of a method."""
+def rank(rank_of: Callable[[Any], int | None]) -> Column:
+    """Return the column of the rank of a method. `rank_of` returns the rank for a result, or
+    None."""
     return Column(
         "rank",
         "1",
-        of,
+        rank_of,
         "rank of the method by the displacement error (relative to --reference), from 1",
     )
 
@@ -320,20 +339,19 @@ def reference_table(methods: Iterable[Method]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for method in methods:
         references = references_of(method)
-        # The DOI has a separate column. A method of a plug-in has only its source.
-        rows += [
-            (method.name, reference.text.partition(" doi:")[0].replace(",", ";"), reference.doi)
-            for reference in references
-        ]
-        rows += [] if references else [(method.name, method.source.replace(",", ";"), "")]
+        for reference in references:
+            # The DOI has a separate column.
+            text, _, _ = reference.text.partition(" doi:")
+            rows.append((method.name, text.replace(",", ";"), reference.doi))
+        # A method of a plug-in has no references, but a source.
+        if not references:
+            rows.append((method.name, method.source.replace(",", ";"), ""))
     return Table.of(REFERENCE, rows)
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:
-    """Return the table with one row per method.
-
-    The properties are those of the method with default parameters.
-    """
+    """Return the table with one row per method, with the properties of the method for its default
+    parameters."""
     return Table.of_results(METHOD, integrators)
 
 
@@ -364,19 +382,19 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
     `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
 
-    def place(ranked: ExampleRun) -> int | None:
-        """Return the rank of a method; None for a variant and for a failed run."""
+    def rank_of(ranked: ExampleRun) -> int | None:
+        """Return the rank of a run among the runs of the same example with the same time step; None
+        for a variant and for a failed run."""
         error = ranked.error("displacement", reference)
         if ranked.variant or math.isnan(error):
             return None
-        rivals = [
-            run
-            for run in runs
-            if (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")
-        ]
-        return 1 + sum(run.error("displacement", reference) < error for run in rivals)
+        smaller_errors = 0
+        for run in runs:
+            is_compared = (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")
+            smaller_errors += is_compared and run.error("displacement", reference) < error
+        return 1 + smaller_errors
 
-    return Table.of_results((*EXAMPLE, rank(place), OUTCOME), runs)
+    return Table.of_results((*EXAMPLE, rank(rank_of), OUTCOME), runs)
 
 
 PEER = "/"
@@ -390,10 +408,12 @@ def chart_table(chart: Chart) -> Table:
 
 def sizes_table(charts: Iterable[Chart]) -> Table:
     """Return the rows of several charts, with the number of stories in the first column."""
-    points = [((chart.stories,), point) for chart in charts for point in chart.points]
-    return Table.of_results(
-        (CHART_STORIES, *CHART), [point for _, point in points], [head for head, _ in points]
-    )
+    points: list[Any] = []
+    heads: list[tuple[Cell, ...]] = []
+    for chart in charts:
+        points += chart.points
+        heads += [(chart.stories,)] * len(chart.points)
+    return Table.of_results((CHART_STORIES, *CHART), points, heads)
 
 
 def _within(factor: float, name: str = "") -> Column:
@@ -439,7 +459,7 @@ PROFILE = (
     Column(
         "median_ratio",
         "1",
-        lambda one: _power(one.median),
+        lambda result: _finite_or_nan(result.median),
         "median over the problems in taken of cost divided by the minimum cost of the methods of "
         "tdint; empty if half of these problems are not solved",
     ),
@@ -457,12 +477,15 @@ MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[7:]))
 
 VALIDATION = (
     Column("case", "text", "case.name", "name of the case"),
-    Column("what", "text", _uncut("case.title"), "subject of the case"),
-    Column("source", "text", _uncut("case.source"), "source of the published numbers"),
+    Column("what", "text", _without_commas("case.title"), "subject of the case"),
+    Column("source", "text", _without_commas("case.source"), "source of the published numbers"),
     Column(
-        "numbers", "1", lambda one: len(one.case.published), "number of compared published numbers"
+        "numbers",
+        "1",
+        lambda result: len(result.case.published),
+        "number of compared published numbers",
     ),
-    Column("unit", "text", _uncut("case.unit"), "unit of the numbers"),
+    Column("unit", "text", _without_commas("case.unit"), "unit of the numbers"),
     Column(
         "relative",
         "text",
@@ -476,7 +499,12 @@ VALIDATION = (
         "maximum difference between computed and published numbers",
     ),
     Column("tolerance", "1", "case.tolerance", "maximum allowed difference"),
-    Column("difference_is", "text", _uncut("case.difference_is"), "definition of the difference"),
+    Column(
+        "difference_is",
+        "text",
+        _without_commas("case.difference_is"),
+        "definition of the difference",
+    ),
     Column("within", "text", "within", "true if all differences are within the tolerance"),
 )
 

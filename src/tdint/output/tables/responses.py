@@ -92,10 +92,10 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
 
 
 def response_table(response: Response) -> Table:
-    """Return `story_table` of a run.
+    """Return the table of a run with one row per story, from the ground up.
 
-    For a sequence, the rows are repeated for each event and then for the whole sequence; the first
-    column identifies the event.
+    For a sequence, these rows are listed for each event and then for the complete sequence; the
+    first column identifies the event.
     """
     table = story_table(response.stories, response.check.errors if response.check else None)
     if not response.events:
@@ -104,8 +104,8 @@ def response_table(response: Response) -> Table:
     for number, event in enumerate(response.events, start=1):
         event_table = story_table(event.stories, event.errors)
         # An event has no errors if the run for the error estimate had ended before it.
-        empty = (None,) * (len(table.columns) - len(event_table.columns))
-        rows += [(str(number), *row, *empty) for row in event_table.rows]
+        missing_errors = (None,) * (len(table.columns) - len(event_table.columns))
+        rows += [(str(number), *row, *missing_errors) for row in event_table.rows]
     rows += [(_ALL, *row) for row in table.rows]
     return Table((SHOCK.name, *table.columns), rows, describe([SHOCK]) | table.meanings)
 
@@ -127,20 +127,21 @@ def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
 
 
 def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
-    """Return the columns of a response history; with `error`, error columns follow at the end."""
-    columns_of_history: list[Column] = []
-    for location, columns in history_groups(error):
-        heads = [f"{location}_{i}_" for i in range(1, stories + 1)] if location else [""]
-        columns_of_history += (
-            replace(column, name=head + column.name) for head in heads for column in columns
-        )
-    return tuple(columns_of_history)
+    """Return the columns of a response history of a building with `stories` stories. If `error` is
+    true, the columns of the estimated errors follow at the end."""
+    result: list[Column] = []
+    for location, group in history_groups(error):
+        prefixes = [f"{location}_{i}_" for i in range(1, stories + 1)] if location else [""]
+        for prefix in prefixes:
+            result += [replace(column, name=prefix + column.name) for column in group]
+    return tuple(result)
 
 
 def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a response history given in chunks, with the same result as `write_history`."""
-    for number, history in enumerate(pieces):
-        write_history(history, stream, units, header=number == 0)
+    """Write a response history as CSV, given as consecutive pieces. The file is the same as if the
+    complete history were written at a time."""
+    for index, piece in enumerate(pieces):
+        write_history(piece, stream, units, header=index == 0)
 
 
 def write_history(
@@ -159,40 +160,47 @@ def write_history(
     header : bool
         True to write the header; true by default.
     """
-    error = history.error is not None
-    columns = [
+    has_error = history.error is not None
+    names_and_factors = [
         units.column(column.name, column.unit)
-        for column in history_columns(history.displacement.shape[1], error)
+        for column in history_columns(history.displacement.shape[1], has_error)
     ]
     if header:
-        stream.write((",".join(name for name, _ in columns) + "\n").encode())
-    factors = None if units == SI else np.array([factor for _, factor in columns])
-    line = ",".join(["%.12g"] * len(columns)) + "\n"
-    groups = [[column.of(history) for column in group] for _, group in history_groups(error)]
-    for first in range(0, len(history.time), _ROWS_AT_ONCE):
-        chunk = slice(first, first + _ROWS_AT_ONCE)
-        blocks = (np.stack([values[chunk] for values in group], axis=-1) for group in groups)
-        table = np.hstack([block.reshape(len(block), -1) for block in blocks])
+        stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
+    factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
+    row_format = ",".join(["%.12g"] * len(names_and_factors)) + "\n"
+    # Arrays of the columns of each group; the shapes are (steps,), or (steps, stories).
+    groups = [[column.of(history) for column in group] for _, group in history_groups(has_error)]
+    for start in range(0, len(history.time), _ROWS_AT_ONCE):
+        row_slice = slice(start, start + _ROWS_AT_ONCE)
+        group_blocks = (
+            np.stack([values[row_slice] for values in group], axis=-1) for group in groups
+        )
+        table = np.hstack([block.reshape(len(block), -1) for block in group_blocks])
         if factors is not None:
             table /= factors
         table += 0.0  # removes the sign of negative zero
-        text = line * len(table) % tuple(table.ravel().tolist())
+        text = row_format * len(table) % tuple(table.ravel().tolist())
         stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))
 
 
 def gradient_columns(result: Gradient) -> list[Column]:
-    """Return the columns of derivatives, one row per run, parameter and story, SI units."""
-    base = np.atleast_3d(result.peak_drift.T).T  # runs, parameters, stories
-    runs, parameters, stories = np.indices(base.shape)
+    """Return the columns of derivatives, with their cells, in SI units. There is one row per run,
+    parameter and story; the column `run` is omitted for a single run."""
+    # Add the axis of the runs, if the result is of a single run: runs, parameters, stories.
+    shape = np.atleast_3d(result.peak_drift.T).T.shape
+    runs, parameters, stories = np.indices(shape)
     names = np.array(result.parameters)[parameters.ravel()]
-    values: list[tuple[str, str, Any]] = [("run", "1", runs.ravel())] if len(base) > 1 else []
-    values += [("parameter", "text", names), ("story", "1", 1 + stories.ravel())]
-    points = np.broadcast_to(np.reshape(result.values, (*base.shape[:2], 1)), base.shape)
-    values.append(("value", "1", points.ravel()))
+    cells_of_columns: list[tuple[str, str, Any]] = []  # name, unit, cells
+    if shape[0] > 1:
+        cells_of_columns.append(("run", "1", runs.ravel()))
+    cells_of_columns += [("parameter", "text", names), ("story", "1", 1 + stories.ravel())]
+    parameter_values = np.broadcast_to(np.reshape(result.values, (*shape[:2], 1)), shape)
+    cells_of_columns.append(("value", "1", parameter_values.ravel()))
     for quantity in STORY_QUANTITIES:
         for suffix, source in (("", result), ("_kink", result.kink), ("_error", result.errors)):
             if hasattr(source, quantity.name):
                 cells = getattr(source, quantity.name).ravel()
-                values.append((f"{quantity.name}{suffix}", "1", cells))
-    # The units are those of the peak divided by those of the parameter, so that names have no unit.
-    return [Column(name, unit, cells, name) for name, unit, cells in values]
+                cells_of_columns.append((f"{quantity.name}{suffix}", "1", cells))
+    # The unit of a derivative depends on the parameter of the row, so names have no unit.
+    return [Column(name, unit, cells, name) for name, unit, cells in cells_of_columns]

@@ -21,7 +21,7 @@ from tdint.ground_motion.measures import (
     spectrum_intensity,
 )
 from tdint.ground_motion.record import Record, component_names
-from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, part
+from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, elements_of
 from tdint.tabular import Tabular
 from tdint.units import suffix
 
@@ -53,12 +53,12 @@ INFO = (
     ),
     *(
         Column(
-            f"{one.head}{suffix(one.unit)}",
-            one.unit,
+            f"{intensity.head}{suffix(intensity.unit)}",
+            intensity.unit,
             f"measures.{name.replace('-', '_')}",
-            one.meaning,
+            intensity.meaning,
         )
-        for name, one in MEASURES.items()
+        for name, intensity in MEASURES.items()
     ),
     Column("housner_intensity_m", "m", "housner_intensity", "Housner spectrum intensity"),
     Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
@@ -168,12 +168,14 @@ TARGET = (
 
 
 def difference(published: str) -> tuple[Column, ...]:
-    """Return the columns of a comparison with the column `published` of a published spectrum."""
-    ours = next(column for column in SPECTRUM if column.name == published)
+    """Return the columns of the comparison of a computed with a published spectrum. `published` is
+    the name of the column that the published file contains."""
+    compared = next(column for column in SPECTRUM if column.name == published)
+    published_meaning = f"published: {compared.meaning}"
     return (
         *SPECTRUM[:2],
-        Column(ours.name, ours.unit, "computed", ours.meaning),
-        Column(f"published_{ours.name}", ours.unit, "expected", f"published: {ours.meaning}"),
+        Column(compared.name, compared.unit, "computed", compared.meaning),
+        Column(f"published_{compared.name}", compared.unit, "expected", published_meaning),
         Column(
             "relative_difference",
             "1",
@@ -200,23 +202,23 @@ ROTATED_END = (
 
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
-    """Return the columns of a spectrum over all directions with these percentiles."""
-    middle = (
+    """Return the columns of a rotated spectrum, with one column for each percentile over all
+    directions."""
+    percentile_columns = (
         Column(
-            f"rotd{p:02d}_psa_m_s2",
+            f"rotd{percentile:02d}_psa_m_s2",
             "m/s^2",
-            part("psa", i),
-            f"pseudo-acceleration, percentile {p} over all directions",
+            elements_of("psa", row),
+            f"pseudo-acceleration, percentile {percentile} over all directions",
         )
-        for i, p in enumerate(percentiles)
+        for row, percentile in enumerate(percentiles)
     )
-    return (*SPECTRUM[:2], *middle, *ROTATED_END)
+    return (*SPECTRUM[:2], *percentile_columns, *ROTATED_END)
 
 
 @dataclass(frozen=True, repr=False)
 class RecordInfo(Tabular):
-    """Record with its intensity measures, its Housner intensity, m, and its predominant period,
-    s.
+    """Properties of a record: its intensity measures, Housner intensity and predominant period.
 
     Attributes
     ----------
@@ -267,14 +269,16 @@ def record_info(record: AnyRecord) -> RecordInfo:
     """
     from tdint.analysis.arguments import record_of
 
-    of_file = record_of(record)
+    ground_motion = record_of(record)
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
     try:
-        intensity = spectrum_intensity(periods, spectrum(of_file, periods, SA_DAMPING).psv)
+        intensity = spectrum_intensity(periods, spectrum(ground_motion, periods, SA_DAMPING).psv)
     except AnalysisError:
         # The sampling interval is too long for the shortest period, which the user did not request.
         intensity = math.nan
-    return RecordInfo(of_file, measure(of_file), intensity, _predominant_period(of_file))
+    return RecordInfo(
+        ground_motion, measure(ground_motion), intensity, _predominant_period(ground_motion)
+    )
 
 
 _PREDOMINANT = (0.02, 10.0, 625)
@@ -302,12 +306,16 @@ _OF_BOTH = ("pga", "pgv", "pgd", "arias", "d5-95")
 """Intensity measures of both the matched ground motion and its scaled seed."""
 
 
-def _of_measures(place: int, name: str) -> Callable[[Any], Any]:
-    return lambda matched: np.array([getattr(matched.measures[place], name.replace("-", "_"))])
+def _of_measures(index: int, name: str) -> Callable[[Any], Any]:
+    """Return a function that returns an intensity measure of a match: of the matched ground motion
+    (index 0) or of its scaled seed (1)."""
+    return lambda matched: np.array([getattr(matched.measures[index], name.replace("-", "_"))])
 
 
-def _at_end(place: int) -> Callable[[Any], Any]:
-    return lambda matched: np.array([matched.motions[place].displacement[-1]])
+def _end_displacement(index: int) -> Callable[[Any], Any]:
+    """Return a function that returns the displacement at the end of the matched ground motion
+    (index 0) or of its scaled seed (1)."""
+    return lambda matched: np.array([matched.motions[index].displacement[-1]])
 
 
 MATCHED = (
@@ -329,21 +337,21 @@ MATCHED = (
         Column(
             f"{seed}{MEASURES[name].head}{suffix(MEASURES[name].unit)}",
             MEASURES[name].unit,
-            _of_measures(place, name),
+            _of_measures(index, name),
             f"{MEASURES[name].meaning}{', of the scaled seed' if seed else ''}",
         )
         for name in _OF_BOTH
-        for place, seed in enumerate(("", "seed_"))
+        for index, seed in enumerate(("", "seed_"))
     ),
     *(
         Column(
             f"{seed}end_displacement_m",
             "m",
-            _at_end(place),
+            _end_displacement(index),
             "ground displacement at the end, starting from "
             f"rest{', of the scaled seed' if seed else ''}",
         )
-        for place, seed in enumerate(("", "seed_"))
+        for index, seed in enumerate(("", "seed_"))
     ),
 )
 """Columns of matched.csv."""
@@ -354,11 +362,16 @@ def match_table(matches: Sequence[Match]) -> Table:
 
     There is a column with the damping ratio if the motions were matched at several ratios.
     """
-    rows = [
-        part for matched in matches for spectrum in matched.by_damping for part in spectrum.parts
+    # A match has a result for each damping ratio, which has one result per component.
+    results = [
+        component
+        for matched in matches
+        for at_damping in matched.by_damping
+        for component in at_damping.parts
     ]
-    has_several = any(matched.further for matched in matches)
-    return record_table((*SPECTRUM[:1] * has_several, *MATCHED), rows)
+    has_several_dampings = any(matched.further for matched in matches)
+    damping_column = SPECTRUM[:1] if has_several_dampings else ()
+    return record_table((*damping_column, *MATCHED), results)
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:
@@ -367,20 +380,22 @@ def info_table(infos: Iterable[RecordInfo]) -> Table:
 
 
 def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
-    """Return the rows of results that have one record each, preceded by record and component."""
-    # Components are named together: a component that a file contains twice gets its full
-    # identifier.
+    """Return the table of results that have an attribute `record`, with the file of the record and
+    its component in the first columns."""
+    # The names of the components depend on all records: a component that a file contains twice gets
+    # its full identifier.
     names = component_names([result.record for result in results])
     heads = [(result.record.source, name) for result, name in zip(results, names, strict=True)]
     return Table.of_results((*OF_RECORD, *columns), results, heads)
 
 
-def result_table(results: Sequence[Any], asked: Sequence[str] = ()) -> Table:
-    """Return the rows of results of one type that have one record each.
+def result_table(results: Sequence[Any], additional: Sequence[str] = ()) -> Table:
+    """Return the table of results of one class that have an attribute `record`.
 
-    The columns are those that the class declares, with the additional columns in `asked`.
+    The columns are the columns of every table that the class declares, and the columns of the
+    quantities in `additional`.
     """
-    return record_table(columns_of(type(results[0]), *asked), results)
+    return record_table(columns_of(type(results[0]), *additional), results)
 
 
 def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
@@ -393,13 +408,15 @@ def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
     return record_table(difference(QUANTITIES[lines[0].published.quantity][1]), lines)
 
 
-def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
+def rotated_table(spectra: Sequence[RotatedSpectrum], additional: Sequence[str] = ()) -> Table:
     """Return the table with one row per ground motion, damping ratio and period.
 
-    Each percentile has a column; `stated` names settings that have columns.
+    Each percentile has a column. `additional` are the names of settings of the spectra that have
+    columns, too.
     """
-    columns = (*rotated(spectra[0].percentiles), *columns_of(Spectrum, *stated)[len(SPECTRUM) :])
-    return Table.of_results((*OF_MOTION, *columns), spectra)
+    setting_columns = columns_of(Spectrum, *additional)[len(SPECTRUM) :]
+    columns = (*OF_MOTION, *rotated(spectra[0].percentiles), *setting_columns)
+    return Table.of_results(columns, spectra)
 
 
 OF_FLOORS = (
@@ -415,7 +432,8 @@ OF_FLOORS = (
 
 
 def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
-    """Return the table with one row per ground motion, with these names of the components."""
+    """Return the table with one row per record. `components` are the names of the components in the
+    order of the records."""
     heads = [
         (record.source, component) for record, component in zip(records, components, strict=True)
     ]

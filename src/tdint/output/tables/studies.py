@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -31,7 +32,7 @@ _PEAK = (
     Column(
         "quantity",
         "text",
-        lambda one: one.quantity.called or one.quantity.name,
+        lambda result: result.quantity.called or result.quantity.name,
         "peak response: median over the ground motions",
     ),
     Column("unit", "text", "quantity.unit", "unit of the quantity"),
@@ -99,7 +100,7 @@ _RECORD = (
 
 
 def _of_runs(name: str) -> Callable[[Any], Any]:
-    """Return a function that returns an attribute of all runs."""
+    """Return a function of a `_CurveRows`, which returns an attribute of all its runs."""
     return lambda curve: curve.of_runs(name)
 
 
@@ -237,25 +238,25 @@ CLOUD = (
     Column(
         "b0",
         "1",
-        lambda one: _of_line(one, "intercept"),
+        lambda function: _of_line(function, "intercept"),
         f"cloud analysis: intercept of the regression of ln EDP on ln IM{_SEEN}",
     ),
     Column(
         "b1",
         "1",
-        lambda one: _of_line(one, "slope"),
+        lambda function: _of_line(function, "slope"),
         "cloud analysis: slope of the regression of ln EDP on ln IM",
     ),
     Column(
         "sigma",
         "1",
-        lambda one: _of_line(one, "sigma"),
+        lambda function: _of_line(function, "sigma"),
         "cloud analysis: standard deviation of ln EDP about the regression line",
     ),
     Column(
         "below",
         "1",
-        lambda one: _of_line(one, "light"),
+        lambda function: _of_line(function, "light"),
         "cloud analysis: number of runs that count only as below all states",
     ),
 )
@@ -263,25 +264,26 @@ CLOUD = (
 
 
 def _of_line(function: Fragility, name: str) -> float:
-    """Return a parameter of the regression line; nan for functions of other fits."""
+    """Return an attribute of the regression line of a fragility function (intercept, slope, sigma,
+    or number of demands below all states); nan for functions of other fits."""
     return getattr(function.cloud, name, np.nan)
 
 
-def _bound(place: int, name: str) -> Column:
-    """Return the column of a parameter that is fitted with all failed runs counted as exceeding
-    (`place` 0) or as not exceeding (`place` 1)."""
-    word, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[place]
+def _bound(bound: int, parameter: str) -> Column:
+    """Return the column of a parameter, theta or beta, of a fit in which all failed runs count as
+    exceeding (bound 0) or as not exceeding (bound 1)."""
+    name_end, meaning = (("exceed", "exceeding"), ("stand", "not exceeding"))[bound]
     return Column(
-        f"{name}_failed_{word}",
+        f"{parameter}_failed_{name_end}",
         "1",
-        lambda fit: getattr(fit.bounds[place], name, np.nan),
-        f"{name} if all failed runs are counted as {meaning}; empty if it cannot be estimated",
+        lambda function: getattr(function.bounds[bound], parameter, np.nan),
+        f"{parameter} if all failed runs are counted as {meaning}; empty if it cannot be estimated",
     )
 
 
 FAILED = (
     Column("failed", "1", "failed", "number of runs without a result, which the fit omits"),
-    *(_bound(place, name) for place in (0, 1) for name in ("theta", "beta")),
+    *(_bound(bound, parameter) for bound in (0, 1) for parameter in ("theta", "beta")),
 )
 """Columns of fits in which some runs have no result."""
 
@@ -328,25 +330,23 @@ FRAGILITY_TOTAL = Column(
 
 def factor_table(scaling: Scaling) -> Table:
     """Return the table with one row per component of a suite."""
-    records = [record for motion in scaling.motions for record in components(motion)]
-    factors = [
-        factor
-        for motion, factor in zip(scaling.motions, scaling.factors, strict=True)
-        for _ in components(motion)
-    ]
-    rows = zip(
-        (record.source for record in records),
-        component_names(records),
-        map(float, factors),
-        strict=True,
-    )
-    return Table.of(FACTORS, rows)
+    records, factors = [], []
+    for motion, factor in zip(scaling.motions, scaling.factors, strict=True):
+        for record in components(motion):  # both components of a pair have the same factor
+            records.append(record)
+            factors.append(float(factor))
+    sources = [record.source for record in records]
+    return Table.of(FACTORS, zip(sources, component_names(records), factors, strict=True))
 
 
 def scaled_table(scaling: Scaling) -> Table:
-    """Return the spectra of a scaled suite, their mean and the target.
+    """Return the spectra of a scaled suite, their mean and the target, at the periods at which mean
+    and target were compared.
 
-    The periods are those at which mean and target were compared.
+    Raises
+    ------
+    ValueError
+        The suite was not scaled to a target.
     """
     target, periods = scaling.target, scaling.periods
     if target is None or periods is None:
@@ -356,19 +356,30 @@ def scaled_table(scaling: Scaling) -> Table:
         ("scaled", motion.source, motion.component, psa)
         for motion, psa in zip(scaling.motions, spectra, strict=True)
     ]
-    # Mean and target follow after the ground motions; they belong to no record.
+    # Mean and target follow after the ground motions; they have no record and component.
     curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
-    rows = (
-        (*head, period, value)
-        for *head, psa in curves
-        for period, value in zip(periods.tolist(), psa.tolist(), strict=True)
-    )
+    rows = []
+    for curve, record, component, psa in curves:
+        for period, value in zip(periods.tolist(), psa.tolist(), strict=True):
+            rows.append((curve, record, component, period, value))
     return Table.of(SCALED, rows)
 
 
 @dataclass(frozen=True)
 class _CurveRows:
-    """Rows of a curve, or the row of one of its capacities."""
+    """Source of the rows of the runs of a curve, or of the row of one of its capacities.
+
+    Attributes
+    ----------
+    record, component : str
+        File and component of the record.
+    study : IdaStudy
+        Study of the curve.
+    curve : IdaCurve
+        The curve.
+    capacity : Capacity or None
+        Capacity of the row; None for rows of runs.
+    """
 
     record: str
     component: str
@@ -422,25 +433,20 @@ def fragility_table(
     states : sequence of Column
         First columns of functions of damage states.
     """
-    columns = (
+    has_damage = any(not math.isnan(function.damage) for function in functions)
+    # The fits of functions by type have no bounds for failed runs.
+    has_failed_runs = any(function.failed and not function.type for function in functions)
+    bin_counts = [function.counted.im.size for function in functions if function.counted]
+    columns = [
         *(states if any(function.type for function in functions) else ()),
-        *(
-            (FRAGILITY_DAMAGE,)
-            if any(function.damage == function.damage for function in functions)
-            else ()
-        ),
+        *((FRAGILITY_DAMAGE,) if has_damage else ()),
         *FRAGILITY,
         *(CLOUD if any(function.cloud for function in functions) else ()),
-        *(FAILED if any(function.failed and not function.type for function in functions) else ()),
+        *(FAILED if has_failed_runs else ()),
         *((FRAGILITY_TOTAL,) if total else ()),
-        *COUNTED[
-            : len(_COUNTS)
-            * max(
-                (function.counted.im.size for function in functions if function.counted), default=0
-            )
-        ],
+        *COUNTED[: len(_COUNTS) * max(bin_counts, default=0)],
         *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),
-    )
+    ]
     return Table.of_results(columns, functions)
 
 
@@ -490,28 +496,27 @@ DEPENDENCE = (
 
 
 def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
-    """Return the table with one row per intensity measure and characteristic.
-
-    An intensity measure without characteristics has one row.
-    """
+    """Return the table with one row per intensity measure and characteristic of the ground motions.
+    Without characteristics, an intensity measure has one row with empty cells at the end."""
     rows: list[tuple[Cell, ...]] = []
     for fit in fits:
-        columns = tuple(column.of(fit) for column in COMPARED)
-        # An intensity measure without characteristics has a row with empty cells.
-        ends = [
-            tuple(column.of(dependence) for column in DEPENDENCE) for dependence in fit.dependences
-        ]
-        rows += [(*columns, *end) for end in ends or [(None, None, None)]]
+        fit_cells = tuple(column.of(fit) for column in COMPARED)
+        for dependence in fit.dependences:
+            rows.append((*fit_cells, *(column.of(dependence) for column in DEPENDENCE)))
+        if not fit.dependences:
+            rows.append((*fit_cells, *(None for _ in DEPENDENCE)))
     return Table.of((*COMPARED, *DEPENDENCE), rows)
 
 
 def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:
-    """Return the columns, preceded by the damage if a study has several damaged states."""
+    """Return the columns, preceded by the damage if the building was damaged by a main shock in
+    some of the curves."""
     return (DAMAGE, *columns) if any(curve.damage for curve in study.curves) else columns
 
 
 def _with_unit(table: Table, unit: str) -> Table:
-    """Add the unit of the intensities to the descriptions, because column names do not have it."""
+    """Return the table with the unit of the intensities in the descriptions of the columns, whose
+    names do not contain it."""
     units = {
         name: {**table.meanings[name], "unit": unit}
         for name in INTENSITIES
@@ -534,9 +539,9 @@ def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
     rows = {id(row.curve): row for row in _curves(study)}
     for curve in study.motion_curves:
         if isinstance(curve, PairCurve):
-            of_parts = [rows[id(part)] for part in curve.parts]
-            component = "+".join(row.component for row in of_parts)
-            yield replace(of_parts[0], component=component, curve=curve)
+            component_rows = [rows[id(part)] for part in curve.parts]
+            component = "+".join(row.component for row in component_rows)
+            yield replace(component_rows[0], component=component, curve=curve)
         else:
             yield rows[id(curve)]
 

@@ -35,15 +35,13 @@ TEXT = "text"
 _UNFIT = re.compile(
     r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]"
 )
-"""Control characters that terminals execute, and unpaired surrogates.
-
-Surrogates of bytes that Python could not decode are not included; `harmless` writes them out.
-"""
+"""Control characters that terminals execute, and unpaired surrogates. Surrogates U+DC80 to U+DCFF,
+which represent bytes that Python could not decode, are not included; `harmless` writes them out."""
 
 _WORD = re.compile(r"\w+")
-_FORMULA = frozenset("=+-@\t\r")
-_BEHIND = re.compile(r";\s*['\"]?[=+@-]")
-_HARMLESS = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]")
+_FORMULA = frozenset("=+-@\t\r")  # first characters of a formula in a spreadsheet
+_FORMULA_AFTER_SEMICOLON = re.compile(r";\s*['\"]?[=+@-]")
+_NUMBER_OR_SIGN = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]")
 """Plain numbers, and a single sign, because - is the name of standard input."""
 
 
@@ -82,30 +80,32 @@ class Column:
         return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
 
 
-def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
+def columns_of(result_class: type, *additional: str) -> tuple[Column, ...]:
     """Return the columns that a class of results declares in its fields.
 
     Parameters
     ----------
-    kind : type
+    result_class : type
         Class of the results.
-    *asked : str
+    *additional : str
         Names of quantities that are included in addition to the quantities of every table.
     """
     return tuple(
         Column(quantity.column, quantity.unit, quantity.value or quantity.name, quantity.meaning)
-        for quantity in quantities(kind)
-        if "table" in quantity.shown or quantity.name in asked
+        for quantity in quantities(result_class)
+        if "table" in quantity.shown or quantity.name in additional
     )
 
 
-def part(name: str, index: Any) -> Callable[[Any], Any]:
-    """Return a function that returns the elements `index` of an array attribute of a result."""
+def elements_of(name: str, index: Any) -> Callable[[Any], Any]:
+    """Return a function of a result, which returns `attribute[index]` for the attribute `name` of
+    the result, for example a column of an array."""
     return lambda result: attrgetter(name)(result)[index]
 
 
 def numbered(name: str) -> Callable[[Any], Any]:
-    """Return a function that returns the numbers from 1 to the length of an attribute."""
+    """Return a function of a result, which returns the numbers 1, 2, ..., n, where n is the length
+    of the attribute `name` of the result."""
     return lambda result: np.arange(1, len(attrgetter(name)(result)) + 1)
 
 
@@ -115,51 +115,60 @@ def names(columns: Iterable[Column]) -> tuple[str, ...]:
 
 
 def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
-    """Return unit and meaning of each column, for the JSON file of a table."""
-    return {
-        column.name: {"meaning": column.meaning}
-        | ({} if column.unit == TEXT else {"unit": column.unit})
-        for column in columns
-    }
+    """Return a dictionary from the name of each column to its `meaning` and `unit`, for the JSON
+    file of a table. Columns of text have no unit."""
+    descriptions = {}
+    for column in columns:
+        descriptions[column.name] = {"meaning": column.meaning}
+        if column.unit != TEXT:
+            descriptions[column.name]["unit"] = column.unit
+    return descriptions
 
 
 def described_in(
     meanings: Mapping[str, Mapping[str, str]], units: OutputUnits
 ) -> dict[str, dict[str, str]]:
-    """Convert the names and units in descriptions of columns or keys to output units."""
+    """Return descriptions of columns, as `describe` returns them, with the names and units of
+    columns in output units."""
     # Descriptions refer to other columns by name; these names change also.
-    renamed = {
-        name: units.column(name, text.get("unit", TEXT))[0] for name, text in meanings.items()
+    new_names = {
+        name: units.column(name, description.get("unit", TEXT))[0]
+        for name, description in meanings.items()
     }
     result = {}
-    for name, text in meanings.items():
-        meaning = _WORD.sub(lambda word: renamed.get(word[0], word[0]), text["meaning"])
-        description = {"meaning": meaning}
-        description |= {"unit": units.unit(text["unit"])[0]} if "unit" in text else {}
-        result[renamed[name]] = {**text, **description}
+    for name, description in meanings.items():
+        changed = dict(description)
+        changed["meaning"] = _WORD.sub(
+            lambda word: new_names.get(word[0], word[0]), description["meaning"]
+        )
+        if "unit" in description:
+            changed["unit"] = units.unit(description["unit"])[0]
+        result[new_names[name]] = changed
     return result
 
 
 def converted(value: Cell, factor: float) -> Cell:
     """Return a number divided by `factor`, the SI value of a unit; other cells are unchanged."""
-    # In Python, True and False are integers.
+    # In Python, True and False are integers, but they have no unit.
     if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return value
     return float(value) / factor
 
 
 def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
-    """Return the rows of a result; their number is the length of its arrays."""
+    """Return the rows of a result. Their number is the common length of the arrays among its
+    values; without arrays, there is one row."""
     values = [column.of(result) for column in columns]
     # A value that is not an array applies to every row.
-    sizes = {value.size for value in values if isinstance(value, np.ndarray)}
-    if not sizes:
+    lengths = {value.size for value in values if isinstance(value, np.ndarray)}
+    if not lengths:
         return [tuple(values)]
-    (size,) = sizes
-    cells = (
-        value.tolist() if isinstance(value, np.ndarray) else repeat(value, size) for value in values
+    (length,) = lengths
+    cells_of_columns = (
+        value.tolist() if isinstance(value, np.ndarray) else repeat(value, length)
+        for value in values
     )
-    return list(zip(*cells, strict=True))
+    return list(zip(*cells_of_columns, strict=True))
 
 
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
@@ -176,7 +185,8 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Table:
-    """Column names, rows with one cell per column, and descriptions of columns (`describe`)."""
+    """Table with the names of its columns, rows with one cell per column, and descriptions of the
+    columns, as `describe` returns them."""
 
     columns: tuple[str, ...]
     rows: list[tuple[Cell, ...]]
@@ -194,7 +204,18 @@ class Table:
         results: Iterable[Any],
         heads: Iterable[tuple[Cell, ...]] = repeat(()),
     ) -> Table:
-        """Return the rows of results in their order; `heads` are the first cells of their rows."""
+        """Return a table with the rows of several results.
+
+        Parameters
+        ----------
+        columns : sequence of Column
+            All columns of the table.
+        results : iterable
+            Results in the order of the rows.
+        heads : iterable of tuple
+            Cells of the first columns for each result, which are the same in all its rows; the
+            remaining columns are evaluated. By default all columns are evaluated.
+        """
         rows: list[tuple[Cell, ...]] = []
         for result, head in zip(results, heads, strict=False):
             rows += ((*head, *row) for row in rows_of(columns[len(head) :], result))
@@ -204,13 +225,14 @@ class Table:
         """Return the table in other units, with renamed columns and converted numbers."""
         if units == SI:
             return self
-        headed = [
+        names_and_factors = [
             units.column(name, self.meanings.get(name, {}).get("unit", TEXT))
             for name in self.columns
         ]
-        factors = [factor for _, factor in headed]
+        new_names = tuple(name for name, _ in names_and_factors)
+        factors = [factor for _, factor in names_and_factors]
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
-        return Table(tuple(name for name, _ in headed), rows, described_in(self.meanings, units))
+        return Table(new_names, rows, described_in(self.meanings, units))
 
     def as_summary(self, key: str) -> dict[str, Any]:
         """Return the rows for a JSON file under `key`, with the descriptions of the columns."""
@@ -218,7 +240,8 @@ class Table:
         return {key: rows, "meanings": dict(self.meanings)}
 
     def chosen(self, names: Iterable[str]) -> Table:
-        """Return the columns with these names; names that the table does not have are ignored."""
+        """Return the table with only the columns in `names`, in this order. Names that the table
+        does not have are ignored."""
         indices = [self.columns.index(name) for name in names if name in self.columns]
         rows = [tuple(row[i] for i in indices) for row in self.rows]
         return Table(tuple(self.columns[i] for i in indices), rows, self.meanings)
@@ -241,17 +264,14 @@ class Table:
         """Return each column with its cells: an array (nan if missing), or a list with text."""
         columns = []
         for index, name in enumerate(self.columns):
-            about = self.meanings[name]
-            unit = about.get("unit", TEXT)
+            description = self.meanings[name]
+            unit = description.get("unit", TEXT)
             cells = [row[index] for row in self.rows]
-            # A column of numbers can contain text, for example if there is no limit.
-            has_text = unit == TEXT or any(isinstance(cell, str) for cell in cells)
-            values = (
-                cells
-                if has_text
-                else np.array([np.nan if cell is None else cell for cell in cells])
-            )
-            columns.append((Column(name, unit, name, about["meaning"]), values))
+            # A column of numbers can contain text, for example `none` if there is no limit.
+            values: Any = cells
+            if unit != TEXT and not any(isinstance(cell, str) for cell in cells):
+                values = np.array([np.nan if cell is None else cell for cell in cells])
+            columns.append((Column(name, unit, name, description["meaning"]), values))
         return columns
 
     def csv(self) -> bytes:
@@ -266,13 +286,12 @@ class Table:
         UsageError
             pyarrow is not installed.
         """
-        # Numbers in a column with text become text, because a Parquet column has one type.
-        columns = {
-            column.name: [cell if cell is None else cell_text(cell) for cell in cells]
-            if isinstance(cells, list)
-            else cells
-            for column, cells in self.by_column()
-        }
+        columns = {}
+        for column, cells in self.by_column():
+            # Numbers in a column with text become text, because a Parquet column has one type.
+            if isinstance(cells, list):
+                cells = [cell if cell is None else cell_text(cell) for cell in cells]
+            columns[column.name] = cells
         return parquet(columns, self.meanings)
 
 
@@ -281,7 +300,14 @@ PARQUET = ("a Parquet file", "parquet")
 
 
 def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]]) -> bytes:
-    """Return columns (arrays or lists) with their descriptions as Parquet.
+    """Return a table as Parquet.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray or list
+        Cells of each column by its name.
+    meanings : mapping
+        Descriptions of the columns, as `describe` returns them; they become metadata.
 
     Raises
     ------
@@ -289,15 +315,11 @@ def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]
         pyarrow is not installed.
     """
     pyarrow, writer = (import_optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
-    # pyarrow cannot infer the type of a text column without any text.
-    empty = [
-        isinstance(cells, list) and all(cell is None for cell in cells)
-        for cells in columns.values()
-    ]
-    kinds = [pyarrow.string() if is_empty else None for is_empty in empty]
-    arrays = [
-        pyarrow.array(cells, kind) for cells, kind in zip(columns.values(), kinds, strict=True)
-    ]
+    arrays = []
+    for cells in columns.values():
+        # pyarrow infers the type, except for a text column without any text.
+        is_empty_text = isinstance(cells, list) and all(cell is None for cell in cells)
+        arrays.append(pyarrow.array(cells, pyarrow.string() if is_empty_text else None))
     fields = [
         pyarrow.field(name, array.type, metadata=meanings.get(name, {}))
         for name, array in zip(columns, arrays, strict=True)
@@ -333,10 +355,12 @@ def harmless(text: str) -> str:
     that starts with = + - @, a tab or a carriage return and is not a number; an apostrophe before
     the text prevents this.
     """
-    plain = _UNFIT.sub(lambda match: repr(match[0])[1:-1], text)
+    # `repr` writes escape sequences such as \x1b, in quotation marks, which are removed.
+    printable = _UNFIT.sub(lambda match: repr(match[0])[1:-1], text)
     # Bytes of a file name that Python could not decode in this locale are stored as surrogates.
-    plain = plain.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-    return f"'{plain}" if text[:1] in _FORMULA and not _HARMLESS.fullmatch(plain) else plain
+    printable = printable.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    is_formula = text[:1] in _FORMULA and not _NUMBER_OR_SIGN.fullmatch(printable)
+    return f"'{printable}" if is_formula else printable
 
 
 def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
@@ -350,7 +374,10 @@ def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
     # no carriage returns, so all of them can be removed from the result.
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerows(
-        [f"{cell}\r" if ";" in cell and _BEHIND.search(cell) else cell for cell in row]
+        [
+            f"{cell}\r" if ";" in cell and _FORMULA_AFTER_SEMICOLON.search(cell) else cell
+            for cell in row
+        ]
         for row in rows
     )
     return text.getvalue().replace("\r", "").encode()

@@ -48,36 +48,52 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     UsageError
         The result has no table, or a unit is unknown.
     """
-    if (
-        isinstance(result, list | tuple | ResultList)
-        and type(result[0] if len(result) else None).__name__ not in _IN_ROWS
-    ):
-        return _joined([to_dict(item, units) for item in result])
+    # Several results: a table with one row per result, or the joined tables of the results.
+    if isinstance(result, list | tuple | ResultList):
+        first = result[0] if len(result) else None
+        if type(first).__name__ not in _IN_ROWS:
+            return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
     if units and type(result).__name__ == "Gradient":
         raise UsageError("derivatives are in SI units: units cannot be selected for a gradient")
     values = _values(result)
-    # A value that is not an array applies to all rows.
-    size = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
-    tables: dict[str, Any] = {}
+    row_count = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
+    columns: dict[str, Any] = {}
     for column, value in values:
-        renamed, factor = output_units.column(column.name, column.unit)
-        if isinstance(value, np.ndarray):
-            is_text = value.dtype.kind == "U"
-            tables[renamed] = (
-                value.tolist() if is_text else value if factor == 1.0 else value / factor
-            )
-        elif isinstance(value, list | str):
-            tables[renamed] = [value] * size if isinstance(value, str) else value
-        else:
-            tables[renamed] = np.full(
-                size, np.nan if value is None else value if factor == 1.0 else value / factor
-            )
-    return tables
+        name, factor = output_units.column(column.name, column.unit)
+        columns[name] = _cells(value, factor, row_count)
+    return columns
+
+
+def _cells(value: Any, factor: float, row_count: int) -> Any:
+    """Return the cells of a column: an array of numbers, or a list with text.
+
+    Parameters
+    ----------
+    value : ndarray, list, str, number or None
+        Cells of the column, or a value that applies to all rows; None if it is missing.
+    factor : float
+        SI value of the unit of the cells.
+    row_count : int
+        Number of rows.
+    """
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind == "U":  # text
+            return value.tolist()
+        # Without conversion, whole numbers remain whole numbers.
+        return value if factor == 1.0 else value / factor
+    if isinstance(value, list):
+        return value
+    if isinstance(value, str):
+        return [value] * row_count
+    if value is None:
+        return np.full(row_count, np.nan)
+    return np.full(row_count, value if factor == 1.0 else value / factor)
 
 
 def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Concatenate the columns of several tables.
+    """Concatenate tables with the same columns. A table is a dictionary from the name of a column
+    to its cells, an array or a list.
 
     Raises
     ------
@@ -86,53 +102,54 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """
     if not tables or any(table.keys() != tables[0].keys() for table in tables):
         raise UsageError("a table needs one or more results of the same type")
-    return {
-        name: [cell for table in tables for cell in table[name]]
-        if isinstance(first, list)
-        else np.concatenate([table[name] for table in tables])
-        for name, first in tables[0].items()
-    }
+    joined: dict[str, Any] = {}
+    for name, first_cells in tables[0].items():
+        if isinstance(first_cells, list):
+            joined[name] = [cell for table in tables for cell in table[name]]
+        else:
+            joined[name] = np.concatenate([table[name] for table in tables])
+    return joined
 
 
 def to_parquet(result: Any, file: str | Path) -> None:
-    """Write the table of a result; see `Tabular.to_parquet`."""
-    about = describe(column for column, _ in _values(result))
-    write_files({Path(file): parquet(to_dict(result), about)}, overwrite=True)
+    """Write the table of a result to a Parquet file, with units and meanings of the columns as
+    metadata."""
+    descriptions = describe(column for column, _ in _values(result))
+    write_files({Path(file): parquet(to_dict(result), descriptions)}, overwrite=True)
 
 
 def to_xarray(runs: Runs) -> Any:
-    """Return runs as an xarray data set; see `Runs.to_xarray`."""
+    """Return runs as an xarray data set with the dimensions run, story and, with response
+    histories, time."""
     xarray = import_optional("xarray", "to_xarray")
     table = to_dict(runs)
-    along = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
-    coordinates: dict[str, Any] = {name: ("run", table[name]) for name in along}
+    run_columns = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
+    coordinates: dict[str, Any] = {name: ("run", table[name]) for name in run_columns}
     coordinates |= {
         "run": np.arange(len(runs.model)),
         "story": 1 + np.arange(runs.stories.peak_drift.shape[1]),
     }
+    # Each variable is a tuple of its dimensions, its values and its attributes.
     variables: dict[str, Any] = {}
-    for story_quantity in STORY:
-        about = {"units": story_quantity.unit, "long_name": story_quantity.meaning}
-        variables[story_quantity.name] = (
-            ("run", "story"),
-            getattr(runs.stories, story_quantity.name),
-            about,
-        )
-        if hasattr(runs.errors, story_quantity.name):
-            errors = getattr(runs.errors, story_quantity.name)
-            variables[f"{story_quantity.name}_error"] = (
+    for quantity in STORY:
+        values = getattr(runs.stories, quantity.name)
+        attributes = {"units": quantity.unit, "long_name": quantity.meaning}
+        variables[quantity.name] = (("run", "story"), values, attributes)
+        if hasattr(runs.errors, quantity.name):
+            errors = getattr(runs.errors, quantity.name)
+            variables[f"{quantity.name}_error"] = (
                 ("run", "story"),
                 errors,
-                {"units": story_quantity.unit},
+                {"units": quantity.unit},
             )
     for name, values in runs.history.items():
         variables[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
-        # Times that differ between runs cannot be an axis.
-        alike = len(runs.time) == 1
-        coordinates["time" if alike else "times"] = (
-            ("time", runs.time[0]) if alike else (("run", "time"), runs.time)
-        )
+        # Times that differ between runs cannot be a coordinate of the axis `time`.
+        if len(runs.time) == 1:
+            coordinates["time"] = ("time", runs.time[0])
+        else:
+            coordinates["times"] = (("run", "time"), runs.time)
     return xarray.Dataset(variables, coordinates)
 
 
@@ -146,20 +163,21 @@ _HISTORY_UNITS = {
 
 def to_html(result: Any, caption: str) -> str:
     """Return the first rows of a result's table as HTML."""
-    tables = to_dict(result)
-    size = len(next(iter(tables.values())))
-    head = "".join(f"<th>{escape(name)}</th>" for name in tables)
+    columns = to_dict(result)
+    row_count = len(next(iter(columns.values())))
+    head = "".join(f"<th>{escape(name)}</th>" for name in columns)
     rows = (
-        [escape(_cell(values[row])) for values in tables.values()]
-        for row in range(min(size, _ROWS))
+        [escape(_cell(values[row])) for values in columns.values()]
+        for row in range(min(row_count, _ROWS))
     )
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     # A table with thousands of rows would fill the notebook.
-    more = f"<p>{size - _ROWS} more rows</p>" if size > _ROWS else ""
-    return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more}"
+    more_text = f"<p>{row_count - _ROWS} more rows</p>" if row_count > _ROWS else ""
+    return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more_text}"
 
 
 def _cell(value: Any) -> str:
+    """Return a cell of the table of a notebook as text, with 5 significant digits."""
     if isinstance(value, float | np.floating):
         return "" if np.isnan(value) else format(value + 0.0, f".{_DIGITS}g")
     return "" if value is None else str(value)
@@ -173,17 +191,18 @@ OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.R
 
 def _values(result: Any) -> _Values:
     """Return each column with its values: an array, or a value that applies to all rows."""
-    # Several results of a class without entry in _IN_ROWS were joined before this call.
+    # Several results of a class that is not in _IN_ROWS were joined before this call.
     if isinstance(result, list | tuple | ResultList):
         return _in_rows(list(result))
-    kinds = (kind.__name__ for kind in type(result).__mro__)
-    values = next((_VALUES[kind] for kind in kinds if kind in _VALUES), None)
-    if values is None:
-        raise UsageError(f"{type(result).__name__} has no table")
-    return values(result)
+    # The table of a class also applies to its subclasses.
+    for result_class in type(result).__mro__:
+        if result_class.__name__ in _VALUES:
+            return _VALUES[result_class.__name__](result)
+    raise UsageError(f"a result of the type {type(result).__name__} has no table")
 
 
 def _rows_of(columns: Sequence[Column]) -> Callable[[Sequence[Any]], Table]:
+    """Return a function that returns the table of several results with the columns."""
     return partial(Table.of_results, columns)
 
 
@@ -203,83 +222,97 @@ imported."""
 
 
 def _in_rows(results: Sequence[Any]) -> _Values:
+    """Return the columns, with their values, of the table with one row per result."""
     return _IN_ROWS[type(results[0]).__name__](results).by_column()
 
 
 def _of(columns: Sequence[Column], result: Any) -> _Values:
+    """Return columns with their values for a result."""
     return [(column, column.of(result)) for column in columns]
 
 
 def _from(table: Callable[[Any], Table]) -> Callable[[Any], _Values]:
+    """Return a function that returns the columns, with their values, of the table of a result."""
     return lambda result: table(result).by_column()
 
 
 def _of_record(result: Any) -> _Values:
+    """Return the columns, with their values, of a result that has an attribute `record`."""
     return _of((*OF_RECORD, *columns_of(type(result))), result)
 
 
 def _of_campaign(result: Any) -> _Values:
+    """Return the columns of runs.csv, with their values, of a campaign."""
     with result.store as store:
         return campaign.runs_table(store).by_column()
 
 
 def _of_runs(result: Runs) -> _Values:
+    """Return the columns of runs.csv, with their values, of many runs."""
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
     # Arrays have space for the tallest building; the values above a lower building are nan.
     for number in range(len(result.models)):
         runs, stories = result.of_building(number)
-        for name, column in demand_columns(stories).items():
-            demands[name][runs] = column
+        for name, values in demand_columns(stories).items():
+            demands[name][runs] = values
+    # `model` and `record` contain the index of the building and of the record of each run.
+    buildings = np.array([model.name for model in result.models])[result.model]
+    sources = np.array([record.source for record in result.records])[result.record]
+    components = np.array([record.component for record in result.records])[result.record]
+    methods_of_runs = np.array(result.methods)[result.model]
     return [
-        (OF_RUNS["building"], np.array([model.name for model in result.models])[result.model]),
-        (OF_RUNS["record"], np.array([record.source for record in result.records])[result.record]),
-        (
-            OF_RUNS["component"],
-            np.array([record.component for record in result.records])[result.record],
-        ),
-        (OF_RUNS["method"], np.array(result.methods)[result.model]),
+        (OF_RUNS["building"], buildings),
+        (OF_RUNS["record"], sources),
+        (OF_RUNS["component"], components),
+        (OF_RUNS["method"], methods_of_runs),
         *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
         *(
             (OF_RUNS[name], getattr(result, name))
             for name in ("scale", "dt", "status", "energy_error", "steps")
         ),
         *((OF_RUNS[name], values) for name, values in demands.items()),
-        *_estimated(result),
+        *_demand_errors(result),
     ]
 
 
-def _estimated(result: Runs) -> _Values:
-    """Return the errors of the demands as in runs.csv."""
+def _demand_errors(result: Runs) -> _Values:
+    """Return the error columns of runs.csv, with their values; empty if errors were not
+    estimated."""
     if result.errors is None:
         return []
     rows = []
     for run, model in enumerate(result.model.tolist()):
-        of_run = partial(_one, run=run, stories=len(result.models[model].stories))
-        rows.append(demand_errors(of_run(result.stories), of_run(result.errors)))
+        story_count = len(result.models[model].stories)
+        peaks = _values_of_run(result.stories, run, story_count)
+        errors = _values_of_run(result.errors, run, story_count)
+        rows.append(demand_errors(peaks, errors))
     return list(zip(campaign.RUN_ERRORS, np.array(rows).T, strict=True))
 
 
-def _one(values: Any, *, run: int, stories: int) -> Any:
-    """Return the values of one run."""
+def _values_of_run(values: Any, run: int, story_count: int) -> Any:
+    """Return the peaks, or their errors, of one run from arrays of shape (runs, stories)."""
     return type(values)(
-        **{field.name: getattr(values, field.name)[run, :stories] for field in fields(values)}
+        **{field.name: getattr(values, field.name)[run, :story_count] for field in fields(values)}
     )
 
 
 def _of_modes(result: Any) -> _Values:
+    """Return the columns, with their values, of the modes of a building."""
     ratios = np.full_like(result.omega, np.nan) if result.damping is None else result.damping
     return _of((*buildings.MODE, buildings.mode_damping(ratios), *buildings.MODE_END), result)
 
 
 def _of_history(result: History) -> _Values:
     """Return the columns of a response history with their values, as in the CSV file."""
-    stories, error = result.displacement.shape[1], result.error is not None
+    stories, has_error = result.displacement.shape[1], result.error is not None
     values: list[Any] = []
-    for place, columns in responses.history_groups(error):
+    for location, columns in responses.history_groups(has_error):
         arrays = [column.of(result) for column in columns]
-        # Each floor or story has a column, in the order of the CSV file.
-        values += [array[:, i] for i in range(stories) for array in arrays] if place else arrays
-    return list(zip(responses.history_columns(stories, error), values, strict=True))
+        if location:  # a column for each floor or story, in the order of the CSV file
+            values += [array[:, i] for i in range(stories) for array in arrays]
+        else:
+            values += arrays
+    return list(zip(responses.history_columns(stories, has_error), values, strict=True))
 
 
 _VALUES: dict[str, Callable[[Any], _Values]] = {
