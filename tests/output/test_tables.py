@@ -223,7 +223,7 @@ def test_every_column_says_what_it_is_and_in_which_unit():
             max(own, key=lambda unit: len(suffix(unit))) if own else "1",
             TEXT,
         ), column
-    table = spectra.result_table([spectrum(record(), 0.05)], asked=["maxima"])
+    table = spectra.result_table([spectrum(record(), 0.05)], additional=["maxima"])
     assert list(table.meanings) == list(table.columns)
     assert table.meanings["sa_m_s2"] == {
         "meaning": "largest absolute acceleration",
