@@ -183,7 +183,7 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
         with pytest.raises(UsageError, match="a target and a value cannot be used together"):
             scale(pairs, target=target, **wrong)
     with pytest.raises(
-        UsageError, match="unknown rule 'p695'; known for a target: mean, asce7, ec8"
+        UsageError, match="unknown rule 'p695'; the rules for a target are mean, asce7, ec8"
     ):
         scale(pairs, target=target, rule="p695")
 

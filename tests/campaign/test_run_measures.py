@@ -215,11 +215,11 @@ def test_the_best_measure_comes_first(tmp_path):
 def test_tables_that_do_not_fit(tmp_path):
     folder_of(tmp_path)
     (tmp_path / "events.csv").write_text("record,magnitude\n0.csv,6\n")
-    with pytest.raises(ModelError, match=r"row of the record 1\.csv not found"):
+    with pytest.raises(ModelError, match=r"row of the record 1\.csv is missing"):
         compare_measures(tmp_path, ["sa", "pgv"], tmp_path / "events.csv")
     lines = (tmp_path / "measures.csv").read_text().splitlines()
     (tmp_path / "measures.csv").write_text("\n".join(lines[:5]) + "\n")
-    with pytest.raises(ModelError, match=r"row of a .* not found"):
+    with pytest.raises(ModelError, match=r"row of the run a .* is missing"):
         compare_measures(tmp_path, ["sa", "pgv"])
     with pytest.raises(
         ModelError, match="column building must have the same value in all rows, got "

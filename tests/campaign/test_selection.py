@@ -185,7 +185,9 @@ def test_three_pairs_of_one_event_are_not_selected():
 
 def test_unknown_events_are_refused(pool):
     motions = named(("known.AT2", "Kobe 1/16/1995"), ("one.csv", ""), ("two.csv", ""))
-    message = r"per_event: the event of 2 motions is unknown: one\.csv, two\.csv; name the events"
+    message = (
+        r"per_event: the event of 2 motions is unknown: one\.csv, two\.csv; specify the events"
+    )
     with pytest.raises(UsageError, match=message):
         tdint.select(motions, TARGET, 1, periods=PERIODS, per_event=1)
     with pytest.raises(UsageError, match=message):

@@ -331,7 +331,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             "record,factor",
             "record,gmv_MMI",
             3,
-            "fields.csv:1: gmv_mmi: keep only the intensity",
+            "fields.csv:1: the table has the columns gmv_mmi; keep only the intensity",
         ),
         (
             "sites.csv",
@@ -702,7 +702,7 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
     )
     change("campaign.yaml", (", pairs: true", ""))
     tdint.refused(
-        "fields.csv:1: record_2 can only be used with pairs",
+        "fields.csv:1: the column record_2 can only be used with pairs",
         "campaign",
         "campaign.yaml",
         "-o",

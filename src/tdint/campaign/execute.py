@@ -340,20 +340,20 @@ def campaign(
         if folder is not None:
             schema.refuse_network(Path(folder))
             stack.enter_context(schema.locked(Path(folder)))
-        store = stack.enter_context(open_store(None if folder is None else Path(folder), plan)[0])
+        opened_store, _ = open_store(None if folder is None else Path(folder), plan)
+        store = stack.enter_context(opened_store)
+        run_count = sum(map(plan.size, range(plan.chunks)))
         engine = threads(processors() if jobs is None else jobs)
         # After an interrupt only chunks in progress are lost; completed runs are returned if
         # `partial` is true.
         try:
-            with progress_reporter(
-                progress, sum(map(plan.size, range(plan.chunks))), "run"
-            ) as report_progress:
+            with progress_reporter(progress, run_count, "run") as report_progress:
                 execute_plan(
                     plan,
                     store,
                     engine,
                     max_runs=max_runs,
-                    on_chunk=lambda now: report_progress(now.done, now.runs),
+                    on_chunk=lambda advance: report_progress(advance.done, advance.runs),
                 )
         except KeyboardInterrupt:
             if not partial:
@@ -490,12 +490,15 @@ def _check_same(part: _Part, other_part: _Part) -> None:
     if all(part.identity[key] == other_part.identity[key] for key in ("fingerprint", "chunks")):
         # The runs are the same. The parts still cannot be merged, because the tables depend on the
         # inventory and on the section damage, and these differ.
-        lines = "\n".join([INVENTORY_CHANGED] * has_new_inventory)
+        reasons = []
         if any(part.identity[key] != other_part.identity[key] for key in ("inventory", "damage")):
-            lines = (
+            reasons.append(
                 "the columns of the inventory or the section damage differ; run `tdint campaign` "
-                f"again for each shard\n{lines}"
-            ).rstrip()
+                "again for each shard"
+            )
+        if has_new_inventory:
+            reasons.append(INVENTORY_CHANGED)
+        lines = "\n".join(reasons)
     else:
         with _reopened(part) as store, _reopened(other_part) as other_store:
             lines = all_differences(

@@ -673,5 +673,5 @@ def _factor_for_drift(
             high = factor
     raise AnalysisError(
         f"{mainshock.name}: no scale factor leads to a drift of {100.0 * drift:g} % without "
-        "collapse"
+        "collapse; specify a smaller drift, or another mainshock"
     )

@@ -367,8 +367,11 @@ def _assignment(
     # of sites has one site with an empty name.
     if motions.sites == ("",):
         return SiteEvents(motions, np.zeros(len(rows) if rows else model_count, dtype=np.int64))
+    # `near` has the names of the sites, the index of the nearest site of each building, and its
+    # distance. Each building is repeated for all its variations.
     if rows and rows.near is not None:
-        return SiteEvents(motions, np.repeat(rows.near[1], len(rows.changes)))
+        _, nearest_sites, _ = rows.near
+        return SiteEvents(motions, np.repeat(nearest_sites, len(rows.changes)))
     if not rows or not rows.table.table.has("site"):
         raise UsageError(
             f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
@@ -429,11 +432,11 @@ def read_sequences(sequences: SequenceFile) -> CampaignMotions:
     RecordError
         No sequence can be used; the message has the reasons, one line each.
     """
-    needs = (
+    format_text = (
         f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three "
         "are optional"
     )
-    table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
+    table = read_table(sequences.file, format_text, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
     # Defaults of missing columns: all components, factor 1, units of the record.
     optional = [

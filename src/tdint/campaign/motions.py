@@ -505,9 +505,11 @@ class FactorTable:
         ModelError
             The table has no factor for the motion.
         """
-        whole = motion.whole
-        names = dict.fromkeys([motion.name, Path(motion.name).name, whole.source])
-        components = dict.fromkeys([motion.component, whole.component, ""])
+        # The ground motion of a component is the pair to which it belongs, otherwise the component.
+        ground_motion = motion.whole
+        names = dict.fromkeys([motion.name, Path(motion.name).name, ground_motion.source])
+        # A row with an empty component applies to all components.
+        components = dict.fromkeys([motion.component, ground_motion.component, ""])
         for name in names:
             for component in components:
                 if (name, component) in self.by_name:

@@ -129,7 +129,8 @@ class Scaling(Tabular):
         )
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
-        """Return the motions with factors outside a range, and their factors.
+        """Return the motions with a factor outside a range: file and component of the motion, and
+        its factor.
 
         Parameters
         ----------
@@ -450,8 +451,7 @@ def scale_p695(
     if (period is None) != (value is None):
         raise UsageError(
             "scaling of a set by the rule p695 requires both a period and a pseudo-acceleration, "
-            "or "
-            f"neither; got period {period} and value {value}"
+            f"or neither; got period {period} and value {value}"
         )
     # Normalize by the peak velocities first. This removes the variation due to magnitude and
     # distance.
@@ -578,7 +578,7 @@ def scaling_function(rule: str) -> Callable[..., Scaling]:
     """
     if rule not in _SCALING_RULES:
         raise UsageError(
-            f"unknown rule {rule!r:.60}; known for a target: {', '.join(_SCALING_RULES)}"
+            f"unknown rule {rule!r:.60}; the rules for a target are {', '.join(_SCALING_RULES)}"
         )
     return _SCALING_RULES[rule]
 

@@ -500,8 +500,8 @@ def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) 
     if unknown:
         raise UsageError(
             f"per_event: the event of {pluralize(len(unknown), 'motion')} is unknown: "
-            f"{', '.join(dict.fromkeys(unknown))}; name the events of the files (--events FILE), "
-            "or omit these files"
+            f"{', '.join(dict.fromkeys(unknown))}; specify the events of the files (--events "
+            "FILE), or omit these files"
         )
 
 
@@ -540,6 +540,7 @@ def _pool(
     left_out = {"duplicate": 0, "range of periods": 0, "zero": 0}
     indices, spectra, known_hashes = [], [], set()
     for index, motion in enumerate(motions):
+        # Compare hashes instead of samples, which would have to be stored for all motions.
         samples = tuple((record.dt, record.acceleration.tobytes()) for record in components(motion))
         samples_hash = hash(samples)
         if samples_hash in known_hashes:

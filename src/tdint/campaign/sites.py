@@ -486,9 +486,8 @@ def _field_rows(
     table.need(event, "record", *([site] if field.sites else ()))
     if table.has(_SECOND_FILE) and not field.pairs:
         raise ModelError(
-            f"{file}:{table.header_line}: {_SECOND_FILE} can only be used with pairs; add pairs: "
-            "true to "
-            "the records"
+            f"{file}:{table.header_line}: the column {_SECOND_FILE} can only be used with pairs; "
+            "add `pairs: true` to the records"
         )
     value, unit, measure = _field_values(table)
     used_columns = (event, "record", site, "component", _SECOND_FILE, value)
@@ -644,8 +643,9 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
     match = _GMV.fullmatch(columns[0])
     if len(columns) > 1 or match is None:
         raise ModelError(
-            f"{table.source}:{table.header_line}: {', '.join(columns)}: keep only the intensity to "
-            "which records are scaled, gmv_PGA, gmv_PGV or gmv_SA(period), or add a column factor"
+            f"{table.source}:{table.header_line}: the table has the columns {', '.join(columns)}; "
+            "keep only the intensity to which records are scaled, gmv_PGA, gmv_PGV or "
+            "gmv_SA(period), or add a column factor"
         )
     period = match["period"]
     if columns[0] == "gmv_pgv":
@@ -754,8 +754,8 @@ class _FieldRecords:
         for error in suite.failures:
             if isinstance(error, SingleHorizontal):
                 raise RecordError(
-                    f"{error}: no second component found by file name; specify it in a column "
-                    f"{_SECOND_FILE}"
+                    f"{error}: no file with a similar name contains the second component; specify "
+                    f"its file in a column {_SECOND_FILE}"
                 )
             raise error
         self.notes += suite.notes

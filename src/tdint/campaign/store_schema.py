@@ -112,7 +112,8 @@ def _refuse_special_files(name: str) -> None:
     block."""
     if name != ":memory:" and is_there(name) and not is_file(name):
         raise OutputError(
-            f"{name}: is not a regular file; remove it, or specify another directory with -o"
+            f"{name}: this path is not a regular file; remove it, or specify another directory "
+            "with -o"
         )
 
 
@@ -256,7 +257,9 @@ def locked(folder: Path) -> Iterator[None]:
         ) from None
     # Opening a named pipe of this name would block.
     if is_there(folder / LOCK) and not is_file(folder / LOCK):
-        raise OutputError(f"{folder / LOCK}: is not a regular file; remove it, or write elsewhere")
+        raise OutputError(
+            f"{folder / LOCK}: this path is not a regular file; remove it, or write elsewhere"
+        )
     try:
         connection = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
     except sqlite3.Error as error:
@@ -397,7 +400,8 @@ class RowTable:
             cells: list[Any] = []
             for value in row:
                 cells += value if isinstance(value, tuple) else (value,)
-            cells += [None] * (len(types) - len(cells))
+            cells += [None] * (len(types) - len(cells))  # errors that were not estimated
+            # `cell != cell` is true for NaN only.
             result.append(
                 tuple(
                     None if cell is None or cell != cell else cell_type(cell)

@@ -176,8 +176,15 @@ def fragility(
     thresholds : float or sequence of float
         Demands (drift ratios) for which the exceedance is computed; default are the thresholds of
         the table.
-    fit, edp_range, modeling_dispersion, measure : optional
-        As in `FragilityRequest`.
+    fit : str, optional
+        `stripes`, `ida` or `cloud`; default is the fit that suits the columns of the table.
+    edp_range : tuple of two floats
+        For a cloud: smaller demands are omitted, larger demands are known only to be above the
+        upper limit.
+    modeling_dispersion : float
+        Dispersion due to the uncertainty of the model; default 0.
+    measure : str, optional
+        Intensity measure of runs, such as `pgv` or `sa:0.5`; default Sa(T1).
 
     Returns
     -------
@@ -726,9 +733,10 @@ def _by_threshold(
     for threshold in request.thresholds or available:
         rows = np.isclose(thresholds, threshold, rtol=SAME_LEVEL, atol=0.0)
         if not rows.any():
-            listed = ", ".join(f"{drift:g}" for drift in available)
+            available_text = ", ".join(f"{value:g}" for value in available)
             raise UsageError(
-                f"{table.source}: threshold {threshold:g} not found; its thresholds are {listed}"
+                f"{table.source}: threshold {threshold:g} not found; its thresholds are "
+                f"{available_text}"
             )
         functions.append(fit_at_threshold(threshold, names, partial(fit, rows)))
     return functions

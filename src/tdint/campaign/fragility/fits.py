@@ -907,7 +907,8 @@ def _lognormal(
     count : ndarray, shape (n,)
         Number of times that each observation was made.
     """
-    # Standardized logarithms avoid a nearly singular Hessian if all intensities are similar.
+    # Standardized logarithms avoid a nearly singular Hessian if all intensities are similar. If all
+    # are equal, their standard deviation is zero, and any scale is possible.
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
     observed = Observations(
@@ -916,7 +917,8 @@ def _lognormal(
     solution = maximize(observed, np.array([0.0, 1.0]))
     if solution is None:
         return None
-    # z = a + b (ln x - middle) / spread; convert a and b to ln theta and beta.
+    # a + b (ln x - middle) / spread = (ln x - ln theta) / beta: convert a and b to ln theta and
+    # beta.
     (a, b), covariance = solution
     jacobian = spread * np.array([[-1.0 / b, a / b**2], [0.0, -1.0 / b**2]])
     return float(middle - spread * a / b), float(spread / b), jacobian @ covariance @ jacobian.T

@@ -189,15 +189,16 @@ def _column_name(*parts: object) -> str:
 
 def _spectral(parameters: str) -> RunMeasure:
     """Return the measure Sa at a period. `parameters` is the text of the period."""
-    period, where, symbol = _period(parameters)
+    period, period_text, symbol = _period(parameters)
 
     def value(record: Record, first_period: float) -> float:
+        """Return Sa of a record, m/s^2."""
         return float(spectrum(record, np.array([period or first_period]), SA_DAMPING).psa[0])
 
     return RunMeasure(
         _column_name("sa", period or "t1"),
         "m/s^2",
-        f"Sa at {where}, 5 % damping",
+        f"Sa at {period_text}, 5 % damping",
         value,
         called=f"sa({symbol})",
     )
@@ -212,26 +213,31 @@ def _average(parameters: str) -> RunMeasure:
         raise UsageError(f"an average requires a first and a last period, got {parameters!r}")
     # The default range contains the periods of higher modes and of the damaged building.
     if isinstance(grid, Grid):
-        where = f"{grid.first:g} to {grid.last:g} s"
+        range_text = f"{grid.first:g} to {grid.last:g} s"
     else:
-        where = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
+        range_text = f"{AVERAGE.first:g} to {AVERAGE.last:g} times the first period of the building"
 
     def value(record: Record, first_period: float) -> float:
+        """Return Sa_avg of a record, m/s^2."""
         periods = grid.values() if grid else first_period * AVERAGE.values()
         return geometric_mean(spectrum(record, periods, SA_DAMPING).psa)
 
     column = _column_name("sa_avg", grid.first, grid.last) if grid else "sa_avg_t1"
     called = f"sa-avg({grid.first:g}:{grid.last:g})" if grid else "sa-avg({})"
     return RunMeasure(
-        column, "m/s^2", f"geometric mean of Sa from {where}, 5 % damping", value, called=called
+        column,
+        "m/s^2",
+        f"geometric mean of Sa from {range_text}, 5 % damping",
+        value,
+        called=called,
     )
 
 
 def _inelastic(parameters: str) -> RunMeasure:
     """Return the measure SDi, the maximum displacement of an elastoplastic oscillator. `parameters`
     is PERIOD:STRENGTH, where the strength is the yield force divided by the weight."""
-    period_text, _, strength_text = parameters.partition(":")
-    period, where, symbol = _period(period_text)
+    parameter_text, _, strength_text = parameters.partition(":")
+    period, oscillator_period_text, symbol = _period(parameter_text)
     strength = parse_ratio(strength_text)
     if not 0.0 < strength < math.inf:
         raise UsageError(
@@ -239,13 +245,14 @@ def _inelastic(parameters: str) -> RunMeasure:
         )
 
     def value(record: Record, first_period: float) -> float:
+        """Return the maximum displacement of the oscillator under a record, m."""
         periods = np.array([period or first_period])
         (inelastic,) = constant_strength(record, periods, [strength], SA_DAMPING)
         return float(inelastic.sd[0])
 
     meaning = (
-        f"maximum displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at "
-        f"{strength:g}"
+        f"maximum displacement of an elastoplastic oscillator of {oscillator_period_text}, 5 % "
+        f"damping, yielding at {strength:g}"
     )
     called = f"sdi({symbol},{strength:g})"
     return RunMeasure(
@@ -955,7 +962,8 @@ def _outdated_measures(location: str, keys: Sequence[str]) -> ModelError:
         Cells that identify the run.
     """
     return ModelError(
-        f"{location}: row of {' '.join(keys)} not found; run `tdint campaign` with --im again"
+        f"{location}: the row of the run {' '.join(keys)} is missing; run `tdint campaign` with "
+        "--im again"
     )
 
 
@@ -1026,7 +1034,8 @@ def _characteristics(
     missing = [record for record in dict.fromkeys(records_of_runs) if record not in set(records)]
     if missing:
         raise ModelError(
-            f"{file}: row of the record {missing[0]} not found; records are named as in runs.csv"
+            f"{file}: the row of the record {missing[0]} is missing; add it, with the name of the "
+            "record in runs.csv"
         )
     events = None
     if record_table.has("event"):
