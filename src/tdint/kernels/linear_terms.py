@@ -20,7 +20,8 @@ def force_value(forces, j, t):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors.
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     j : int
         Index of the force.
     t : float
@@ -37,7 +38,8 @@ def force_rate(forces, j, t):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors.
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     j : int
         Index of the force.
     t : float
@@ -60,7 +62,8 @@ def force_impulse(forces, j, t, h):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     j : int
         Index of the force.
     t : float
@@ -88,7 +91,8 @@ def force_moment(forces, j, t, h):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     j : int
         Index of the force.
     t : float
@@ -115,15 +119,17 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     ground : float
         Ground acceleration, m/s^2.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     row : int
         Row of the load.
     """
@@ -140,11 +146,12 @@ def _add_forces(forces, t, scratch, row):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     row : int
         Row of the load.
     """
@@ -161,9 +168,11 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     h : float
@@ -171,7 +180,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     ground_0, ground_1 : float
         Ground acceleration at both endpoints, m/s^2.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     row : int
         Row of the impulse.
     """
@@ -188,13 +197,14 @@ def _add_impulses(forces, t, h, scratch, row):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     h : float
         Time step, s.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     row : int
         Row of the impulse.
     """
@@ -218,9 +228,11 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     load : ndarray
         Start time and ground accelerations of the step.
     h : float
@@ -228,7 +240,7 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     r : float
         Coefficient of the method (see `tdint.kernels.equations.moment4`); 0 for the first moment.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     row : int
         Row of the mean; the moment is stored in the next row.
     """
@@ -253,7 +265,8 @@ def _add_means(forces, t, h, r, scratch, row):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     h : float
@@ -261,7 +274,7 @@ def _add_means(forces, t, h, r, scratch, row):
     r : float
         Coefficient of numerical dissipation of moment4; 0 for the exact first moment.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     row : int
         Row of the mean.
     """
@@ -286,7 +299,7 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     table : ndarray
         Table that contains x.
     x : int
@@ -376,15 +389,16 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     block : int
         Block of the law states with the story forces and drifts.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     velocity : int
         Row of the velocities, m/s.
     row : int

@@ -331,7 +331,7 @@ def find_interstep_peaks(
         Step or substep. If `span.cornered` is set, the kernel of the method has already searched
         accelerations and total shears, and this function skips them.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     passage : Passage
         Motion at both endpoints, relative to the ground.
     law_state : ndarray
@@ -405,7 +405,7 @@ def find_interstep_peaks(
             _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
             inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
-                link = linear_terms[rows.LINK, i + 1]
+                link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
                 floor_forces = _add_floor_forces(span, scene.forces, link, i, floor_forces)
             row = first_peak + rows.PEAK_TOTAL_SHEAR
             _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
@@ -465,7 +465,8 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     i : int
         Floor.
     floor : Ends

@@ -44,11 +44,12 @@ class Scene(NamedTuple):
     linear_terms : ndarray
         Properties of the building that act linearly.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     law_parameters : ndarray
         Parameters of the hysteresis models.
     forces : ndarray
-        Harmonic forces on floors.
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     flags : ndarray
         Properties of building and method that are set before the time integration.
     """
@@ -264,7 +265,7 @@ def take_step(step, coefficients, scene, h, load, memory):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     load : ndarray

@@ -72,7 +72,8 @@ def step(
     coefficients : ndarray
         Coefficients gamma, q0, q1 and q2.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray
@@ -146,7 +147,8 @@ def _guess_inner(half_length, state, scratch, n):
     half_length : float
         Half of the length of the substep, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Rows U (m), V (m/s) and A (m/s^2) are set.
     n : int
@@ -172,7 +174,8 @@ def _guess_end(coefficients, h, state, scratch, n):
     h : float
         Time step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Rows V and A contain velocity and acceleration at the inner point. U (m) and V (m/s) are
         replaced by the guess at the end of the step; A remains.

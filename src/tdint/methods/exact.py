@@ -60,7 +60,8 @@ def step(
     coefficients : ndarray
         Matrix of `prepare`, column by column; a column has 2 n values.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray

@@ -137,7 +137,8 @@ def step(
     coefficients : ndarray
         Parameter beta.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray
@@ -208,7 +209,7 @@ def _store_load(linear_terms, forces, h, load, scratch):
     Parameters
     ----------
     linear_terms, forces : ndarray
-        Linear terms of the building and forces on floors.
+        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
     h : float
         Time step, s.
     load : ndarray
@@ -240,7 +241,7 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
     coefficients : ndarray
         Parameter beta.
     linear_terms, law_parameters : ndarray
-        Linear terms of the building and parameters of the laws.
+        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
     h : float
         Time step, s.
     memory : Memory
@@ -273,7 +274,7 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         )
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift = u - link * u_below
         rate = v - link * v_below
         increment = du - link * du_below
@@ -316,7 +317,8 @@ def _factor(coefficients, linear_terms, modal, h, factors):
     coefficients : ndarray
         Parameter beta.
     linear_terms, modal : ndarray
-        Linear terms of the building and rows of the modal damping matrix.
+        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
+        matrix C = sum of w w^T.
     h : float
         Time step, s.
     factors : Factors

@@ -135,7 +135,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the time step, s.
     load : ndarray
@@ -367,7 +367,8 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     h : float
         Length of the substep, s.
     state, law_state : ndarray
@@ -391,7 +392,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     v_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift = scratch[momentum.U1, i] - link * u_below
         drift_change = drift - law_state[rows.DRIFT, i]
         # The path is longer than the change if the drift reverses.
@@ -428,7 +429,7 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
     Parameters
     ----------
     linear_terms, law_parameters : ndarray
-        Linear terms of the building and parameters of the laws.
+        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
     state, law_state : ndarray
         State and law states at the start of the substep, which are replaced.
     scratch : ndarray
@@ -457,7 +458,7 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
     keep_branches : bool
         True if stories on a linear branch remain on it, as in a substep.
     linear_terms, law_parameters : ndarray
-        Linear terms of the building and parameters of the laws.
+        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
     state, law_state : ndarray
         State and law states at the start, which are replaced.
     scratch : ndarray
@@ -495,7 +496,7 @@ def _update_substep_peaks(scene, span, memory):
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
         End time, length and ground acceleration of the substep.
     memory : Memory

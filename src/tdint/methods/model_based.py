@@ -102,7 +102,8 @@ def step(
     coefficients : ndarray
         Coefficients alpha_m, alpha_f, beta and gamma.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray
@@ -164,7 +165,7 @@ def _initialize_q(linear_terms, law_parameters, by_k, state, factors, n):
     Parameters
     ----------
     linear_terms, law_parameters : ndarray
-        Linear terms of the building and parameters of the laws.
+        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
     by_k : float
         beta h^2, s^2.
     state : ndarray
@@ -193,7 +194,7 @@ def _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n):
     Parameters
     ----------
     linear_terms, forces : ndarray
-        Linear terms of the building and forces on floors.
+        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
     end_weight : float
         Weight 1 - alpha_f of the load at the end of the step.
     h : float
@@ -224,7 +225,7 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
     Parameters
     ----------
     linear_terms, law_parameters : ndarray
-        Linear terms of the building and parameters of the laws.
+        Masses, dampers and geometric stiffnesses of the building; parameters of the laws.
     end_weight : float
         Weight 1 - alpha_f of the forces at the end of the step.
     by_k : float
@@ -244,7 +245,7 @@ def _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, me
         q = state[rows.ACCELERATION, i]
         u = state[rows.DISPLACEMENT, i] + h * state[rows.VELOCITY, i] + 0.5 * h * h * q
         v = state[rows.VELOCITY, i] + end_weight * h * q
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         geometric = linear_terms[rows.GEOMETRIC, i]
         force_0 = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, u - link * u_below)
@@ -294,7 +295,8 @@ def chang_step(
     coefficients : ndarray
         Not used.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray

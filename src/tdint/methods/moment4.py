@@ -80,7 +80,8 @@ def step(
     coefficients : ndarray
         r and 12 / (1 + 6 r), see `coefficients`.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray

@@ -92,7 +92,8 @@ def step(
     coefficients : ndarray
         Weights V, W and B of the mean velocities and mean accelerations, three each.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray
@@ -163,7 +164,8 @@ def _guess_average_acceleration(h, state, scratch, n):
     h : float
         Time step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         The guessed mean velocity and the rows U (m), V (m/s) and A (m/s^2) are set.
     n : int
@@ -193,7 +195,8 @@ def _guess_multi_step(c, h, state, scratch, n):
     h : float
         Time step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         The guessed mean velocity and the rows U (m), V (m/s) and A (m/s^2) are set.
     n : int

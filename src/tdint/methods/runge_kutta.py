@@ -114,7 +114,8 @@ def explicit_step(
     coefficients : ndarray
         Result of `explicit_coefficients`.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray
@@ -319,7 +320,8 @@ def implicit_step(
     coefficients : ndarray
         Result of `implicit_coefficients`.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray
@@ -397,7 +399,7 @@ def _predict_stages(coefficients, scene, h, load, memory):
     coefficients : ndarray
         Coefficients of `implicit_step`.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Time step, s.
     load : ndarray
@@ -529,7 +531,7 @@ def _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
             scratch[residuals, i] = 0.0
         add_modal_force(modal, scratch, velocity, 1.0, scratch, residuals, n)
         for i in range(n):
-            link = linear_terms[rows.LINK, i + 1]
+            link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
             load = scratch[_IMPLICIT.STAGE_LOAD + stage, i]
             inertia = linear_terms[rows.MASS, i] * scratch[_IMPLICIT.STAGE_A + stage, i]
             damping = (
@@ -563,7 +565,8 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     coefficients : ndarray
         Coefficients of `implicit_step`.
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     h : float
         Time step, s.
     factors : Factors

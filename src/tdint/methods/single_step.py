@@ -84,7 +84,8 @@ def step(
     coefficients : ndarray
         Coefficients W1, L2W2, L3W3, L5W2, L6W1, l3 and l5 of Zhou and Tamma (2004).
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `tdint.kernels.stepping.Scene`; not changed.
+        Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
+        not changed.
     h : float
         Time step, s.
     load : ndarray
@@ -150,13 +151,14 @@ def _predict_weighted_point(coefficients, linear_terms, forces, h, load, state, 
     coefficients : ndarray
         Coefficients of the method.
     linear_terms, forces : ndarray
-        Linear terms of the building and forces on floors.
+        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
     h : float
         Time step, s.
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Rows LOAD (N), U (m), V (m/s) and A (m/s^2) are set.
     """

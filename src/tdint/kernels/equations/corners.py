@@ -42,9 +42,10 @@ def _story_value(linear_terms, scratch, row, i):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     row : int
         Row of the table.
     i : int
@@ -60,18 +61,17 @@ def _story_path(linear_terms, law_state, scratch, i):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     i : int
         Index of the story.
     """
-    rise, bend = (
-        _story_value(linear_terms, scratch, ROW.RISE, i),
-        _story_value(linear_terms, scratch, ROW.BEND, i),
-    )
+    rise = _story_value(linear_terms, scratch, ROW.RISE, i)
+    bend = _story_value(linear_terms, scratch, ROW.BEND, i)
     return PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
 
 
@@ -85,15 +85,15 @@ def _skip_branch(law_state, i, block, segment, results):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     segment : PathSegment
         Part of the path.
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     """
     pass
 
@@ -105,7 +105,7 @@ def _ignore_branch_end(results, i, t, force):
     Parameters
     ----------
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     i : int
         Index of the story.
     t : float
@@ -174,13 +174,15 @@ def _direction(segment, no_reversal):
 def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     """Find the corners of story `i` in the step: its branch changes and its reversal.
 
-    The law follows the parabola of drift in the trial state SECOND_TRIAL. The committed state is
-    not changed.
+    The law follows the parabola of drift in the trial state SECOND_TRIAL: first to the reversal (or
+    to the end of the step, if there is no reversal), then from the reversal to the end. The
+    committed state is not changed.
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     complete : PathSegment
@@ -192,34 +194,30 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)
     reversal_time = 1.0 if no_reversal else path.time_of_extremum(complete)
-    path_forth, drift = (
-        path.path_segment(complete, 0.0, reversal_time),
-        path.drift_at(complete, reversal_time),
-    )
+    part_before = path.path_segment(complete, 0.0, reversal_time)
+    end_drift = path.drift_at(complete, reversal_time)
     _follow_path_storing_corners(
         law_parameters,
         law_state,
         i,
         rows.SECOND_TRIAL,
-        path_forth,
-        _direction(path_forth, no_reversal),
-        drift,
+        part_before,
+        _direction(part_before, no_reversal),
+        end_drift,
         corners,
     )
     if reversal_time < 1.0:
         _store_corner(corners, i, reversal_time, law_state[rows.SECOND_TRIAL + rows.FORCE, i])
-        path_back, drift = (
-            path.path_segment(complete, reversal_time, 1.0),
-            path.drift_at(complete, 1.0),
-        )
+        part_after = path.path_segment(complete, reversal_time, 1.0)
+        end_drift = path.drift_at(complete, 1.0)
         _follow_path_storing_corners(
             law_parameters,
             law_state,
             i,
             rows.SECOND_TRIAL,
-            path_back,
-            _direction(path_back, False),
-            drift,
+            part_after,
+            _direction(part_after, False),
+            end_drift,
             corners,
         )
 
@@ -233,6 +231,8 @@ def _store_nodes(scratch, n):
     """
     scratch[ROW.NODE_FORCE, n] = 0.0
     count = 1
+    # Column 0 of the rows CORNERS contains the number of corners, then their times in ascending
+    # order.
     corners = int(scratch[ROW.CORNERS, 0])
     for k in range(corners + 1):
         previous = scratch[ROW.NODE_FORCE + count - 1, n]
@@ -248,13 +248,15 @@ def _store_nodes(scratch, n):
 def _store_forces(scene, h, memory, i, count):
     """Compute the force of story `i` at all nodes, including P-delta and without dampers, N.
 
-    The rows NODE_FORCE receive the forces. A story on a linear branch has the force of this branch;
-    a story that changes its branch follows its path; the force of a curved law is approximated.
+    The rows NODE_FORCE receive the forces. If the story remains on its linear branch, the force
+    follows from the stiffness of this branch. If it leaves a linear branch, the law is evaluated
+    along the path of the story from node to node. The force of a curved law is approximated by a
+    parabola of time.
 
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -273,8 +275,8 @@ def _store_forces(scene, h, memory, i, count):
     is_curved = HAS_CURVED_LAW and not law_state[rows.SLOPE, i] < math.inf
     mean = moment = 0.0
     if is_curved:
-        # The force is approximated by a parabola with its mean, its moment and its value at the
-        # start.
+        # The parabola has the mean, the first moment and the initial value of the force. The rows
+        # PATH contain mean and moment with P-delta and dampers, which are subtracted here.
         mean = scratch[ROW.PATH + path.MEAN, i] - geometric * (
             story_path.start + 0.5 * story_path.rise - story_path.bend / 12.0
         )
@@ -285,22 +287,20 @@ def _store_forces(scene, h, memory, i, count):
         )
     elif leaves_branch:
         path.copy(law_state, i, 0, rows.SECOND_TRIAL)
-    previous = 0.0
+    previous_t = 0.0
     for k in range(count):
         t = scratch[ROW.NODE_FORCE + k, n]
         s = t - 0.5
         drift = story_path.start + _story_value(linear_terms, scratch, ROW.NODE_DISPLACEMENT + k, i)
-        force = law_state[rows.FORCE, i]
+        force = law_state[rows.FORCE, i]  # at the start of the step
         if is_curved:
             force = mean + s * moment + (6.0 * s * s - 0.5) * (force - mean + 0.5 * moment)
         elif not leaves_branch:
             force += law_state[rows.SLOPE, i] * (drift - story_path.start)
         elif t > 0.0:
-            segment = path.path_segment(story_path, previous, t)
-            direction, end_drift = (
-                _direction(segment, scratch[ROW.NO_REVERSAL, i] != 0.0),
-                path.drift_at(story_path, t),
-            )
+            segment = path.path_segment(story_path, previous_t, t)
+            direction = _direction(segment, scratch[ROW.NO_REVERSAL, i] != 0.0)
+            end_drift = path.drift_at(story_path, t)
             _follow_path(
                 scene.law_parameters,
                 law_state,
@@ -311,12 +311,14 @@ def _store_forces(scene, h, memory, i, count):
                 end_drift,
                 Integrals(scratch, ROW.CORNERS),
             )
+            # The drift of the node differs slightly from the parabola of drift, along which the law
+            # was evaluated.
             distance = drift - law_state[rows.SECOND_TRIAL + rows.DRIFT, i]
             force = (
                 law_state[rows.SECOND_TRIAL + rows.FORCE, i]
                 + law_state[rows.SECOND_TRIAL + rows.SLOPE, i] * distance
             )
-            previous = t
+            previous_t = t
         scratch[ROW.NODE_FORCE + k, i] = force + geometric * drift
 
 
@@ -330,13 +332,13 @@ def _store_accelerations(scene, h, load, scratch, k):
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     k : int
         Index of the node.
     """
@@ -347,23 +349,25 @@ def _store_accelerations(scene, h, load, scratch, k):
     for i in range(n):
         scratch[ROW.MODAL_FORCE, i] = 0.0
     add_modal_force(modal, scratch, ROW.NODE_VELOCITY + k, -inverse_h, scratch, ROW.MODAL_FORCE, n)
-    floor_forces = story_force_above = 0.0
+    # `viscous_shear` is minus the sum of the viscous forces from the ground on floor `i` and on the
+    # floors above. The rows NODE_VELOCITY contain h times the velocities.
+    viscous_shear = story_force_above = 0.0
     for i in range(n - 1, -1, -1):
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         rate = inverse_h * _story_value(linear_terms, scratch, ROW.NODE_VELOCITY + k, i)
         story_force = scratch[ROW.NODE_FORCE + k, i] + linear_terms[rows.STORY_DAMPER, i] * rate
         story_force += power_damper(linear_terms, i, rate)[0]
-        floor_force = (
+        viscous_force = (
             scratch[ROW.MODAL_FORCE, i]
             - inverse_h * linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.NODE_VELOCITY + k, i]
         )
-        floor_forces -= floor_force
-        scratch[ROW.NODE_FORCE + k, i] = story_force + floor_forces
+        viscous_shear -= viscous_force
+        scratch[ROW.NODE_FORCE + k, i] = story_force + viscous_shear
         scratch[ROW.NODE_ACCELERATION + k, i] = linear_terms[rows.INVERSE_MASS, i] * (
-            story_force_above - story_force + floor_force
+            story_force_above - story_force + viscous_force
         )
         story_force_above = link * story_force
-        floor_forces *= link
+        viscous_shear *= link
     if FORCES:
         for j in range(forces.shape[0]):
             i = int(forces[j, rows.FLOOR])
@@ -376,16 +380,18 @@ def _store_accelerations(scene, h, load, scratch, k):
 def _integrate_accelerations(h, load, memory, i, count):
     """Integrate the accelerations of floor `i` at the nodes to displacements and velocities.
 
-    Between two corners the acceleration is the parabola through three nodes. A linear function of
-    time is added to the acceleration so that displacement and velocity at the end of the step are
-    those of the step.
+    Between two corners the acceleration is the parabola through three nodes: both corners and their
+    midpoint. Integrated once and twice, it gives the velocities (times h) and the displacements,
+    both relative to the start of the step and in m. Displacement and velocity at the end then
+    differ slightly from those of the step. Therefore, a linear function of time is added to the
+    acceleration.
 
     Parameters
     ----------
     h : float
         Length of the step, s.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
         State and scratch array.
     i : int
@@ -396,9 +402,10 @@ def _integrate_accelerations(h, load, memory, i, count):
     state, _, scratch, _ = memory
     n = state.shape[1] - 1
     scaled_v0 = h * state[rows.VELOCITY, i]
-    displacement, rate, a2 = 0.0, scaled_v0, _relative_acceleration(h, load, scratch, 0, i, n)
-    for k in range(0, count - 2, 2):
-        interval = scratch[ROW.NODE_FORCE + k + 1, n] - scratch[ROW.NODE_FORCE + k, n]
+    displacement, rate = 0.0, scaled_v0
+    a2 = _relative_acceleration(h, load, scratch, 0, i, n)
+    for k in range(0, count - 2, 2):  # k: first corner, k + 1: midpoint, k + 2: second corner
+        half_interval = scratch[ROW.NODE_FORCE + k + 1, n] - scratch[ROW.NODE_FORCE + k, n]
         a0, a1, a2 = (
             a2,
             _relative_acceleration(h, load, scratch, k + 1, i, n),
@@ -406,16 +413,20 @@ def _integrate_accelerations(h, load, memory, i, count):
         )
         scratch[ROW.NODE_DISPLACEMENT + k + 1, i] = (
             displacement
-            + interval * rate
-            + interval * interval * (3.5 * a0 + 3.0 * a1 - 0.5 * a2) / 12.0
+            + half_interval * rate
+            + half_interval * half_interval * (3.5 * a0 + 3.0 * a1 - 0.5 * a2) / 12.0
         )
-        scratch[ROW.NODE_VELOCITY + k + 1, i] = rate + interval * (5.0 * a0 + 8.0 * a1 - a2) / 12.0
-        displacement += 2.0 * interval * rate + interval * interval * (2.0 * a0 + 4.0 * a1) / 3.0
-        rate += interval * (a0 + 4.0 * a1 + a2) / 3.0
-        scratch[ROW.NODE_DISPLACEMENT + k + 2, i], scratch[ROW.NODE_VELOCITY + k + 2, i] = (
-            displacement,
-            rate,
+        scratch[ROW.NODE_VELOCITY + k + 1, i] = (
+            rate + half_interval * (5.0 * a0 + 8.0 * a1 - a2) / 12.0
         )
+        displacement += (
+            2.0 * half_interval * rate + half_interval * half_interval * (2.0 * a0 + 4.0 * a1) / 3.0
+        )
+        rate += half_interval * (a0 + 4.0 * a1 + a2) / 3.0
+        scratch[ROW.NODE_DISPLACEMENT + k + 2, i] = displacement
+        scratch[ROW.NODE_VELOCITY + k + 2, i] = rate
+    # Add the integrals of the acceleration velocity_misfit + displacement_misfit (t - 1/2), which
+    # removes both misfits at t = 1. Row A0 contains h times the change of velocity in the step.
     velocity_misfit = scaled_v0 + scratch[ROW.A0, i] - rate
     displacement_misfit = 12.0 * (0.5 * velocity_misfit - (scratch[ROW.RISE, i] - displacement))
     for k in range(1, count):
@@ -437,9 +448,9 @@ def _relative_acceleration(h, load, scratch, k, i, n):
     h : float
         Length of the step, s.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     k, i, n : int
         Node, floor and number of floors.
     """
@@ -459,12 +470,13 @@ def _relative_acceleration(h, load, scratch, k, i, n):
 def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     """Return True if the force of a story may exceed its peak within the step.
 
-    The maximum can occur at a reversal or at the end of the current linear branch.
+    The force can have its maximum within the step at a reversal or at the end of the current linear
+    branch. Both are estimated with the stiffness of this branch.
 
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     scratch : ndarray
         Scratch array with the peaks.
     i : int
@@ -472,7 +484,8 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     rise, bend : float
         Coefficients of the parabola of drift, m.
     """
-    drift_change = abs(rise) + 0.5 * abs(bend)
+    drift_change = abs(rise) + 0.5 * abs(bend)  # bound of the change of drift within the step
+    # The parabola has an extremum within the step, a reversal, if 2 |rise| < |bend|.
     max_force = abs(law_state[rows.FORCE, i]) + abs(law_state[rows.SLOPE, i]) * drift_change
     peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
     may_exceed = (2.0 * abs(rise) < abs(bend)) & (max_force > peak)
@@ -496,11 +509,11 @@ def _may_exceed_peaks(scene, h, load, memory):
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
         State, law states and scratch array.
     """
@@ -515,14 +528,13 @@ def _may_exceed_peaks(scene, h, load, memory):
         deviation = 0.0
         if scratch[ROW.LEAVES_BRANCH, i] != 0.0 and law_state[rows.SLOPE, i] < math.inf:
             any_leaves = True
-            rise, bend = (
-                _story_value(linear_terms, scratch, ROW.RISE, i),
-                _story_value(linear_terms, scratch, ROW.BEND, i),
-            )
+            rise = _story_value(linear_terms, scratch, ROW.RISE, i)
+            bend = _story_value(linear_terms, scratch, ROW.BEND, i)
             may_exceed |= _may_exceed_shear_peak(law_state, scratch, i, rise, bend)
             deviation = (
                 _FORCE_DEVIATION * law_parameters[rows.STIFFNESS, i] * (abs(rise) + 0.5 * abs(bend))
             )
+        # Absolute accelerations of the floor at the start and at the end of the step, m/s^2
         half_change = 0.5 * inverse_h_squared * scratch[ROW.A1, i]
         a_0 = inverse_h_squared * scratch[ROW.A0, i] - half_change + load[rows.GROUND_0]
         a_1 = inverse_h_squared * scratch[ROW.A0, i] + half_change + load[rows.GROUND_1]
@@ -543,18 +555,20 @@ def _may_exceed_peaks(scene, h, load, memory):
 
 @inline
 def update_peaks_at_corners(scene, h, load, memory):
-    """Update the peaks within a step, before its end is committed.
+    """Update the peaks at and between the branch changes and reversals within a step, before the
+    state at its end is committed.
 
-    In most steps no story leaves its branch, and the inlined test is sufficient.
+    In most steps no story leaves its branch. The last column of row LEAVES_BRANCH is then 0, and
+    nothing is done.
 
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
         State, law states, scratch array and status of the step.
     """
@@ -573,11 +587,11 @@ def _update_peaks_at_corners(scene, h, load, memory):
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
         State, law states, scratch array and status of the step.
     """
@@ -614,11 +628,11 @@ def _update_peaks_between_corners(scene, h, load, memory):
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
         State and scratch array.
     """
@@ -628,7 +642,8 @@ def _update_peaks_between_corners(scene, h, load, memory):
     # Displacements and velocities of the first pass: the cubic with the displacements and
     # velocities of the step at both endpoints
     for i in range(n):
-        rise, velocity_change = scratch[ROW.RISE, i], scratch[ROW.A0, i]
+        rise, velocity_change = scratch[ROW.RISE, i], scratch[ROW.A0, i]  # the latter times h
+        # Coefficient of the cubic term, for which the velocity at the start is that of the step
         cubic = 0.2 * (rise - h * state[rows.VELOCITY, i]) - 0.1 * velocity_change
         for k in range(count):
             s = scratch[ROW.NODE_FORCE + k, n] - 0.5
@@ -640,8 +655,9 @@ def _update_peaks_between_corners(scene, h, load, memory):
                 rise + s * velocity_change + (2.5 - 30.0 * s * s) * cubic
             )
     for pass_index in range(_PASSES):
-        for i in range(n if pass_index > 0 else 0):
-            _integrate_accelerations(h, load, memory, i, count)
+        if pass_index > 0:
+            for i in range(n):
+                _integrate_accelerations(h, load, memory, i, count)
         for i in range(n):
             _store_forces(scene, h, memory, i, count)
         for k in range(count):

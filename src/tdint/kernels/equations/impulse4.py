@@ -52,19 +52,23 @@ from tdint.kernels.stories.branches import find_sign_change
 from tdint.kernels.stories.law_state import restoring_force_outlined
 
 # Indices of the coefficients (`tdint.methods.impulse4.coefficients`)
-THETA = 0
+THETA = 0  # th, al and be of the kinematic equation
 ALPHA = 1
 BETA = 2
+# Weights w0, wc and w1 of the story forces at the start, at the inner point and at the end
 WEIGHT_0 = 3
 WEIGHT_C = 4
 WEIGHT_1 = 5
+# Displacement at the inner point: uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
 BY_INCREMENT = 6  # gd
 BY_VELOCITY_0 = 7  # g0
 BY_VELOCITY_1 = 8  # g1
-RATE_BY_INCREMENT = 9  # vc = these times (u1 - u0) / h, v0 and v1
+# Velocity at the inner point: vc = these three coefficients times (u1 - u0) / h, v0 and v1
+RATE_BY_INCREMENT = 9
 RATE_BY_VELOCITY_0 = 10
 RATE_BY_VELOCITY_1 = 11
-ROOT_RE = 12  # l / h, l^2 - th h l + be h^2 = 0
+# Real and imaginary part of l / h with the complex root l of l^2 - th h l + be h^2 = 0
+ROOT_RE = 12
 ROOT_IM = 13
 
 
@@ -151,7 +155,8 @@ def factor_rows(modes):
     """Return the number of rows of a factorization for a building with `modes` modally damped
     modes.
 
-    The rows of `_Block` are followed by the rows for the modes of both matrices.
+    The rows of `_Block` are followed by 6 modes + 1 rows for each of the two matrices: four rows
+    with solutions and two rows of the small inverse for each mode, and one temporary row.
     """
     return _STORE + 2 * (6 * modes + 1)
 
@@ -163,7 +168,7 @@ def store_load(linear_terms, forces, t, h, ground_0, ground_1, scratch):
     Parameters
     ----------
     linear_terms, forces : ndarray
-        Linear terms of the building and forces on floors.
+        Masses, dampers and geometric stiffnesses of the building; forces on its floors.
     t, h : float
         Start and length of the step, s.
     ground_0, ground_1 : float
@@ -197,7 +202,7 @@ def solve_linear(coefficients, scene, h, memory, factors):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -239,7 +244,7 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -251,13 +256,16 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     Returns
     -------
     bool
-        True if the existing factorization is for other stiffnesses or another length of the step.
+        True if the existing factorization is for other stiffnesses or another length of the step,
+        and must be computed again.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
+    # With zero increments, the drift at the inner point differs from the drift at the start by
+    # h (g0 + g1) times the drift rate. `by_rate` is this factor times the weight wc.
     by_rate = (
         coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
     )
@@ -268,28 +276,31 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
         is_stale |= law_state[rows.SLOPE, i] != scratch[slopes_row, i]
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         mass = linear_terms[rows.MASS, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
         v = state[rows.VELOCITY, i]
         rate = v - link * state[rows.VELOCITY, max(i - 1, 0)]
-        spring = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
-        force = spring + linear_terms[rows.STORY_DAMPER, i] * rate
-        impulse = h * (spring + by_rate * (law_state[rows.SLOPE, i] + geometric) * rate)
-        inertia = (
+        spring_force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
+        # Force and impulse of story `i` for u1 = u0 and v1 = v0. The story dampers do not
+        # contribute to the impulse, because the drift does not change.
+        force = spring_force + linear_terms[rows.STORY_DAMPER, i] * rate
+        impulse = h * (spring_force + by_rate * (law_state[rows.SLOPE, i] + geometric) * rate)
+        mass_times_a1 = (
             scratch[momentum.LOAD, i]
             - linear_terms[rows.FLOOR_DAMPER, i] * v
             - (force - force_above)
         )
-        imbalance = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
+        momentum_residual = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
         scratch[ROW.COMPLEX, i] = (
             mass * (h * v + by_a0 * state[rows.ACCELERATION, i])
-            - by_a1 * inertia
-            + root_re * imbalance
+            - by_a1 * mass_times_a1
+            + root_re * momentum_residual
         )
-        scratch[ROW.COMPLEX + 1, i] = root_im * imbalance
+        scratch[ROW.COMPLEX + 1, i] = root_im * momentum_residual
         force_above = link * force
         impulse_above = link * impulse
+    # The modal damping force at the end changes a1 and thereby the kinematic equation.
     add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.COMPLEX, n)
     return is_stale
 
@@ -307,7 +318,8 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     Parameters
     ----------
     linear_terms, modal : ndarray
-        Linear terms of the building and rows of the modal damping matrix.
+        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
+        matrix C = sum of w w^T.
     root : tuple of float
         Real and imaginary part of l, s.
     state, law_state : ndarray
@@ -318,11 +330,14 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
+    # The floors are processed from the roof downwards. The increments of each floor are computed
+    # one pass earlier, as increments of the floor below the previous one, because the drift of a
+    # story requires both.
     force_above = 0.0
     dv_below = scratch[ROW.COMPLEX + 1, n - 1] * by_im
     du_below = scratch[ROW.COMPLEX, n - 1] + re * dv_below
     for i in range(n - 1, -1, -1):
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         below = max(i - 1, 0)
         du = du_below
         dv = dv_below
@@ -334,14 +349,15 @@ def _store_response(linear_terms, modal, root, state, law_state, scratch):
         scratch[momentum.U1, i] = state[rows.DISPLACEMENT, i] + du
         scratch[momentum.V1, i] = v
         geometric = linear_terms[rows.GEOMETRIC, i]
+        # Force of story `i` at the end of the step: law, P-delta and story damper
         force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
         force += (law_state[rows.SLOPE, i] + geometric) * (du - link * du_below)
         force += linear_terms[rows.STORY_DAMPER, i] * (
             v - link * (state[rows.VELOCITY, below] + dv_below)
         )
-        outer = scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v
+        floor_force = scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v
         scratch[momentum.A1, i] = linear_terms[rows.INVERSE_MASS, i] * (
-            outer - (force - force_above)
+            floor_force - (force - force_above)
         )
         force_above = link * force
     if MODAL and modal.shape[0] > 0:
@@ -355,9 +371,10 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
     Parameters
     ----------
     linear_terms, modal : ndarray
-        Linear terms of the building and rows of the modal damping matrix.
+        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
+        matrix C = sum of w w^T.
     scratch : ndarray
-        Scratch rows.
+        Scratch array: one row for each quantity, one column for each floor or story.
     n : int
         Number of floors.
     """
@@ -389,7 +406,7 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step or substep, s.
     memory : Memory
@@ -408,13 +425,13 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
     if not has_guess:
         store_first_guess(1.0, h, state, scratch, n)
     tolerance = RESIDUAL_TOLERANCE
-    if scratch[ROW.RUN_MAXIMA, 1] > 0.0:
+    if scratch[ROW.RUN_MAXIMA, 1] > 0.0:  # zero before the first step of a run is complete
         mismatch = scratch[ROW.RUN_MAXIMA, 0] / scratch[ROW.RUN_MAXIMA, 1]
         tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISMATCH * mismatch))
     iterations = 0
-    fraction = 1.0
+    applied_fraction = 1.0
     previous_norm = math.inf
-    is_rounding = False
+    is_correction_negligible = False
     while True:
         is_stale = _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors)
         residuals(
@@ -438,24 +455,27 @@ def newton(keep_branches, has_guess, coefficients, scene, h, memory, factors):
                 scratch,
                 step_status,
             )
-            or is_rounding
+            or is_correction_negligible
         ):
             break
+        # Line search, after the first UNDAMPED_ITERATIONS corrections: halve the applied fraction
+        # of a correction that does not reduce the norm of the residuals. R1 (kg m) divided by h and
+        # R2 have the unit N s.
         if iterations >= UNDAMPED_ITERATIONS:
             norm = squared_norm(linear_terms, scratch, momentum.R1, n) / (h * h) + squared_norm(
                 linear_terms, scratch, momentum.R2, n
             )
-            if must_halve(norm, previous_norm, fraction):
-                fraction *= 0.5
-                add_rows(-fraction, scratch, ROW.LAST_CORRECTION, momentum.DU, 2, n)
+            if must_halve(norm, previous_norm, applied_fraction):
+                applied_fraction *= 0.5
+                add_rows(-applied_fraction, scratch, ROW.LAST_CORRECTION, momentum.DU, 2, n)
                 continue
             previous_norm = norm
-            fraction = 1.0
+            applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
         if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
-        is_rounding = correct(
+        is_correction_negligible = correct(
             coefficients[BETA], modal, h, _newton_factorization(scratch, factors), n
         )
         iterations += 1
@@ -483,7 +503,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -494,7 +514,8 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
     Returns
     -------
     bool
-        True if the factorization does not match the tangents.
+        True if the existing factorization is for other tangents or another length of the step, and
+        must be computed again.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -508,6 +529,7 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         du = scratch[momentum.DU, i]
         u = state[rows.DISPLACEMENT, i] + du
         v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
+        # Displacement at the inner point: uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1)
         uc = (
             state[rows.DISPLACEMENT, i]
             + coefficients[BY_INCREMENT] * du
@@ -519,11 +541,12 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
         )
         scratch[momentum.U1, i] = u
         scratch[momentum.V1, i] = v
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift_c = uc - link * uc_below
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
+        # SLOPE is finite on a linear branch and infinite on a curved branch.
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
             tangent_c = tangent = law_state[rows.SLOPE, i]
             scratch[ROW.KINK, i] = 0.0
@@ -536,6 +559,8 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
                     coefficients, scene, h, i, (drift_c, drift), memory
                 )
             if not is_reversed:
+                # The law moves from the start of the step to the inner point (FIRST_TRIAL) and from
+                # there to the end (SECOND_TRIAL).
                 tangent_c = restoring_force_outlined(
                     law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
                 )
@@ -581,23 +606,25 @@ def _evaluate_laws(keep_branches, coefficients, scene, h, memory, factors):
 
 @outlined
 def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
-    """Evaluate a curved law of story `i` at three drifts if the drift rate changes its sign within
-    the step.
+    """Evaluate a curved law of story `i` if the drift rate changes its sign within the step.
 
-    The law is evaluated at the reversal, at the inner point of the quadrature (suffix `_c`) and at
-    the end, in chronological order. The drift within the step is the cubic Hermite interpolant.
+    The law is evaluated at three drifts in chronological order: at the reversal, at the inner point
+    of the quadrature (suffix `_c`) and at the end of the step. The inner point can be before or
+    after the reversal. The drift within the step is the cubic Hermite interpolant of the drifts and
+    drift rates at both endpoints.
 
-    The slope of the force changes at the reversal (kink), which causes an error of the quadrature.
-    Its estimate is stored in row KINK: the change of slope times the smaller of the drift
-    excursions before and after the reversal, divided by the force at the reversal. A power-law
-    dashpot adds a fraction of its force.
+    At the reversal, the tangent stiffness changes suddenly (kink of the force). The quadrature
+    therefore has an error. Row KINK receives an estimate of this error as a fraction of the force
+    at the reversal: the change of the tangent stiffness, times the change of drift until the
+    reversal or after the reversal, whichever is smaller. A power-law dashpot adds a fraction of its
+    force.
 
     Parameters
     ----------
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     i : int
@@ -610,31 +637,33 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
     Returns
     -------
     tangent_c, tangent : float
-        Derivatives of the forces at the inner point and at the end, N/m. `tangent` includes that a
-        change of the drift at the end moves the reversal; `tangent_c` neglects it.
+        Derivatives of the forces at the inner point and at the end with respect to the drifts at
+        these points, N/m. `tangent` includes that a change of the drift at the end moves the
+        reversal; `tangent_c` neglects this effect.
     is_reversed : bool
-        True if the story reverses. Otherwise, and for tables with extra rows, the law is not
-        evaluated and KINK is 0.
+        True if the story reverses and the law was evaluated. If the story does not reverse, or if
+        `law_state` has extra rows, the law is not evaluated, KINK is 0, and all results are 0.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    link = linear_terms[rows.LINK, i]
+    link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
     below = max(i - 1, 0)
     sign = law_state[rows.RATE_SIGN, i]
-    # Changes of the drift over the step at the rates of both endpoints, positive in the direction
-    # of loading. The story reverses if the first is positive and the second negative.
+    # Drift rates at both endpoints times the length of the step (m), positive in the direction of
+    # loading. The story reverses if the first is positive and the second negative.
     scaled_rate_0 = sign * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
     scaled_rate_1 = sign * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
-    # With KINK 0, `first_event` locates a reversal. This also applies to all stories of a table
-    # with extra rows.
+    # KINK 0 means that the step must be divided at a reversal. This is always the case if a law of
+    # the building has extra rows: THIRD_TRIAL then contains those rows at the start of the step
+    # (`_save_start` of impulse4) and is not available for the reversal.
     scratch[ROW.KINK, i] = 0.0
     if not (scaled_rate_0 > 0.0 and scaled_rate_1 < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
     start = law_state[rows.DRIFT, i]
     change = sign * (drift - start)
-    # The reversal is at the fraction s of the step. `excursion` is the change of the drift until
-    # then.
+    # The reversal is at the fraction s of the step. The drift rate of the cubic is a quadratic with
+    # these three Bezier points. NONE (above 1) can only result from rounding.
     s = min(
         find_sign_change(
             scaled_rate_0, 3.0 * change - scaled_rate_0 - scaled_rate_1, scaled_rate_1
@@ -642,13 +671,19 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         1.0,
     )
     r = 1.0 - s
-    excursion = s * s * (3.0 - 2.0 * s) * change + s * r * (r * scaled_rate_0 - s * scaled_rate_1)
-    reversal_drift = start + sign * excursion
+    # Changes of the drift from the start to the reversal (Hermite cubic at s), and from the
+    # reversal to the end in the opposite direction, m
+    loading_change = s * s * (3.0 - 2.0 * s) * change + s * r * (
+        r * scaled_rate_0 - s * scaled_rate_1
+    )
+    unloading_change = loading_change - change
+    reversal_drift = start + sign * loading_change
     # Time of the inner point as a fraction of the step, from the condition that the quadrature
     # is exact for linear functions.
     inner_fraction = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
-    # Each call evaluates the law on a path from the state in a block (0: start of the step) to a
-    # drift, and writes the new state to another block.
+    # Each call moves the law from the state in the first block (0: start of the step) to a drift,
+    # stores the new state in the second block, and returns the tangent stiffness there. The inner
+    # point is stored in FIRST_TRIAL, the end in SECOND_TRIAL and the reversal in THIRD_TRIAL.
     if s < inner_fraction:
         loading_tangent = restoring_force_outlined(
             law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift
@@ -671,37 +706,39 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.PREVIOUS_BLOCK, i] = rows.THIRD_TRIAL
-    kink = abs(tangent - loading_tangent) * min(excursion, excursion - change)
+    kink = abs(tangent - loading_tangent) * min(loading_change, unloading_change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, scaled_rate_0 / h)
         force_1, _ = power_damper(linear_terms, i, scaled_rate_1 / h)
         kink += _DASHPOT_KINK * min(abs(force_0), abs(force_1))
     scratch[ROW.KINK, i] = kink / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
-    # A change of the drift at the end changes the drift at the reversal by this fraction, and
-    # therefore its force.
-    fraction = s * s * (3.0 - 2.0 * s)
-    return tangent_c, tangent + fraction * (loading_tangent - tangent), True
+    # If the drift at the end increases by 1, the cubic at the reversal increases by
+    # `moved_fraction`. The force changes along this part of the path with the tangent of loading.
+    moved_fraction = s * s * (3.0 - 2.0 * s)
+    return tangent_c, tangent + moved_fraction * (loading_tangent - tangent), True
 
 
 @outlined
 def keep_negligible_kinks(scene, h, memory):
-    """Set row KINK to 0 for stories whose reversal must be located.
+    """Set row KINK to 0 for the stories whose reversal is not negligible.
 
-    A curved law has a kink of the force at a reversal. The reversal does not have to be located if
-    the kink is small compared with the largest error of a step in the run. This error is estimated
-    by the mismatch between the average of the accelerations at both endpoints and the mean
-    acceleration over the step, squared, weighted with the masses and summed over the floors. For a
-    response with the frequency omega, the relative mismatch is (omega h)^2 / 12 and its square is
-    of order 4 in the time step h. The effect of a kink is of order 2. Therefore, all reversals are
-    located if the steps are small. The forces of power-law dashpots are removed from the
-    accelerations because they are discontinuous at a reversal.
+    The step is then divided at the reversals of these stories. Row KINK contains the estimated
+    effect of each reversal, relative to the force of the story. A curved law has a kink of the
+    force at a reversal. The reversal does not have to be located if the kink is small compared with
+    the largest error of a step in the run. This error is estimated by the mismatch between the
+    average of the accelerations at both endpoints and the mean acceleration over the step, squared,
+    weighted with the masses and summed over the floors. For a response with the frequency omega,
+    the relative mismatch is (omega h)^2 / 12 and its square is of order 4 in the time step h. The
+    effect of a kink is of order 2. Therefore, all reversals are located if the steps are small. The
+    forces of power-law dashpots are removed from the accelerations because they are discontinuous
+    at a reversal.
 
     The maxima of the mismatch and of the norm of the accelerations are updated in row RUN_MAXIMA.
 
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -713,6 +750,8 @@ def keep_negligible_kinks(scene, h, memory):
     mismatch = acceleration_norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
+        # Average at both endpoints minus mean over the step: of the dashpot forces on floor `i`,
+        # then of its acceleration without these forces
         dashpot_force = (
             scratch[ROW.DASHPOT_MISMATCH, i]
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.DASHPOT_MISMATCH, i + 1]
@@ -732,8 +771,10 @@ def keep_negligible_kinks(scene, h, memory):
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
             >= _NEAR_PEAK * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
         )
-        is_reliable = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
-        if not (is_reliable and scratch[ROW.KINK, i] * acceleration_norm <= _MAX_KINK * mismatch):
+        may_be_omitted = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
+        if not (
+            may_be_omitted and scratch[ROW.KINK, i] * acceleration_norm <= _MAX_KINK * mismatch
+        ):
             scratch[ROW.KINK, i] = 0.0
 
 
@@ -741,12 +782,17 @@ def keep_negligible_kinks(scene, h, memory):
 def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force and impulse.
 
+    The impulse is h (w0 f0 + wc fc + w1 f1) with the dashpot forces f0, fc and f1 at the start, at
+    the inner point and at the end of the step. The rows FORCE_1, FORCE_S, DASHPOT_MISMATCH, SLOPE_C
+    and SLOPE_1 of the scratch array are changed.
+
     Parameters
     ----------
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     i : int
         Index of the story.
     h : float
@@ -761,10 +807,12 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     Returns
     -------
     bool
-        True if the factorization does not match the derivative of the dashpot force.
+        True if the existing factorization is for another derivative of the dashpot force and must
+        be computed again.
     """
     state, _, scratch, _ = memory
-    link = linear_terms[rows.LINK, i]
+    # For the first story, column i - 1 is the last column of the tables, and link is 0.
+    link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
     rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, i - 1]
     rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, i - 1]
     rate_c = (
@@ -803,25 +851,32 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
 
     The matrix consists of 2 x 2 blocks for the unknowns (u1 - u0, v1 - v0) of each floor. It is
     block tridiagonal because a story couples adjacent floors only. Rows `coupling` and
-    `coupling + 1` contain the derivatives of the kinematic equation of the story with respect to
-    its drift and its drift rate; the next two rows, those of the momentum equation.
+    `coupling + 1` receive the contribution of each story to the kinematic equation: the
+    derivatives with respect to the changes of its drift and drift rate. The next two rows receive
+    its contribution to the momentum equation. With the tangents kc and k1 at the inner point and at
+    the end, and with the damping coefficient c of a linear damper, they are
+
+        -be h^2 k1,   -be h^2 c,   c + h (wc gd kc + w1 k1),   -be h^2 kc
+
+    because wc gd = th - w1 and wc g1 = -be. Power-law dashpots add their derivatives.
 
     Parameters
     ----------
     coefficients : ndarray
         Coefficients of the method.
     linear_terms, modal : ndarray
-        Linear terms of the building and rows of the modal damping matrix.
+        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
+        matrix C = sum of w w^T.
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     factors : int
         First scratch row of the factorization.
     """
     n = linear_terms.shape[1] - 1
     by_a = coefficients[BETA] * h * h
-    inner = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
+    by_tangent_c = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
     coupling = factors + _BLOCK.COUPLING
     for i in range(n):
         tangent_c = scratch[ROW.TANGENT_C, i]
@@ -837,7 +892,7 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         scratch[coupling, i] = -by_a * tangent_1
         scratch[coupling + 1, i] = -by_a * (damper + slope_1)
         scratch[coupling + 2, i] = (
-            damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
+            damper + by_tangent_c * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
         )
         scratch[coupling + 2, i] += coefficients[RATE_BY_INCREMENT] * slope_c
         scratch[coupling + 3, i] = -by_a * tangent_c

@@ -49,7 +49,8 @@ def store_first_guess(factor, h, state, scratch, n):
     h : float
         Length of the step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Rows DU and DV are set.
     n : int
@@ -77,18 +78,21 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     theta, alpha, beta : float
         Coefficients of the kinematic equation.
     linear_terms, modal : ndarray
-        Linear terms of the building and rows of the modal damping matrix.
+        Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
+        matrix C = sum of w w^T.
     h : float
         Length of the step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Rows LOAD, IMPULSE, DU, DV, V1, FORCE_1 and FORCE_S are used; rows R1 (kg m), R2 (N s) and
         A1 (m/s^2) are set.
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
-        link = linear_terms[rows.LINK, i + 1]
+        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
+        # Net force and net impulse on the floor: of the story below minus those of the story above
         force = scratch[FORCE_1, i] - link * scratch[FORCE_1, i + 1]
         scratch[A1, i] = (
             scratch[LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * scratch[V1, i] - force
@@ -104,16 +108,21 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     add_modal_force(modal, scratch, DU, -1.0, scratch, R2, n)
     for i in range(n):
         scratch[A1, i] *= linear_terms[rows.INVERSE_MASS, i]
-        by_v = h * ((1.0 - theta) * state[rows.VELOCITY, i] + theta * scratch[V1, i])
-        by_a = h * h * (alpha * state[rows.ACCELERATION, i] - beta * scratch[A1, i])
-        scratch[R1, i] = linear_terms[rows.MASS, i] * (by_v + by_a - scratch[DU, i])
+        # Terms of the kinematic equation that contain velocities and accelerations, m
+        velocity_terms = h * ((1.0 - theta) * state[rows.VELOCITY, i] + theta * scratch[V1, i])
+        acceleration_terms = h * h * (alpha * state[rows.ACCELERATION, i] - beta * scratch[A1, i])
+        scratch[R1, i] = linear_terms[rows.MASS, i] * (
+            velocity_terms + acceleration_terms - scratch[DU, i]
+        )
 
 
 @inline
 def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, step_status):
     """Return True if the residuals of kinematics and momentum of all floors are small enough.
 
-    A residual may be `tolerance` times the sum of the absolute values of the terms of its equation.
+    A residual is small enough if it is at most `tolerance` times the sum of the absolute values of
+    the terms of its equation. Each floor has two equations: kinematics, multiplied by its mass, and
+    momentum.
 
     Parameters
     ----------
@@ -125,11 +134,13 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     beta : float
         Coefficient of the kinematic equation.
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     h : float
         Length of the step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Scratch rows with response and residuals.
     step_status : ndarray
@@ -140,9 +151,11 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(n):
-        link = linear_terms[rows.LINK, i + 1]
+        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
+        # Rounding errors of the displacements, as a force, N
         rounding = scratch[SIZE, i] + link * scratch[SIZE, i + 1]
+        # Sum of the absolute values of the terms: kinematics (m), then momentum (N s)
         scale = abs(scratch[DU, i]) + h * (abs(state[rows.VELOCITY, i]) + abs(scratch[V1, i]))
         scale += h * h * abs(state[rows.ACCELERATION, i]) + by_a * abs(scratch[A1, i])
         is_small &= is_balanced(
@@ -158,12 +171,14 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
 def correct(beta, modal, h, factors, n):
     """Solve for the corrections of Newton's method and add them to the increments u1 - u0, v1 - v0.
 
+    Rows R1 and R2 of the scratch array contain the negative residuals and receive the corrections.
+
     Parameters
     ----------
     beta : float
         Coefficient of the kinematic equation.
     modal : ndarray
-        Rows of the modal damping matrix.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     h : float
         Length of the step, s.
     factors : Factors

@@ -130,7 +130,7 @@ def solve_step(coefficients, scene, h, memory):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -193,7 +193,7 @@ def _solve_on_branches(coefficients, scene, h, memory):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -261,7 +261,8 @@ def _store_first_guess(h, state, scratch, n):
     h : float
         Length of the step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Rows RISE and BEND are set.
     n : int
@@ -284,7 +285,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -306,7 +307,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     size_below = 0.0
     scratch[ROW.LEAVES_BRANCH, n] = 0.0
     for i in range(n):
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         rise = scratch[ROW.RISE, i] - link * rise_below
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
@@ -376,7 +377,7 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -429,7 +430,7 @@ def _acceleration(scene, memory, i):
     for above in range(2):
         j = i + above
         if j < n:
-            link = linear_terms[rows.LINK, j]
+            link = linear_terms[rows.LINK, j]  # 0 for a story on the ground, otherwise 1
             rate = state[rows.VELOCITY, j] - link * state[rows.VELOCITY, max(j - 1, 0)]
             story = (
                 law_state[rows.FORCE, j]
@@ -454,13 +455,15 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     h : float
         Length of the step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Scratch rows; X, A0 and A1 are set.
     """
@@ -472,7 +475,7 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     add_modal_force(modal, scratch, ROW.BEND, -h, scratch, ROW.X + 1, n)
     norm = 0.0
     for i in range(n):
-        link = linear_terms[rows.LINK, i + 1]
+        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         rise = scratch[ROW.RISE, i]
         bend = scratch[ROW.BEND, i]
         a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
@@ -514,20 +517,22 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     h : float
         Length of the step, s.
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
-        Scratch rows.
+        Scratch array: one row for each quantity, one column for each floor or story.
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i + 1]
+        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
         rounding = scratch[ROW.ROUNDING_FORCE, i] + link * scratch[ROW.ROUNDING_FORCE, i + 1]
         force_scale = (
@@ -571,7 +576,8 @@ def _correct(state, scratch, n):
     Parameters
     ----------
     state : ndarray
-        State at the start of the step.
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
+        step.
     scratch : ndarray
         Rows X contain the corrections, m. Rows RISE, BEND and CORRECTION are updated.
     n : int
@@ -612,15 +618,16 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     law_parameters : ndarray
-        Parameters of the laws.
+        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array.
+        Scratch array: one row for each quantity, one column for each floor or story.
     """
     n = linear_terms.shape[1] - 1
     h_squared = h * h
@@ -666,7 +673,7 @@ def solve(modal, h, scratch, x, n):
     Parameters
     ----------
     modal : ndarray
-        Rows of the modal damping matrix.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     h : float
         Length of the step, s.
     scratch : ndarray
@@ -692,7 +699,7 @@ def update_state(coefficients, scene, h, memory):
     coefficients : ndarray
         Coefficients of the method.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     h : float
         Length of the step, s.
     memory : Memory
@@ -746,7 +753,7 @@ def _modal_work(modal, h, scratch, n):
     Parameters
     ----------
     modal : ndarray
-        Rows of the modal damping matrix.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     h : float
         Length of the step, s.
     scratch : ndarray
@@ -772,7 +779,8 @@ def _dashpot_work(linear_terms, scratch, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     scratch : ndarray
         Rows RISE, BEND (m) and DASHPOT (N) are used.
     n : int

@@ -85,7 +85,7 @@ def invalidate(scratch, factors, n):
     Parameters
     ----------
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     factors : int
         First row of the factorization.
     n : int
@@ -114,7 +114,7 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     trial : int
         Block of the law states that receives the states at the solution.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         The rows `ROW` of the scratch array contain load and first guess, then the response.
 
@@ -131,11 +131,14 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     factorization = Factors(
         scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE
     )
+    # If by_u is 0, the displacements are known and the stiffness does not contribute. The row of
+    # the tangents then contains by_v times the derivative of the dashpots (`_story_forces`), with
+    # the factor 1.
     combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
         scratch[ROW.X, i] = 0.0
     iterations = 0
-    fraction = 1.0
+    applied_fraction = 1.0
     previous_norm = math.inf
     while True:
         is_stale = _story_forces(effective, factors, previous, trial, scene, memory)
@@ -143,14 +146,16 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
             iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status
         ):
             break
+        # Line search, after the first UNDAMPED_ITERATIONS corrections: halve the applied fraction
+        # of a correction that does not reduce the norm of the residuals.
         if iterations >= UNDAMPED_ITERATIONS:
             norm = squared_norm(linear_terms, scratch, ROW.RESIDUAL, n)
-            if must_halve(norm, previous_norm, fraction):
-                fraction *= 0.5
-                _correct(-fraction, ROW.CORRECTION, effective, scratch, n)
+            if must_halve(norm, previous_norm, applied_fraction):
+                applied_fraction *= 0.5
+                _correct(-applied_fraction, ROW.CORRECTION, effective, scratch, n)
                 continue
             previous_norm = norm
-            fraction = 1.0
+            applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
         if is_stale:
@@ -163,8 +168,11 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
         iterations += 1
         if iterations > UNDAMPED_ITERATIONS:
             copy_rows(scratch, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
-        is_exact = flags[rows.LINEAR] != 0.0 or (by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0)
-        if _correct(1.0, ROW.RESIDUAL, effective, scratch, n) or is_exact:
+        # If all forces are linear functions of x, one solution is exact.
+        is_linear_in_x = flags[rows.LINEAR] != 0.0 or (
+            by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0
+        )
+        if _correct(1.0, ROW.RESIDUAL, effective, scratch, n) or is_linear_in_x:
             _evaluate_laws(previous, trial, scene, memory)
             break
     return max(iterations, 1)
@@ -188,14 +196,14 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
     previous, trial : int
         Blocks of the law states at the start and at the end of the path.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         Law states and scratch rows, which are updated.
 
     Returns
     -------
     bool
-        True if the factorization does not match the tangents.
+        True if the existing factorization is for other tangents and must be computed again.
     """
     by_u, by_v, _ = effective
     linear_terms, _, law_parameters, _, _ = scene
@@ -208,10 +216,13 @@ def _story_forces(effective, factors, previous, trial, scene, memory):
         rate = scratch[ROW.V, i] - linear_terms[rows.LINK, i] * v_below
         u_below = scratch[ROW.U, i]
         v_below = scratch[ROW.V, i]
+        # `restoring_force` stores the force in block `trial` and returns the tangent stiffness,
+        # without P-delta.
         tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         tangent_scale = law_parameters[rows.STIFFNESS, i]
         if by_u == 0.0:
+            # `factor_combination` adds GEOMETRIC to each tangent; it is subtracted here in advance.
             tangent = by_v * dashpot_tangent - linear_terms[rows.GEOMETRIC, i]
             tangent_scale = linear_terms[rows.MASS, i]
         elif dashpot_tangent != 0.0:
@@ -248,11 +259,12 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
         True if no further iteration is allowed. The largest residual is then stored in
         `step_status`.
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     modal : ndarray
-        Rows of the modal damping matrix.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     scratch : ndarray
-        Scratch rows.
+        Scratch array: one row for each quantity, one column for each floor or story.
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
@@ -266,7 +278,7 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
         load = scratch[ROW.LOAD, i]
         inertia = linear_terms[rows.MASS, i] * scratch[ROW.A, i]
         damping = scratch[ROW.RESIDUAL, i]
-        link = linear_terms[rows.LINK, i + 1]
+        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         residual = load - inertia - damping - scratch[ROW.SUM, i] + link * scratch[ROW.SUM, i + 1]
         scratch[ROW.RESIDUAL, i] = residual
         scale = (
@@ -289,13 +301,13 @@ def _evaluate_laws(previous, trial, scene, memory):
     previous, trial : int
         Blocks of the law states at the start and at the end of the path.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         Law states and scratch rows.
     """
     linear_terms, _, law_parameters, _, _ = scene
     _, law_state, scratch, _ = memory
-    below = 0.0
+    u_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         restoring_force(
             law_parameters,
@@ -303,9 +315,9 @@ def _evaluate_laws(previous, trial, scene, memory):
             i,
             previous,
             trial,
-            scratch[ROW.U, i] - linear_terms[rows.LINK, i] * below,
+            scratch[ROW.U, i] - linear_terms[rows.LINK, i] * u_below,
         )
-        below = scratch[ROW.U, i]
+        u_below = scratch[ROW.U, i]
 
 
 @inline
@@ -321,7 +333,7 @@ def _correct(fraction, row, effective, scratch, n):
     effective : EffectiveCoefficients
         Change of displacement, velocity and acceleration for a unit change of x.
     scratch : ndarray
-        Scratch rows.
+        Scratch array: one row for each quantity, one column for each floor or story.
     n : int
         Number of floors.
 

@@ -99,11 +99,12 @@ def solve(factors, x, n):
         Number of floors.
     """
     scratch, diagonal, coupling, _ = factors
+    # Forward substitution with L
     partial = scratch[x, 0]
     for i in range(1, n):
         partial = scratch[x, i] - scratch[coupling, i] * partial
         scratch[x, i] = partial
-    # Forward substitution is complete; backward substitution follows.
+    # Backward substitution with D L^T; row `diagonal` contains the inverses of D.
     partial = scratch[x, n - 1] * scratch[diagonal, n - 1]
     scratch[x, n - 1] = partial
     for i in range(n - 2, -1, -1):
@@ -148,8 +149,8 @@ def factor_damped(factors, modal, scale, n):
     ----------
     factors : Factors
         Row `pivot` contains the diagonal of T, and row `coupling` in column i the entry (i, i - 1).
-        They receive the factorization. The
-        rows from `store` on receive the terms of the Woodbury formula (`_store_woodbury`).
+        They receive the factorization. The rows from `store` on receive the terms of the Woodbury
+        formula (`_store_woodbury`).
     modal : ndarray
         W, one row for each damped mode.
     scale : float
@@ -187,7 +188,7 @@ def _store_woodbury(factors, modal, scale, n):
     scratch, _, _, store = factors
     modes = modal.shape[0]
     inverse_row = store + modes
-    # Solve T x = w for each mode.
+    # Solve T x = w for each mode. Row store + j then contains T^-1 w_j.
     for j in range(modes):
         for i in range(n):
             scratch[store + j, i] = modal[j, i]
@@ -263,18 +264,20 @@ def _apply_woodbury(scratch, modal, store, x, n):
 
 @inline
 def assemble_combination(linear_terms, law_state, row, combination, factors, n):
-    """Assemble the tridiagonal matrix by_m M + by_c C + by_k K for `factor`.
+    """Assemble the tridiagonal matrix by_m M + by_c C + by_k K.
 
-    Modal damping is not included in C.
+    The result is in the form that `factor` expects. K is the sum of tangent and geometric
+    stiffnesses. Modal damping is not included in C.
 
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     law_state : ndarray
         Table with the tangent stiffness of each story.
     row : int
-        Row of the tangent stiffness, N/m. The geometric stiffness is added.
+        Row of the tangent stiffness in `law_state`, N/m, without the geometric stiffness.
     combination : Combination
         Coefficients.
     factors : Factors
@@ -285,6 +288,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
     by_m, by_c, by_k = combination
     scratch, diagonal, coupling, _ = factors
     for i in range(n):
+        # Contribution of story `i` to the floors above and below it
         story = (
             by_k * (law_state[row, i] + linear_terms[rows.GEOMETRIC, i])
             + by_c * linear_terms[rows.STORY_DAMPER, i]
@@ -304,9 +308,10 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     modal : ndarray
-        Rows of the modal damping matrix.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     law_state : ndarray
         Table with the tangent stiffness of each story.
     row : int
@@ -324,7 +329,7 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
 
 @inline
 def assemble_blocks(linear_terms, factors, by_v, by_a, n):
-    """Assemble the Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) of each floor.
+    """Assemble the matrix of Newton's method for the unknowns (u1 - u0, v1 - v0) of each floor.
 
     The equations are kinematics (multiplied by the mass) and momentum of each floor. The
     accelerations a1 are eliminated by equilibrium. The contributions of the masses and of the floor
@@ -333,7 +338,8 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     factors : Factors
         The first four rows from `coupling` on contain the 2 x 2 block of each story (restoring
         force and dampers), entry by entry. The four rows from `pivot` on receive the diagonal
@@ -402,8 +408,10 @@ def factor_blocks(factors, damping, n):
         Number of floors.
     """
     scratch, blocks, coupling, _ = factors
-    upper = coupling + COUPLING_ROWS // 2
+    upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
     for i in range(n):
+        # Diagonal block ((p, q), (r, s)); minus B_i A_(i-1) B_i it is the block pivot of floor `i`.
+        # (i0 ... i3) is A_(i-1), (b0 ... b3) is B_i, and (x0 ... x3) is their product.
         p = scratch[blocks, i]
         q = scratch[blocks + 1, i]
         r = scratch[blocks + 2, i]
@@ -460,7 +468,8 @@ def solve_blocks(factors, x, y, n):
         Number of floors.
     """
     scratch, blocks, coupling, _ = factors
-    upper = coupling + COUPLING_ROWS // 2
+    upper = coupling + COUPLING_ROWS // 2  # first row of the products A_i B_(i+1)
+    # Forward substitution: (x0, y0) are the values of the floor below.
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
     for i in range(1, n):
@@ -469,6 +478,7 @@ def solve_blocks(factors, x, y, n):
         x0 = forward
         scratch[x, i] = x0
         scratch[y, i] = y0
+    # Backward substitution: (p, q) is the solution of the floor above.
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):
@@ -505,7 +515,8 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building.
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     law_state : ndarray
         Row SLOPE of the committed states is used.
     root : tuple of float
@@ -521,6 +532,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     """
     re, im = root
     scratch, pivot, coupling, _ = factors
+    # Real and imaginary part of l^2, then of the contribution l C + l^2 K of the first story
     square_re = re * re - im * im
     square_im = 2.0 * re * im
     spring = law_state[rows.SLOPE, 0] + linear_terms[rows.GEOMETRIC, 0]
@@ -531,10 +543,11 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     inverse_re = 0.0  # inverse of the pivot of the floor below
     inverse_im = 0.0
     for i in range(n):
-        # Diagonal minus the contribution of the eliminated floor below, which is coupled by -b on
-        # both sides of the diagonal.
+        # The pivot p + i q is the diagonal minus the contribution of the eliminated floor below,
+        # which is coupled by -b on both sides of the diagonal.
         b_re = link * story_re
         b_im = link * story_im
+        # Multiplier of the elimination: b divided by the pivot below
         by_re = b_re * inverse_re - b_im * inverse_im
         by_im = b_re * inverse_im + b_im * inverse_re
         p = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i] + story_re
@@ -544,7 +557,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         scratch[coupling, i] = -by_re
         scratch[coupling + 1, i] = -by_im
         # Contribution of the story above
-        link = linear_terms[rows.LINK, i + 1]
+        link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         spring = law_state[rows.SLOPE, i + 1] + linear_terms[rows.GEOMETRIC, i + 1]
         damper = linear_terms[rows.STORY_DAMPER, i + 1]
         story_re = re * damper + square_re * spring
@@ -578,6 +591,8 @@ def solve_pairs(factors, x, y, n):
         Number of floors.
     """
     scratch, pivot, coupling, _ = factors
+    # Forward substitution: (x0, y0) is the complex value of the floor below, (by_re, by_im) the
+    # multiplier.
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
     for i in range(1, n):
@@ -588,6 +603,7 @@ def solve_pairs(factors, x, y, n):
         x0 = forward
         scratch[x, i] = x0
         scratch[y, i] = y0
+    # Backward substitution: (p, q) is the complex solution of the floor above.
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):

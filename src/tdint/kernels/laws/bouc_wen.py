@@ -155,13 +155,14 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -261,13 +262,14 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         """
         pass
 
@@ -282,11 +284,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -308,7 +311,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
@@ -338,13 +342,14 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         """
         drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
         if drift_change != 0.0:
@@ -363,13 +368,15 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         event : float
-            End of the branch: ABOVE, BELOW or REVERSED.
+            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
+            falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         if event == rows.REVERSED:
             law_state[block + rows.RATE_SIGN, i] = -law_state[block + rows.RATE_SIGN, i]
@@ -386,7 +393,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         way : float

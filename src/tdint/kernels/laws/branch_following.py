@@ -27,11 +27,12 @@ def no_operation(law_parameters, law_state, i, block, step, mean_force):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Tables of law parameters and law states, one column per story.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     block : int
-        First row of the law state.
+        First row of the block of `law_state` that contains the state.
     step : float
         Change of drift, m.
     mean_force : float
@@ -51,7 +52,7 @@ def add_work(law_parameters, law_state, i, block, step, mean_force):
     i : int
         Index of the story.
     block : int
-        First row of the law state.
+        First row of the block of `law_state` that contains the state.
     step : float
         Change of drift, m.
     mean_force : float
@@ -67,9 +68,9 @@ def extra_rows(law_state, block):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     """
     return rows.EXTRA_ROWS + block // rows.LAW_STATE_ROWS * (
         (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
@@ -84,13 +85,13 @@ def copy_extra_rows(law_state, i, previous, trial):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     i : int
         Index of the story.
     previous : int
-        First row of the law state at the start of the path.
+        First row of the block of `law_state` with the state at the start of the path.
     trial : int
-        First row of the law state at the end of the path.
+        First row of the block of `law_state` with the state at the end of the path.
     """
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
@@ -112,7 +113,7 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
     i : int
         Index of the story.
     block : int
-        First row of the law state.
+        First row of the block of `law_state` that contains the state.
     slope : float
         Tangent stiffness of the branch, N/m; infinite for a curved branch.
     lower, upper : float
@@ -136,11 +137,11 @@ def fail(law_state, i, block, failed):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     i : int
         Index of the story.
     block : int
-        First row of the law state.
+        First row of the block of `law_state` that contains the state.
     failed : float
         Value of INTERNAL after the failure.
     """
@@ -214,13 +215,14 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -258,13 +260,14 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         """
         if law_state[trial + rows.BRANCH_OFFSET, i] == float(rows.COMMITTED - trial):
             # The complete path is on the committed branch, so only WORK has to be committed.
@@ -303,11 +306,12 @@ def advancing(move: Any) -> Any:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         drift : float
             Drift, m.
         """
@@ -352,13 +356,14 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -411,13 +416,14 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         """
         for row in range(rows.COMMON_ROWS, rows.LAW_STATE_ROWS):
             law_state[row, i] = law_state[trial + row, i]

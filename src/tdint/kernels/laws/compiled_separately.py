@@ -58,13 +58,14 @@ if COMPILES:
         hook : int
             Number of the function, see `_all_hooks`.
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         x : float
             Drift for `force`, m; event for `switch`.
         """
@@ -84,13 +85,14 @@ else:
         hook : int
             Number of the function, see `_all_hooks`.
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         x : float
             Drift for `force`, m; event for `switch`.
         """
@@ -108,13 +110,14 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Tables of law parameters and law states, one column per story.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
-        First row of the law state at the start of the path.
+        First row of the block of `law_state` with the state at the start of the path.
     trial : int
-        First row of the law state at the end of the path.
+        First row of the block of `law_state` with the state at the end of the path.
     drift : float
         Drift, m.
     """
@@ -148,13 +151,14 @@ def _keep(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Tables of law parameters and law states, one column per story.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
-        First row of the law state at the start of the path.
+        First row of the block of `law_state` with the state at the start of the path.
     trial : int
-        First row of the law state at the end of the path.
+        First row of the block of `law_state` with the state at the end of the path.
     """
     _call(law_state[rows.ADDRESS, i], _KEEP, law_parameters, law_state, i, previous, trial, 0.0)
 
@@ -172,13 +176,15 @@ def _switch(law_parameters, law_state, i, block, event):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Tables of law parameters and law states, one column per story.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     block : int
-        First row of the law state.
+        First row of the block of `law_state` that contains the state.
     event : float
-        End of the branch: ABOVE, BELOW or REVERSED.
+        Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
+        below the lower limit) or REVERSED (the drift rate changes its sign).
     """
     _call(law_state[rows.ADDRESS, i], _SWITCH, law_parameters, law_state, i, block, 0, event)
 

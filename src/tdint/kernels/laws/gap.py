@@ -31,13 +31,14 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         drift : float
             Drift, m.
         """
@@ -74,7 +75,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         side : float
             0 within the gap, 1 or -1 in contact with the stop on the positive or negative side.
         """
@@ -104,13 +105,15 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         event : float
-            End of the branch: ABOVE, BELOW or REVERSED.
+            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
+            falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         # Only the limits of the branch within the gap are finite and symmetric. The events ABOVE
         # and BELOW are 1 and -1, the sides of the stops.

@@ -20,13 +20,14 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         previous : int
-            First row of the law state at the start of the path.
+            First row of the block of `law_state` with the state at the start of the path.
         trial : int
-            First row of the law state at the end of the path.
+            First row of the block of `law_state` with the state at the end of the path.
         drift : float
             Drift, m.
         """

@@ -91,7 +91,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Table of law parameters, one column per story.
+            Parameters of the hysteretic laws: one row for each parameter, one column for each
+            story.
         i : int
             Index of the story.
         side : float
@@ -108,7 +109,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Table of law parameters, one column per story.
+            Parameters of the hysteretic laws: one row for each parameter, one column for each
+            story.
         i : int
             Index of the story.
         side : float
@@ -129,7 +131,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Table of law parameters, one column per story.
+            Parameters of the hysteretic laws: one row for each parameter, one column for each
+            story.
         i : int
             Index of the story.
         side : float
@@ -159,7 +162,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Table of law parameters, one column per story.
+            Parameters of the hysteretic laws: one row for each parameter, one column for each
+            story.
         i : int
             Index of the story.
         side : float
@@ -214,7 +218,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Table of law parameters, one column per story.
+            Parameters of the hysteretic laws: one row for each parameter, one column for each
+            story.
         i : int
             Index of the story.
         row : int
@@ -241,11 +246,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         """
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
         loading = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
@@ -268,11 +274,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
 
         Returns
         -------
@@ -377,7 +384,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Table of law parameters, one column per story.
+            Parameters of the hysteretic laws: one row for each parameter, one column for each
+            story.
         i : int
             Index of the story.
         side : float
@@ -424,7 +432,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Table of law parameters, one column per story.
+            Parameters of the hysteretic laws: one row for each parameter, one column for each
+            story.
         i : int
             Index of the story.
         side : float
@@ -507,11 +516,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         side : float
             Direction of loading, 1 or -1.
         branch_type : float
@@ -542,11 +552,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -594,11 +605,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -624,11 +636,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -668,13 +681,15 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         event : float
-            End of the branch: ABOVE, BELOW or REVERSED.
+            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
+            falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         branch_type = abs(law_state[block + rows.INTERNAL, i])
         reached_drift = event * law_state[block + rows.DRIFT, i]

@@ -52,11 +52,12 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         side : float
             Direction of loading, 1 or -1.
         """
@@ -108,13 +109,15 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of law parameters and law states, one column per story.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
-            First row of the law state.
+            First row of the block of `law_state` that contains the state.
         event : float
-            End of the branch: ABOVE, BELOW or REVERSED.
+            Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
+            falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
         branch_type = law_state[block + rows.INTERNAL, i]
         drift = law_state[block + rows.DRIFT, i]

@@ -45,11 +45,12 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     drift : float
         Drift, m.
     """
@@ -69,13 +70,15 @@ def _keep_branch_after(law_parameters, law_state, i, block, event):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     event : float
-        End of the branch: ABOVE, BELOW or REVERSED.
+        Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
+        below the lower limit) or REVERSED (the drift rate changes its sign).
     """
     pass
 
@@ -108,13 +111,15 @@ def switch(law_parameters, law_state, i, block, event):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     event : float
-        End of the branch: ABOVE, BELOW or REVERSED.
+        Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or falls
+        below the lower limit) or REVERSED (the drift rate changes its sign).
     """
     _switch(law_parameters, law_state, i, block, event)
 
@@ -129,7 +134,8 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     h : float
         Length of the step, s.
     state : ndarray
@@ -137,7 +143,7 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
     law_state : ndarray
         Committed states of the laws at the start of the step.
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     u1, v1 : int
         Rows of `scratch` with displacements (m) and velocities (m/s) at the end of the step.
     joined : int
@@ -159,7 +165,7 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
     u1_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         d0 = law_state[rows.DRIFT, i]
         w0 = h * (state[rows.VELOCITY, i] - link * v_below)
         d3 = scratch[u1, i] - link * u1_below

@@ -35,7 +35,7 @@ class _DashpotPath(NamedTuple):
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     story_rows : int
         First row of the integrals and tangents of the story.
     dashpot_rows : int
@@ -95,7 +95,8 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     i : int
         Index of the story.
     dashpot_path : _DashpotPath
@@ -127,7 +128,8 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     i : int
         Index of the story.
     dashpot_path : _DashpotPath
@@ -175,7 +177,8 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     i : int
         Index of the story.
     h : float
@@ -183,7 +186,7 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
     rise, bend : float
         Coefficients of the parabola, m (see `tdint.kernels.stories.path`).
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     story_rows : int
         First row of the integrals of the story. The integrals and tangents of the dashpot are
         added.

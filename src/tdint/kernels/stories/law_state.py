@@ -41,13 +41,14 @@ def _copy_dissipation(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
-        First row of the state at the start of the path.
+        First row of the block of `law_state` with the state at the start of the path.
     trial : int
-        First row of the state at the end of the path.
+        First row of the block of `law_state` with the state at the end of the path.
     """
     law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
 
@@ -59,13 +60,14 @@ def _no_rows(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
-        First row of the state at the start of the path.
+        First row of the block of `law_state` with the state at the start of the path.
     trial : int
-        First row of the state at the end of the path.
+        First row of the block of `law_state` with the state at the end of the path.
     """
     pass
 
@@ -84,7 +86,8 @@ def strain_energy(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
 
@@ -103,7 +106,8 @@ def hysteretic_energy(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
 
@@ -123,7 +127,8 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
@@ -141,7 +146,8 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
@@ -168,13 +174,14 @@ def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drif
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
-        First row of the state at the start of the path.
+        First row of the block of `law_state` with the state at the start of the path.
     trial : int
-        First row of the state at the end of the path.
+        First row of the block of `law_state` with the state at the end of the path.
     drift : float
         Drift, m.
 
@@ -194,7 +201,8 @@ def commit(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
@@ -216,7 +224,8 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     trial : int
@@ -238,7 +247,8 @@ def resume(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     """
@@ -253,7 +263,8 @@ def start(law_parameters, law_state, i, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     drift : float
@@ -285,7 +296,7 @@ def follow(law_parameters, i, drifts, law_state, result):
     Parameters
     ----------
     law_parameters : ndarray
-        Parameters of the laws.
+        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
     i : int
         Index of the story.
     drifts : ndarray

@@ -106,7 +106,8 @@ def _default_points(law_parameters, law_state, i, drift_change):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     drift_change : float
@@ -125,7 +126,8 @@ def required_points(law_parameters, law_state, i, drift_change):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     drift_change : float
@@ -141,11 +143,12 @@ def _no_sharp_bend(law_parameters, law_state, i, block, side):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     side : float
         Direction of loading, 1 or -1.
     """
@@ -162,7 +165,7 @@ def remains_on_branch(law_state, i, rise, bend):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     i : int
         Index of the story.
     rise, bend : float
@@ -341,13 +344,13 @@ def integrate_on_branch(law_state, i, rise, bend, scratch, out):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     i : int
         Index of the story.
     rise, bend : float
         Coefficients of the parabola, m.
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     out : int
         First row of the results.
     """
@@ -370,7 +373,8 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     rise, bend : float
@@ -380,7 +384,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
         does not change to an unloading branch. The force on each branch is nevertheless the force
         at the drift of the parabola.
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     out : int
         First row of the results.
     """
@@ -410,7 +414,8 @@ def commit_path_end(law_parameters, law_state, i, rise):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     rise : float
@@ -453,7 +458,7 @@ def copy(law_state, i, source, target):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     i : int
         Index of the story.
     source : int
@@ -484,7 +489,7 @@ def _add(results, i, weight, t, force, tangent):
     Parameters
     ----------
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     i : int
         Index of the story.
     weight : float
@@ -516,7 +521,7 @@ def _add_after_reversal(results, i, reversal_time, shift):
     Parameters
     ----------
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     i : int
         Index of the story.
     turn : float
@@ -626,15 +631,15 @@ def _add_on_branch(law_state, i, block, segment, results):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     segment : PathSegment
         Part of the path.
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     """
     length = segment.end - segment.begin
     slope = law_state[block + rows.SLOPE, i]
@@ -653,7 +658,7 @@ def _ignore_branch_end(results, i, t, force):
     Parameters
     ----------
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     i : int
         Index of the story.
     t : float
@@ -674,15 +679,16 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     block : int
-        First row of the state.
+        First row of the block of `law_state` that contains the state.
     segment : PathSegment
         Part of the path.
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     """
     target = drift_at(segment, segment.end)
     drift_change = target - drift_at(segment, segment.begin)
@@ -701,7 +707,8 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     complete : PathSegment
@@ -709,7 +716,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     turn : float
         Time of the reversal; 1 for no reversal.
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     """
     copy(law_state, i, 0, rows.FIRST_TRIAL)
     _integrate_monotonic(
@@ -816,7 +823,8 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     previous : int
@@ -829,7 +837,7 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
     segment : PathSegment
         Part of the path.
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
 
     Returns
     -------
@@ -888,13 +896,14 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
+        story.
     i : int
         Index of the story.
     complete : PathSegment
         Complete path.
     results : Integrals
-        Rows of the results.
+        Scratch rows that receive the integrals.
     """
     reversal_time = time_of_extremum(story_path)
     previous = _integrate_divided(

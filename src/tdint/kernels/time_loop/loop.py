@@ -93,7 +93,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
     sum_law_energies : Kernel
         Kernel that sums the energies of the laws.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     ground : float
         Initial ground acceleration, m/s^2.
     memory : Memory
@@ -132,7 +132,7 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
     update_shear_peaks : Kernel
         Kernel that computes the shears at reversals.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
         Step.
     slope : float
@@ -156,7 +156,7 @@ def check_limits(sum_law_energies, scene, memory, steps, seen):
     sum_law_energies : Kernel
         Kernel that sums the energies of the laws.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         State and law states.
     steps : int
@@ -478,7 +478,7 @@ def _continue(kernels, common, run, steps, completed, scene, memory, seen):
     steps, completed : int
         Number of steps at the end of the call and of completed steps.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         State, law states, scratch array and status of the step.
     seen : Seen

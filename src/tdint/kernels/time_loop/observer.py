@@ -77,7 +77,7 @@ def observe(scene, span, slope, memory, seen):
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
         Observed time step or substep.
     slope : float
@@ -127,7 +127,7 @@ def observe(scene, span, slope, memory, seen):
         u_0_below = observer_state[rows.U_PREVIOUS, below]
         v_0_below = observer_state[rows.V_PREVIOUS, below]
         a_0_below = observer_state[rows.A_PREVIOUS, below]
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         mass = linear_terms[rows.MASS, i]
         drift = law_state[rows.DRIFT, i]
         shear = law_state[rows.FORCE, i]
@@ -242,7 +242,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
     span : Span
         Observed time step or substep.
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     state : ndarray
         State of the method.
     seen : Seen
@@ -260,7 +261,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
     v_below = a_below = u_0_below = v_0_below = a_0_below = u_below = 0.0
     may_exceed = False
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[rows.LINK, i]
+        link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         v, a = state[rows.VELOCITY, i], observer_state[rows.OBSERVED_ACCELERATION, i]
         u, u_0 = state[rows.DISPLACEMENT, i], observer_state[rows.U_PREVIOUS, i]
         v_0, a_0 = observer_state[rows.V_PREVIOUS, i], observer_state[rows.A_PREVIOUS, i]
@@ -307,7 +308,7 @@ def _update_peaks(ground, state, law_state, seen):
     state : ndarray
         State of the method.
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     seen : Seen
         Arrays of the observer.
     """
@@ -330,9 +331,10 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     state : ndarray
@@ -380,9 +382,10 @@ def _change_per_acceleration(modal, forces, t, state, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     forces : ndarray
-        Harmonic forces on floors (`tdint.kernels.layout`).
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     state : ndarray
@@ -422,7 +425,7 @@ def observe_within_step(may_exceed, scene, span, memory, seen):
     may_exceed : bool
         Result of `observe`.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
         Observed step.
     memory : Memory
@@ -470,7 +473,7 @@ def _merge_step_peaks(first, scratch, peaks, n):
     first : int
         First scratch row of the peaks.
     scratch : ndarray
-        Scratch array of the step.
+        Scratch array of the step: one row for each quantity, one column for each floor or story.
     peaks : ndarray
         Peaks of the run.
     n : int
@@ -513,9 +516,9 @@ def shift_ground(scene, load, shifts, memory, seen):
     Parameters
     ----------
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     load : ndarray
-        Load of the step.
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     shifts : ndarray
         Fraction of the jump that is added to each row of the state.
     memory : Memory
@@ -560,9 +563,10 @@ def _store_additional_forces(modal, forces, t, state, observer_state, n):
     Parameters
     ----------
     modal : ndarray
-        Rows of the modal damping matrix.
+        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
     forces : ndarray
-        Harmonic forces on floors.
+        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        OMEGA.
     t : float
         Time, s.
     state : ndarray
@@ -699,7 +703,7 @@ def record_collapse(law_state, steps, seen):
     Parameters
     ----------
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     steps : int
         Number of complete steps.
     seen : Seen
@@ -753,7 +757,7 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
     sum_law_energies : Kernel
         Kernel that sums the energies of the laws.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         State, law states, scratch array and status of the step.
     seen : Seen
@@ -778,7 +782,7 @@ def update_reversal_shears(update_shear_peaks, scene, memory, seen):
     update_shear_peaks : Kernel
         Kernel that computes the shears at reversals.
     scene : Scene
-        Building and forces on floors.
+        Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
         State, law states, scratch array and status of the step.
     seen : Seen
@@ -801,13 +805,14 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     law_parameters : ndarray
-        Parameters of the laws.
+        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
     state : ndarray
         State of the method with the initial displacements.
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
 
     Returns
     -------
@@ -833,13 +838,14 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     Parameters
     ----------
     linear_terms : ndarray
-        Linear terms of the building (`tdint.kernels.layout`).
+        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
+        floor.
     law_parameters : ndarray
-        Parameters of the laws.
+        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
     state : ndarray
         State of the method.
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     totals : ndarray
         Totals of the run.
 
@@ -877,9 +883,9 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     Parameters
     ----------
     law_parameters : ndarray
-        Parameters of the laws.
+        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
     law_state : ndarray
-        States of the laws.
+        States of the hysteretic laws: one row for each quantity, one column for each story.
     reversal_drifts : ndarray
         Table with the drifts of the reversals.
     row : int
