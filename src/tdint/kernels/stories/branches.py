@@ -91,7 +91,9 @@ _switch = select_function("switch", case_with_5_arguments, _keep_branch_after)
 def enter(law_parameters, law_state, i):
     """Determine the branch of story `i` from its committed state.
 
-    The default branch has the initial stiffness (or is curved) and no limits.
+    First a default branch is set: it has the initial stiffness, or an infinite SLOPE as the mark of
+    a curved law, no limits, and both directions. The function `enter` of the law, if it has one,
+    then sets the actual branch.
     """
     law_state[rows.SLOPE, i] = (
         math.inf
@@ -128,8 +130,12 @@ def switch(law_parameters, law_state, i, block, event):
 
 
 @outlined
-def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
+def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     """Locate the first change of branch of any story within a step.
+
+    The drift of each story within the step is the cubic Hermite interpolant of the drifts and drift
+    rates at both endpoints. A branch changes where the drift exceeds a limit of the branch or where
+    the drift rate changes to the sign opposite to RATE_SIGN.
 
     Parameters
     ----------
@@ -146,19 +152,21 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
         Scratch array of the step: one row for each quantity, one column for each floor or story.
     u1, v1 : int
         Rows of `scratch` with displacements (m) and velocities (m/s) at the end of the step.
-    joined : int
+    ignored : int
         Row of `scratch`. Reversals of a story are ignored if its value is not 0.
 
     Returns
     -------
-    first : float
-        Fraction of the step at the change of branch; NONE if there is no change of branch.
+    first_fraction : float
+        Time of the change of branch as a fraction of the step; NONE (above 1) if there is no change
+        of branch.
     story : int
         Index of the story; -1 if there is no change of branch.
-    how : float
-        ABOVE, BELOW or REVERSED.
+    event : float
+        ABOVE or BELOW if the drift exceeds the upper limit or falls below the lower limit of the
+        branch; REVERSED if the drift rate changes its sign.
     """
-    first = NONE
+    first_fraction = NONE
     story = -1
     event = rows.REVERSED
     v_below = 0.0
@@ -166,6 +174,8 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
+        # Drifts d0 and d3 at the start and at the end of the step (m); drift rates w0 and w1 there
+        # times the length of the step (m)
         d0 = law_state[rows.DRIFT, i]
         w0 = h * (state[rows.VELOCITY, i] - link * v_below)
         d3 = scratch[u1, i] - link * u1_below
@@ -173,33 +183,36 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
         v_below = state[rows.VELOCITY, i]
         u1_below = scratch[u1, i]
         v1_below = scratch[v1, i]
-        # The drift is between the minimum and the maximum of its Bezier points.
+        # d0, d1, d2 and d3 are the Bezier points of the cubic. The drift is always between their
+        # minimum and their maximum.
         d1 = d0 + w0 / 3.0
         d2 = d3 - w1 / 3.0
-        slack = _LIMIT_TOLERANCE * (abs(d0) + abs(d3))
+        tolerance = _LIMIT_TOLERANCE * (abs(d0) + abs(d3))
         upper = law_state[rows.UPPER, i]
         lower = law_state[rows.LOWER, i]
-        if max(d1, d2, d3) > upper + slack:
-            fraction = _crossing((d0, d1, d2, d3), upper, slack, first)
-            if fraction < first:
-                first, story, event = fraction, i, rows.ABOVE
-        if min(d1, d2, d3) < lower - slack:
-            fraction = _crossing((-d0, -d1, -d2, -d3), -lower, slack, first)
-            if fraction < first:
-                first, story, event = fraction, i, rows.BELOW
+        if max(d1, d2, d3) > upper + tolerance:
+            fraction = _crossing((d0, d1, d2, d3), upper, tolerance, first_fraction)
+            if fraction < first_fraction:
+                first_fraction, story, event = fraction, i, rows.ABOVE
+        if min(d1, d2, d3) < lower - tolerance:
+            # Falling below the lower limit is exceeding a limit after a change of sign.
+            fraction = _crossing((-d0, -d1, -d2, -d3), -lower, tolerance, first_fraction)
+            if fraction < first_fraction:
+                first_fraction, story, event = fraction, i, rows.BELOW
         rate_sign = law_state[rows.RATE_SIGN, i]
-        slack = _REVERSAL_TOLERANCE / _LIMIT_TOLERANCE * slack
+        tolerance = _REVERSAL_TOLERANCE / _LIMIT_TOLERANCE * tolerance
+        # The differences of the Bezier points, times 3, are the Bezier points of the drift rate.
         if (
             rate_sign != 0.0
-            and scratch[joined, i] == 0.0
-            and (rate_sign * (d2 - d1) < -slack or rate_sign * (d3 - d2) < -slack)
+            and scratch[ignored, i] == 0.0
+            and (rate_sign * (d2 - d1) < -tolerance or rate_sign * (d3 - d2) < -tolerance)
         ):
             fraction = find_sign_change(
                 rate_sign * (d1 - d0), rate_sign * (d2 - d1), rate_sign * (d3 - d2)
             )
-            if fraction < first:
-                first, story, event = fraction, i, rows.REVERSED
-    return first, story, event
+            if fraction < first_fraction:
+                first_fraction, story, event = fraction, i, rows.REVERSED
+    return first_fraction, story, event
 
 
 @inline
@@ -211,7 +224,7 @@ def _bezier(cubic, s):
 
 
 @outlined
-def _crossing(cubic, limit, slack, before):
+def _crossing(cubic, limit, tolerance, known_event):
     """Return the smallest s in [0, 1] at which a cubic exceeds a limit, or NONE.
 
     A cubic can start above the limit by the error of the last located event. It then first returns
@@ -223,61 +236,69 @@ def _crossing(cubic, limit, slack, before):
         Bezier points of the drift, m.
     limit : float
         Limit, m.
-    slack : float
+    tolerance : float
         Excess that is tolerated, m. NONE is returned if the cubic nowhere exceeds the limit by
         more.
-    before : float
-        NONE is returned if the crossing is not before this fraction of the step.
+    known_event : float
+        Fraction of the step at the first event found so far. NONE is returned if the crossing is
+        not before this event.
     """
     d0, d1, d2, d3 = cubic
-    # The cubic is monotonic between its extrema.
+    # The cubic is monotonic before, between and after its extrema at s_first and s_second. These
+    # are the roots of its derivative, a s^2 + 2 b s + c = 0 (divided by 3), limited to [0, 1]; both
+    # are 1 if the cubic is monotonic.
     a = d3 - d0 + 3.0 * (d1 - d2)
     b = d0 - 2.0 * d1 + d2
     c = d1 - d0
-    s_low = 1.0
-    s_high = 1.0
-    low = d3
-    high = d3
+    s_first = 1.0
+    s_second = 1.0
+    value_first = d3
+    value_second = d3
     discriminant = b * b - a * c
     if discriminant > 0.0:
         q = -(b + math.copysign(math.sqrt(discriminant), b))
         root = q / a if a != 0.0 else 1.0
         other = c / q if q != 0.0 else 1.0
-        s_low = min(max(min(root, other), 0.0), 1.0)
-        s_high = min(max(max(root, other), 0.0), 1.0)
-        low = _bezier(cubic, s_low)
-        high = _bezier(cubic, s_high)
-    if not _exceeds_while_rising(d0, d1, low, high, d3, limit + slack):
+        s_first = min(max(min(root, other), 0.0), 1.0)
+        s_second = min(max(max(root, other), 0.0), 1.0)
+        value_first = _bezier(cubic, s_first)
+        value_second = _bezier(cubic, s_second)
+    if not _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit + tolerance):
         return NONE
     if d0 >= limit and d1 > d0:
         return 0.0
-    if low > limit and low > d0:
-        return _root(cubic, limit, (0.0, d0), (s_low, low), before)
-    if high > limit and high > low:
-        return _root(cubic, limit, (s_low, low), (s_high, high), before)
-    return _root(cubic, limit, (s_high, high), (1.0, d3), before)
+    if value_first > limit and value_first > d0:
+        return _root(cubic, limit, (0.0, d0), (s_first, value_first), known_event)
+    if value_second > limit and value_second > value_first:
+        return _root(cubic, limit, (s_first, value_first), (s_second, value_second), known_event)
+    return _root(cubic, limit, (s_second, value_second), (1.0, d3), known_event)
 
 
 @inline
-def _exceeds_while_rising(d0, d1, low, high, d3, limit):
+def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
     """Return True if the cubic exceeds `limit` on a rising part.
+
+    The rising parts considered are the start of the step, the parts that end at one of the two
+    extrema, and the part that ends at the end of the step.
 
     Parameters
     ----------
     d0, d1, d3 : float
         First, second and last Bezier point.
-    low, high : float
-        Values at the two extrema.
+    value_first, value_second : float
+        Values at the first and second extremum.
     limit : float
         Limit.
     """
     at_first = (d0 >= limit) & (d1 > d0)
-    between = ((low > limit) & (low > d0)) | ((high > limit) & (high > low))
-    return at_first | between | ((d3 > limit) & (d3 > high))
+    between = ((value_first > limit) & (value_first > d0)) | (
+        (value_second > limit) & (value_second > value_first)
+    )
+    return at_first | between | ((d3 > limit) & (d3 > value_second))
 
 
 @outlined
-def _root(cubic, limit, low, high, before):
+def _root(cubic, limit, part_start, part_end, known_event):
     """Return the crossing of a limit on a monotonically rising part of a cubic.
 
     Safeguarded Newton's method starts from the crossing of the secant.
@@ -288,25 +309,26 @@ def _root(cubic, limit, low, high, before):
         Bezier points.
     limit : float
         Limit.
-    low, high : tuple of float
+    part_start, part_end : tuple of float
         Start and end of the part: the argument and the value of the cubic.
-    before : float
-        Fraction of the step after which a crossing is not needed.
+    known_event : float
+        Fraction of the step at the first event found so far. A later crossing is not needed.
 
     Returns
     -------
     float
         Argument of the crossing; the start of the part if the value there is above the limit; NONE
-        if the crossing is not before `before`.
+        if the crossing is not before `known_event`.
     """
     d0, d1, d2, d3 = cubic
-    lower_s, from_value = low
-    upper_s, to_value = high
-    if from_value >= limit:
+    lower_s, lower_value = part_start
+    upper_s, upper_value = part_end
+    if lower_value >= limit:
         return lower_s
-    if before < upper_s and (before <= lower_s or _bezier(cubic, before) <= limit):
+    # The crossing is not before the known event if the cubic is still below the limit there.
+    if known_event < upper_s and (known_event <= lower_s or _bezier(cubic, known_event) <= limit):
         return NONE
-    s = lower_s + (upper_s - lower_s) * (limit - from_value) / (to_value - from_value)
+    s = lower_s + (upper_s - lower_s) * (limit - lower_value) / (upper_value - lower_value)
     for _ in range(60):
         value = _bezier(cubic, s) - limit
         if value > 0.0:
@@ -315,11 +337,12 @@ def _root(cubic, limit, low, high, before):
             lower_s = s
         r = 1.0 - s
         rate = 3.0 * (r * r * (d1 - d0) + 2.0 * r * s * (d2 - d1) + s * s * (d3 - d2))
-        new = s - value / rate if rate != 0.0 else lower_s
-        if not lower_s < new < upper_s:
-            new = 0.5 * (lower_s + upper_s)
-        change = new - s
-        s = new
+        # Newton's step; if it leaves the interval that contains the crossing, bisection
+        new_s = s - value / rate if rate != 0.0 else lower_s
+        if not lower_s < new_s < upper_s:
+            new_s = 0.5 * (lower_s + upper_s)
+        change = new_s - s
+        s = new_s
         if abs(change) <= _ROOT_TOLERANCE:
             break
     return s
@@ -327,14 +350,15 @@ def _root(cubic, limit, low, high, before):
 
 @outlined
 def find_sign_change(r0, r1, r2):
-    """Return the smallest s in [0, 1] where a quadratic changes from positive to negative, or
-    NONE.
+    """Return the smallest s in [0, 1] at which a quadratic changes from positive to negative, or
+    NONE (a number above 1).
 
-    The quadratic is a drift rate, positive in the direction of the branch. If it is not positive at
-    the start, the result is 0 for r1 < 0: the motion is against the direction. For r1 >= 0, the
-    start is the inexact location of the previous reversal, and the motion turns into the direction:
-    NONE. A second reversal later in the same step is not located; the branch normally changes at
-    the start of the next step.
+    The quadratic is a drift rate, positive in the direction of the branch. s is the time as a
+    fraction of the step. If the rate is not positive at the start (r0 <= 0), only its further
+    course counts. For r1 < 0, the story moves against the direction of the branch, and the result
+    is 0. For r1 >= 0, the start is the inexact location of the previous reversal, the rate becomes
+    positive, and the result is NONE. A second reversal later in the same step is then not located;
+    the branch normally changes at the start of the next step.
 
     Parameters
     ----------

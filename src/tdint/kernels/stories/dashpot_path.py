@@ -56,8 +56,9 @@ def split_at_zero_rate(integrate_part):
     Parameters
     ----------
     integrate_part : function
-        (linear_terms, i, dashpot_path, slow, fast). Integrates over a part from s = slow, where the
-        absolute rate is smaller, to s = fast.
+        (linear_terms, i, dashpot_path, slow, fast). Integrates over the part of the path between
+        s = slow and s = fast. The absolute rate is smaller at `slow` than at `fast`; `slow` can be
+        later than `fast`.
 
     Returns
     -------
@@ -72,14 +73,14 @@ def split_at_zero_rate(integrate_part):
         Positions on the path are s = -1/2 at the start and 1/2 at the end of the step. The rate is
         (rise + bend s) / h.
         """
-        first_rate = (
-            dashpot_path.rise - 0.5 * dashpot_path.bend
-        )  # h times the rates at both endpoints
+        # h times the drift rates at both endpoints, m
+        first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend
         last_rate = dashpot_path.rise + 0.5 * dashpot_path.bend
         if first_rate * last_rate < 0.0:
-            zero_rate = -dashpot_path.rise / dashpot_path.bend
-            integrate_part(linear_terms, i, dashpot_path, zero_rate, -0.5)
-            integrate_part(linear_terms, i, dashpot_path, zero_rate, 0.5)
+            # The rate is zero at s_zero. Both parts start there, at their smaller absolute rate.
+            s_zero = -dashpot_path.rise / dashpot_path.bend
+            integrate_part(linear_terms, i, dashpot_path, s_zero, -0.5)
+            integrate_part(linear_terms, i, dashpot_path, s_zero, 0.5)
         elif abs(first_rate) < abs(last_rate):
             integrate_part(linear_terms, i, dashpot_path, -0.5, 0.5)
         else:
@@ -107,14 +108,16 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
         Integration weight.
     """
     rise, bend, h, scratch, story_rows, dashpot_rows = dashpot_path
-    force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
-    moment = 12.0 * weight * s
+    # Force (N) and its derivative with respect to the drift rate (N s/m). The rate changes by 1 / h
+    # per unit of rise and by s / h per unit of bend.
+    force, derivative = power_damper(linear_terms, i, (rise + bend * s) / h)
+    moment_weight = 12.0 * weight * s  # weight in the first moment, 12 int s f dt
     scratch[dashpot_rows + path.MEAN, i] += weight * force
-    scratch[dashpot_rows + path.MOMENT, i] += moment * force
-    scratch[story_rows + path.MEAN_BY_RISE, i] += weight * slope / h
-    scratch[story_rows + path.MEAN_BY_BEND, i] += weight * slope * s / h
-    scratch[story_rows + path.MOMENT_BY_RISE, i] += moment * slope / h
-    scratch[story_rows + path.MOMENT_BY_BEND, i] += moment * slope * s / h
+    scratch[dashpot_rows + path.MOMENT, i] += moment_weight * force
+    scratch[story_rows + path.MEAN_BY_RISE, i] += weight * derivative / h
+    scratch[story_rows + path.MEAN_BY_BEND, i] += weight * derivative * s / h
+    scratch[story_rows + path.MOMENT_BY_RISE, i] += moment_weight * derivative / h
+    scratch[story_rows + path.MOMENT_BY_BEND, i] += moment_weight * derivative * s / h
 
 
 @outlined
@@ -147,6 +150,7 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
                 linear_terms, i, dashpot_path, s, length * path.WEIGHTS[_POINTS_IN_RATE, point]
             )
         return
+    # x runs from `cube_root` to 1, and s is linear in x^3. The weight of a point contains ds/dx.
     cube_root = (min_rate / max_rate) ** (1.0 / 3.0) if min_rate > 0.0 else 0.0
     cube_range = 1.0 - cube_root * cube_root * cube_root
     for point in range(_POINTS_IN_CUBE_ROOT):

@@ -17,6 +17,8 @@ from tdint.kernels.laws.selection import (
 )
 from tdint.kernels.stories.branches import enter
 
+# Each `select_function` returns a function that calls the function with this name of the law of
+# story `i`, or the default (last argument) for a law without such a function.
 _force = select_function("force", case_with_6_arguments)
 
 _strain_energy = select_function("strain_energy", case_with_3_arguments)
@@ -36,7 +38,8 @@ _hysteretic_energy = select_function(
 
 @inline
 def _copy_dissipation(law_parameters, law_state, i, previous, trial):
-    """Copy the dissipated energy to the trial state, for laws that do not accumulate it.
+    """Copy the dissipated energy of block `previous` to block `trial`, for laws that do not
+    accumulate it.
 
     Parameters
     ----------
@@ -55,7 +58,7 @@ def _copy_dissipation(law_parameters, law_state, i, previous, trial):
 
 @inline
 def _no_rows(law_parameters, law_state, i, previous, trial):
-    """Do nothing, for laws without additional rows.
+    """Do nothing, for laws without function `keep`, whose states consist of the common rows.
 
     Parameters
     ----------
@@ -195,8 +198,8 @@ def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drif
 
 @inline
 def commit(law_parameters, law_state, i, previous, trial):
-    """Make a trial state of story `i` the committed state, including the energy dissipated on the
-    path.
+    """Make a trial state of story `i` the committed state, and add the energy dissipated on the
+    path from block `previous` to block `trial`.
 
     Parameters
     ----------
@@ -238,11 +241,13 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
 
 @inline
 def resume(law_parameters, law_state, i):
-    """Determine the branch of story `i` from its committed state.
+    """Determine the branch of story `i` from its state at the end of the last step.
 
-    It must be called after a step that does not follow branches, because such a step does not
-    update the branch, which the next step may follow. Laws that store their branch in every state
-    need no call, and are not changed.
+    A step that does not follow branches (for example because its division at branch changes has
+    failed) commits drift and force, but not the rows of the branch: stiffness, limits and
+    direction. The step must therefore call this function at its end, before another step follows
+    the branches. For laws that store their branch in every state, the branch is already correct and
+    nothing is done.
 
     Parameters
     ----------
@@ -258,7 +263,8 @@ def resume(law_parameters, law_state, i):
 
 @inline
 def start(law_parameters, law_state, i, drift):
-    """Move story `i` from zero drift to its initial drift (m) and commit the state.
+    """Move story `i` from zero drift to its initial drift at the start of a run and commit the
+    state.
 
     Parameters
     ----------
@@ -268,7 +274,7 @@ def start(law_parameters, law_state, i, drift):
     i : int
         Index of the story.
     drift : float
-        Drift, m.
+        Initial drift, m.
     """
     enter(law_parameters, law_state, i)
     restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
@@ -289,9 +295,10 @@ RESULT_COLUMNS = 4
 
 @kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws",))
 def follow(law_parameters, i, drifts, law_state, result):
-    """Compute forces and energies of story `i` along a path of drifts that starts at zero drift.
+    """Compute forces and energies of story `i` along a path of drifts, for example a cyclic test.
 
-    Each drift is committed, as a time step commits the drift at its end.
+    The story first moves from zero drift to the first drift of the path. Each drift is committed,
+    as a time step commits the drift at its end.
 
     Parameters
     ----------
@@ -302,22 +309,22 @@ def follow(law_parameters, i, drifts, law_state, result):
     drifts : ndarray
         Drifts of the path, m.
     law_state : ndarray
-        States of the laws; the final state is stored.
+        States of the laws; receives the state at the end of the path.
     result : ndarray, shape (drifts, RESULT_COLUMNS)
         Result, one row for each drift.
 
     Returns
     -------
     int
-        0.
+        Always 0, because a path of drifts cannot fail.
     """
     start(law_parameters, law_state, i, drifts[0])
-    for s in range(drifts.size):
-        result[s, TANGENT] = restoring_force(
-            law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drifts[s]
+    for row in range(drifts.size):
+        result[row, TANGENT] = restoring_force(
+            law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drifts[row]
         )
         commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
-        result[s, SHEAR] = law_state[rows.FORCE, i]
-        result[s, STRAIN_ENERGY] = strain_energy(law_parameters, law_state, i)
-        result[s, HYSTERETIC_ENERGY] = hysteretic_energy(law_parameters, law_state, i)
+        result[row, SHEAR] = law_state[rows.FORCE, i]
+        result[row, STRAIN_ENERGY] = strain_energy(law_parameters, law_state, i)
+        result[row, HYSTERETIC_ENERGY] = hysteretic_energy(law_parameters, law_state, i)
     return 0

@@ -65,8 +65,9 @@ _MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations
 # acceleration has a rounding error of about 1e-16 of the floor loads, and the drifts of upper
 # stories are only 1e-6 of the floor displacements.
 _RATE_ROUNDING = 1e-9
-# Rate opposite to the direction of the path, relative to the rate that it reaches. Larger
-# values are not rounding errors of a path that starts at a reversal.
+# Dimensionless. Rate opposite to the direction of the path at its start, relative to the rate at
+# its end. A path that starts at a reversal can have an opposite rate up to this value due to
+# rounding.
 _OPPOSITE_RATE = 1e-12
 # Shift of the drift at a reversal for the numerical derivative of the integrals with respect to
 # this drift, as a fraction of |rise| + |bend|
@@ -87,12 +88,15 @@ def _gauss() -> tuple[np.ndarray, np.ndarray]:
     needed at import. The table contains the result of NumPy's `leggauss` on [-1, 1]; each line
     contains the nodes and the weights of one rule.
     """
+    # Rule n is in row n, column 0 to n - 1; row 0 remains empty.
     nodes = np.zeros((MAX_POINTS + 1, MAX_POINTS))
     weights = np.zeros_like(nodes)
     lines = Path(__file__).with_name("gauss_legendre.txt").read_text(encoding="ascii").splitlines()
     for n, line in enumerate(lines, 1):
         numbers = np.array(list(map(float, line.split())))
-        nodes[n, :n], weights[n, :n] = 0.5 * (numbers[:n] + 1.0), 0.5 * numbers[n:]
+        # Convert from the interval [-1, 1] to [0, 1].
+        nodes[n, :n] = 0.5 * (numbers[:n] + 1.0)
+        weights[n, :n] = 0.5 * numbers[n:]
     return nodes, weights
 
 
@@ -162,6 +166,8 @@ _distance_to_bend = select_function("kink", case_with_5_arguments, _no_sharp_ben
 def remains_on_branch(law_state, i, rise, bend):
     """Return True if story `i` remains on its current linear branch along the complete path.
 
+    The result is False for a curved law, which has no linear branch.
+
     Parameters
     ----------
     law_state : ndarray
@@ -173,27 +179,31 @@ def remains_on_branch(law_state, i, rise, bend):
     """
     if not law_state[rows.SLOPE, i] < math.inf:
         return False
-    start = law_state[rows.DRIFT, i]
+    start_drift = law_state[rows.DRIFT, i]
     rate_sign = law_state[rows.RATE_SIGN, i]
-    first = rise - 0.5 * bend
-    last = rise + 0.5 * bend
-    if rate_sign * first < 0.0 or rate_sign * last < 0.0:
+    # Rates of the parabola at both endpoints times the step, m
+    first_rate = rise - 0.5 * bend
+    last_rate = rise + 0.5 * bend
+    if rate_sign * first_rate < 0.0 or rate_sign * last_rate < 0.0:
         return False
-    # The parabola is between the minimum and the maximum of its Bezier points.
-    middle = start + 0.5 * first
-    end = start + rise
-    highest = max(start, middle, end)
-    lowest = min(start, middle, end)
+    # The parabola is between the minimum and the maximum of its three Bezier points. If these are
+    # within the limits, the exact extremum is not needed.
+    middle_drift = start_drift + 0.5 * first_rate
+    end_drift = start_drift + rise
+    highest = max(start_drift, middle_drift, end_drift)
+    lowest = min(start_drift, middle_drift, end_drift)
     if highest <= law_state[rows.UPPER, i] and lowest >= law_state[rows.LOWER, i]:
         return True
-    if first * last < 0.0:
+    # Otherwise replace the middle Bezier point by the drift at the extremum within the step, if
+    # there is an extremum.
+    if first_rate * last_rate < 0.0:
         t = 0.5 - rise / bend
-        middle = start + rise * t + 0.5 * bend * (t * t - t)
+        middle_drift = start_drift + rise * t + 0.5 * bend * (t * t - t)
     else:
-        middle = start
+        middle_drift = start_drift
     return (
-        max(start, middle, end) <= law_state[rows.UPPER, i]
-        and min(start, middle, end) >= law_state[rows.LOWER, i]
+        max(start_drift, middle_drift, end_drift) <= law_state[rows.UPPER, i]
+        and min(start_drift, middle_drift, end_drift) >= law_state[rows.LOWER, i]
     )
 
 
@@ -227,8 +237,9 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     """
     tolerance = _RATE_ROUNDING * (abs(rise) + abs(last_rate))
     if abs(first_rate) <= tolerance and abs(initial_slope) <= tolerance and rise * last_rate > 0.0:
-        # Initial rate and slope are zero. Upper stories of a building at rest start in this way,
-        # with a rate proportional to a power of time that is higher than the third.
+        # Initial rate and slope are zero, and the story moves in one direction. Upper stories of a
+        # building at rest start in this way: their rate is proportional to the third or a higher
+        # power of time, which the cubic does not represent.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
     rate_change = last_rate - first_rate - initial_slope
     mean_excess = rise - first_rate - 0.5 * initial_slope
@@ -247,30 +258,31 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
             min(first_extremum, last_extremum),
             max(first_extremum, last_extremum),
         )
-    initial_rate = (
-        first_rate
-        if abs(first_rate) > tolerance
-        else initial_slope
-        if abs(initial_slope) > tolerance
-        else rise
-    )
+    # Value with the sign of the rate immediately after the start
+    if abs(first_rate) > tolerance:
+        initial_rate = first_rate
+    elif abs(initial_slope) > tolerance:
+        initial_rate = initial_slope
+    else:
+        initial_rate = rise
     first_reversal = second_reversal = third_reversal = 1.0
     min_extremum = math.inf
     lower, previous_rate = 0.0, initial_rate
     for part in range(3):
+        # The parts end at the first extremum, at the last extremum and at the end of the step.
         upper = first_extremum if part == 0 else last_extremum if part == 1 else 1.0
         rate = first_rate + upper * (initial_slope + upper * (c2 + upper * c3))
         if part < 2 and 0.0 < upper < 1.0:
             min_extremum = min(min_extremum, abs(rate))
         if previous_rate * rate < 0.0 and abs(rate) > tolerance:
             root = _find_zero((first_rate, initial_slope, c2, c3), lower, upper, rate)
-            first_reversal, second_reversal, third_reversal = (
-                (root, 1.0, 1.0)
-                if first_reversal == 1.0
-                else (first_reversal, root, 1.0)
-                if second_reversal == 1.0
-                else (first_reversal, second_reversal, root)
-            )
+            # Store the root in the first variable that is still 1.
+            if first_reversal == 1.0:
+                first_reversal = root
+            elif second_reversal == 1.0:
+                second_reversal = root
+            else:
+                third_reversal = root
         lower = upper
         previous_rate = rate if abs(rate) > tolerance else previous_rate
     return (
@@ -303,7 +315,7 @@ def has_certain_reversal(rise, first_rate, last_rate):
 
 
 @inline
-def _find_zero(cubic, lower, upper, at_right):
+def _find_zero(cubic, lower, upper, value_at_upper):
     """Return the zero of a cubic polynomial that is monotonic in an interval.
 
     Newton's method is used, with a bisection if it leaves the interval.
@@ -314,23 +326,23 @@ def _find_zero(cubic, lower, upper, at_right):
         Coefficients of 1, t, t^2 and t^3.
     lower, upper : float
         Interval of the zero.
-    at_right : float
-        Value with the sign of the cubic at `upper`.
+    value_at_upper : float
+        Value of the cubic at `upper`; only its sign is used.
     """
     c0, c1, c2, c3 = cubic
     t = 0.5 * (lower + upper)
     for _ in range(_MAX_ROOT_ITERATIONS):
         value = c0 + t * (c1 + t * (c2 + t * c3))
-        if value * at_right < 0.0:
+        if value * value_at_upper < 0.0:
             lower = t
         else:
             upper = t
         slope = c1 + t * (2.0 * c2 + 3.0 * t * c3)
-        new = t - value / slope if slope != 0.0 else lower
-        new = new if lower < new < upper else 0.5 * (lower + upper)
-        if abs(new - t) < _ROOT:
-            return new
-        t = new
+        new_t = t - value / slope if slope != 0.0 else lower
+        new_t = new_t if lower < new_t < upper else 0.5 * (lower + upper)
+        if abs(new_t - t) < _ROOT:
+            return new_t
+        t = new_t
     return t
 
 
@@ -368,7 +380,8 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     """Compute mean, first moment and their derivatives for story `i` along its parabola of drift.
 
     The law follows the path in trial states. The function `commit_path_end` later commits the state
-    at the end of the path.
+    at the end of the path. Piecewise-linear laws, curved hysteretic laws and curved elastic laws
+    are integrated in different ways (docstring of the module).
 
     Parameters
     ----------
@@ -421,9 +434,12 @@ def commit_path_end(law_parameters, law_state, i, rise):
     rise : float
         Change of drift along the path, m.
     """
+    # Piecewise-linear law: FIRST_TRIAL already contains the state at the end.
     if not HAS_CURVED_LAW or law_state[rows.SLOPE, i] < math.inf:
         copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
+    # Curved law: move from the last Gauss point (in FIRST_TRIAL; an elastic law from the start) to
+    # the end of the path.
     previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING_LAWS else 0
     restoring_force_outlined(
         law_parameters, law_state, i, previous, rows.SECOND_TRIAL, law_state[rows.DRIFT, i] + rise
@@ -524,8 +540,8 @@ def _add_after_reversal(results, i, reversal_time, shift):
         Scratch rows that receive the integrals.
     i : int
         Index of the story.
-    turn : float
-        Time of the reversal.
+    reversal_time : float
+        Time of the reversal as a fraction of the step.
     shift : float
         Shift of the drift, m; 0 if the results do not depend on the drift at the reversal.
     """
@@ -533,17 +549,19 @@ def _add_after_reversal(results, i, reversal_time, shift):
     for row in range(_RESULTS):
         scratch[out + row, i] += scratch[out + _AFTER_REVERSAL + row, i]
     if shift != 0.0:
-        mean = (
+        # Derivatives of mean and moment with respect to the drift at the reversal, N/m; this drift
+        # changes by reversal_time per unit of rise and by `by_bend` per unit of bend.
+        mean_by_drift = (
             scratch[out + _SHIFTED + MEAN, i] - scratch[out + _AFTER_REVERSAL + MEAN, i]
         ) / shift
-        moment = (
+        moment_by_drift = (
             scratch[out + _SHIFTED + MOMENT, i] - scratch[out + _AFTER_REVERSAL + MOMENT, i]
         ) / shift
         by_bend = 0.5 * (reversal_time * reversal_time - reversal_time)
-        scratch[out + MEAN_BY_RISE, i] += mean * reversal_time
-        scratch[out + MEAN_BY_BEND, i] += mean * by_bend
-        scratch[out + MOMENT_BY_RISE, i] += moment * reversal_time
-        scratch[out + MOMENT_BY_BEND, i] += moment * by_bend
+        scratch[out + MEAN_BY_RISE, i] += mean_by_drift * reversal_time
+        scratch[out + MEAN_BY_BEND, i] += mean_by_drift * by_bend
+        scratch[out + MOMENT_BY_RISE, i] += moment_by_drift * reversal_time
+        scratch[out + MOMENT_BY_BEND, i] += moment_by_drift * by_bend
 
 
 # ---- Piecewise-linear laws
@@ -553,7 +571,10 @@ def _add_after_reversal(results, i, reversal_time, shift):
 def time_to(limit, segment, t_now, direction):
     """Return the time from `t_now` until a monotonic part of the parabola reaches a drift.
 
-    The smallest positive root of the quadratic equation is computed without cancellation.
+    It is the smallest positive root of a quadratic equation, computed without cancellation: with
+    the distance D to the drift and the rate v at `t_now`, both positive in the direction of the
+    movement, v t + bend t^2 / 2 = D. The result is 0 if the drift has already been reached, and 1
+    if the story does not move.
 
     Parameters
     ----------
@@ -562,8 +583,8 @@ def time_to(limit, segment, t_now, direction):
     segment : PathSegment
         Path.
     t_now : float
-        Time on the path.
-    side : float
+        Time on the path, as a fraction of the step.
+    direction : float
         Direction of the movement, 1 or -1.
     """
     rate = direction * (segment.rise + segment.bend * (t_now - 0.5))
@@ -571,6 +592,8 @@ def time_to(limit, segment, t_now, direction):
     if not distance > 0.0:
         return 0.0
     root = math.sqrt(max(rate * rate + 2.0 * direction * segment.bend * distance, 0.0))
+    # The story first moves against the direction and then turns: take the larger root. A smaller
+    # opposite rate is a rounding error and is replaced by zero.
     if -rate > _OPPOSITE_RATE * root and direction * segment.bend > 0.0:
         return (root - rate) / (direction * segment.bend)
     return 2.0 * distance / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
@@ -596,6 +619,25 @@ def along_branches(add_part, process_end):
 
     @outlined
     def integrate_path(law_parameters, law_state, i, block, segment, side, target, results):
+        """Move the law state of story `i` along a part of its path, branch by branch.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the hysteretic laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the block of `law_state` with the state, which is moved to the end.
+        segment : PathSegment
+            Part of the path without reversal.
+        side : float
+            Direction of the movement: 1, -1, or 0 for no movement.
+        target : float
+            Drift at the end of the part, m.
+        results : Integrals
+            Scratch rows that are passed to `add_part` and `process_end`.
+        """
         if side == 0.0:
             add_part(law_state, i, block, segment, results)
             return
@@ -606,6 +648,7 @@ def along_branches(add_part, process_end):
             limit = (
                 law_state[block + rows.UPPER, i] if side > 0.0 else law_state[block + rows.LOWER, i]
             )
+            # After the maximum number of branches, the last branch is followed to the end.
             leaves_branch = side * (target - limit) > 0.0 and branch_count < _MAX_BRANCHES - 1
             t_end = segment.end
             if leaves_branch:
@@ -711,10 +754,10 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
         story.
     i : int
         Index of the story.
-    complete : PathSegment
-        Complete path.
-    turn : float
-        Time of the reversal; 1 for no reversal.
+    story_path : PathSegment
+        Path over the complete step.
+    reversal_time : float
+        Time of the reversal as a fraction of the step; 1 for no reversal.
     results : Integrals
         Scratch rows that receive the integrals.
     """
@@ -732,7 +775,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
     shifted = Integrals(results.table, results.first + _SHIFTED)
     path_back = path_segment(story_path, reversal_time, 1.0)
-    direction = math.copysign(1.0, story_path.bend)
+    direction = math.copysign(1.0, story_path.bend)  # of the path after the reversal
     shift = 0.0
     # If the branch is valid for both directions, it does not change at the reversal, and its force
     # does not depend on the drift at the reversal.
@@ -764,7 +807,8 @@ def dividing_at_bend(integrate):
     Parameters
     ----------
     integrate : function
-        Integrates along one part, see `_integrate`.
+        (law_parameters, law_state, i, previous, is_elastic, count, segment, results) -> block.
+        Integrates along one part by `count` Gauss points (`_integrate`).
 
     Returns
     -------
@@ -775,6 +819,14 @@ def dividing_at_bend(integrate):
 
     @outlined
     def integrate_path(law_parameters, law_state, i, previous, segment, results):
+        """Integrate a curved law along a path without reversal, in two parts if a sharp bend of the
+        force is on the path.
+
+        Returns
+        -------
+        int
+            First row of the block of `law_state` with the state at the last Gauss point.
+        """
         start_drift = drift_at(segment, segment.begin)
         drift_change = drift_at(segment, segment.end) - start_drift
         side = math.copysign(1.0, drift_change)
@@ -845,15 +897,16 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
         Block of the state at the last Gauss point.
     """
     scratch, out = results
-    parts = math.ceil(count / MAX_POINTS)
-    points = math.ceil(count / parts)
-    length = (segment.end - segment.begin) / parts
+    divisions = math.ceil(count / MAX_POINTS)
+    points = math.ceil(count / divisions)
+    length = (segment.end - segment.begin) / divisions
     mean = moment = 0.0
     mean_by_rise = mean_by_bend = moment_by_rise = moment_by_bend = 0.0
     trial = rows.FIRST_TRIAL
-    for part in range(parts):
+    for division in range(divisions):
         for point in range(points):
-            t = segment.begin + length * (part + NODES[points, point])
+            t = segment.begin + length * (division + NODES[points, point])
+            # The state of a hysteretic law moves from one block to the other at each point.
             if not is_elastic:
                 trial = rows.FIRST_TRIAL if previous != rows.FIRST_TRIAL else rows.SECOND_TRIAL
             tangent = restoring_force(
@@ -900,8 +953,8 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         story.
     i : int
         Index of the story.
-    complete : PathSegment
-        Complete path.
+    story_path : PathSegment
+        Path over the complete step.
     results : Integrals
         Scratch rows that receive the integrals.
     """
@@ -922,6 +975,8 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift + shift
         )
+        # First integrate from the shifted reversal (FIRST_TRIAL), then from the actual reversal
+        # (THIRD_TRIAL), which both remain available until they have been used.
         _clear(shifted, i)
         _integrate_divided(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, shifted)
         _clear(after_reversal, i)
