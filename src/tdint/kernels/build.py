@@ -37,9 +37,8 @@ def main() -> None:
     from tdint.kernels.building.store import identity
     from tdint.kernels.building.target import named
 
-    with suppress(
-        ImportError, AttributeError
-    ):  # internals of numba can change; without the shortcuts the compilation takes longer
+    # Internals of numba can change. Without the shortcuts the compilation takes longer.
+    with suppress(ImportError, AttributeError):
         _take_shortcuts()
     targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
     # The thread starts after the imports. On Windows the import of numpy would wait for the pipe
@@ -52,6 +51,7 @@ def main() -> None:
         kernel = getattr(
             _module(module_name, file) if file else importlib.import_module(module_name), attribute
         )
+        # One object file for each target; `symbol` is the name of the function in all of them.
         codes, symbol = objects_of(kernel.function, kernel.signature, targets)
         for code, target in zip(codes, targets, strict=True):
             data = pack(code, {**identity(name, variant, target), "symbol": symbol})
@@ -73,20 +73,24 @@ def _take_shortcuts() -> None:
     inlining.copy = SimpleNamespace(deepcopy=lambda block: block)
     # The result type of an operator with numbers is cached. numba would try all candidates and
     # format an error for each mismatch.
-    resolve = BaseFunction.get_call_type
+    resolve_call = BaseFunction.get_call_type
 
     def resolve_once(
         self: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]
     ) -> Any:
-        """Return the type of a call with numbers from the cache, or compute and store it."""
+        """Return the type of a call from the cache, or compute and store it.
+
+        Only calls with positional arguments that are numbers are stored; other calls are resolved
+        by numba.
+        """
         if named or not all(
             isinstance(argument, types.Number | types.Boolean) for argument in arguments
         ):
-            return resolve(self, context, arguments, named)
+            return resolve_call(self, context, arguments, named)
         resolved = self.__dict__.setdefault("_resolved", {})
         key = arguments, tuple(map(type, arguments))
         if key not in resolved:
-            resolved[key] = resolve(self, context, arguments, named)
+            resolved[key] = resolve_call(self, context, arguments, named)
         return resolved[key]
 
     setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010 (a method, to mypy)
@@ -95,14 +99,18 @@ def _take_shortcuts() -> None:
     default_variables = ir.Inst._rec_list_vars
 
     def variables(self: Any, value: Any) -> list[Any]:
-        """Return the variables of an instruction of numba's intermediate representation."""
+        """Return the variables that an operand of an instruction of numba contains.
+
+        `value` is an operand of the intermediate representation: a variable, a location, a name, a
+        dictionary of operands, or another object, for which numba's own function is called.
+        """
         value_type = type(value)
         if value_type is ir.Var:
             return [value]
         if value_type is ir.Loc or value_type is str:
             return []
         if value_type is dict:
-            return [variable for part in value.values() for variable in variables(self, part)]
+            return [found for operand in value.values() for found in variables(self, operand)]
         result: list[Any] = default_variables(self, value)
         return result
 
@@ -110,27 +118,25 @@ def _take_shortcuts() -> None:
     # Labels and names of variables are numbered separately in each function. With a common
     # numbering, previously compiled functions would affect the order of sets of names and therefore
     # the code. Functions are numbered consecutively, so that no two functions have a common symbol.
-    function_numbers, labels, compile_one = (
-        itertools.count(1),
-        ir_utils._the_max_label,
-        compiler.CompilerBase.compile_extra,
-    )
-    _ = (
-        bytecode.FunctionIdentity._unique_ids,
-        labels._value,
-        ir_utils._unique_var_count,
-    )  # raises AttributeError for an incompatible version of numba
+    function_numbers = itertools.count(1)
+    labels = ir_utils._the_max_label
+    compile_one = compiler.CompilerBase.compile_extra
+    # Read the attributes that are replaced below: an incompatible version of numba raises
+    # AttributeError here, before anything is replaced.
+    _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count
 
     def compile_separately(self: Any, function: Any) -> Any:
         """Compile a function with its own numbering of labels and variables."""
+        # Functions that this function calls are compiled in between. The numbering of the caller is
+        # therefore restored at the end.
         identity = bytecode.FunctionIdentity
-        outer = identity._unique_ids, labels._value, ir_utils._unique_var_count
+        numbering_of_caller = identity._unique_ids, labels._value, ir_utils._unique_var_count
         identity._unique_ids = itertools.chain([next(function_numbers)], itertools.count(1))
         labels._value, ir_utils._unique_var_count = 0, 0
         try:
             return compile_one(self, function)
         finally:
-            identity._unique_ids, labels._value, ir_utils._unique_var_count = outer
+            identity._unique_ids, labels._value, ir_utils._unique_var_count = numbering_of_caller
 
     compiler.CompilerBase.compile_extra = compile_separately
     # No code is executed in this process, so machine code is not needed.
@@ -156,7 +162,8 @@ def _module(name: str, file: str) -> Any:
 def _add_laws(variant: str) -> None:
     """Register the plug-in laws of a variant with their numbers.
 
-    The registration must precede the import of modules that depend on the laws.
+    The registration must precede the import of modules that depend on the laws. The environment
+    variable TDINT_KERNELS_PLUGINS maps the name of each law to the name and the file of its module.
     """
     from tdint.kernels.building.compilable import parse
     from tdint.kernels.building.sources import OUTSIDE
@@ -165,11 +172,13 @@ def _add_laws(variant: str) -> None:
 
     files = json.loads(os.environ.get("TDINT_KERNELS_PLUGINS", "{}"))
     for name, code in parse(variant).outside.items():
+        # Fill the list up to the number of the law with unnamed laws that are not used.
         LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
+        # The module contains the law as a global variable or in a global tuple or list.
         values = list(vars(_module(*files[name])).values())
-        values += [
-            member for value in values if isinstance(value, tuple | list) for member in value
-        ]
+        for value in tuple(values):
+            if isinstance(value, tuple | list):
+                values += value
         OUTSIDE[name] = files[name][0]
         LAWS[code] = next(law for law in values if isinstance(law, DriftLaw) and law.name == name)
 
@@ -177,11 +186,10 @@ def _add_laws(variant: str) -> None:
 def _listen(requests: SimpleQueue[bytes]) -> None:
     """Put the lines of the standard input into a queue, and end the process when the standard input
     is closed."""
-    text = b""
-    while received := os.read(
-        0, 4096
-    ):  # sys.stdin is not used because a thread must not hold its lock when Python ends
-        *lines, text = (text + received).split(b"\n")
+    incomplete_line = b""
+    # sys.stdin is not used, because a thread must not hold its lock when Python ends.
+    while received := os.read(0, 4096):
+        *lines, incomplete_line = (incomplete_line + received).split(b"\n")
         for line in lines:
             requests.put(line)
     os._exit(0)

@@ -79,6 +79,8 @@ class Kernel(Compilable):
         last_variant, function = self._last
         if function is not None and variant is last_variant:
             return function
+        # The same compiled kernel serves all variants that differ only in features that this kernel
+        # does not use.
         required_variant = self.required_variant(variant)
         if required_variant not in self._loaded:
             from tdint.kernels.building.load_or_compile import load_or_compile

@@ -154,7 +154,7 @@ MOMENTUM = ENERGY_TERMS + 7  # momentum of all floors, N s
 POWER_VISCOUS = ENERGY_TERMS + 8  # power of all dampers, W, and its rate, W/s
 RATE_VISCOUS = ENERGY_TERMS + 9
 INITIAL_DISSIPATION = ENERGY_TERMS + 10  # dissipated by the laws up to the initial drifts, J
-# Number of complete steps after which a story first exceeded a limit; NO_COLLAPSE if none did
+# Number of complete steps after which a story first exceeded a limit; NO_COLLAPSE if no story did
 COLLAPSE_STEP = ENERGY_TERMS + 11
 # Index of the first failed story, or of the story with the largest excess of its drift ratio limit
 COLLAPSE_STORY = ENERGY_TERMS + 12

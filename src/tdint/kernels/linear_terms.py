@@ -72,6 +72,7 @@ def force_impulse(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
+    # sin(x) / x; for small x, where the quotient can be 0 / 0, by its Taylor series
     sinc = (
         math.sin(half_angle) / half_angle
         if half_angle > 1e-4
@@ -82,11 +83,12 @@ def force_impulse(forces, j, t, h):
 
 @inline
 def force_moment(forces, j, t, h):
-    """Return twelve times the mean of s times floor force `j` over [t, t + h], with s in [-1/2,
-    1/2], N.
+    """Return the first moment of floor force `j` over [t, t + h], N.
 
-    The result is exact. With the rate R at the middle of the step, the odd part of the force in s
-    is R h / (2 x) sin(2 x s) with x = omega h / 2.
+    The first moment is twelve times the mean of s times the force. The time s is -1/2 at the start
+    and 1/2 at the end of the step. The result is exact. With the rate R of the force at the middle
+    of the step, the odd part of the force in s is R h / (2 x) sin(2 x s) with x = omega h / 2. Its
+    moment is 3 R h (sin x - x cos x) / x^3.
 
     Parameters
     ----------
@@ -101,6 +103,7 @@ def force_moment(forces, j, t, h):
         Time step, s.
     """
     half_angle = 0.5 * forces[j, rows.OMEGA] * h
+    # (sin x - x cos x) / x^3, by its Taylor series if x is small, because of cancellation
     if abs(half_angle) > 0.1:
         integral = (math.sin(half_angle) - half_angle * math.cos(half_angle)) / (
             half_angle * half_angle * half_angle
@@ -259,8 +262,9 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 def _add_means(forces, t, h, r, scratch, row):
     """Add mean and first moment of the forces on floors over a step to two scratch rows, N.
 
-    With r > 0, the moment is replaced by the value with which stiff parts of the building follow
-    the force (`mean_load`).
+    With r > 0, the first moment is replaced by p1 - p0 + 12 r ((p0 + p1) / 2 - mean) with the
+    forces p0 and p1 at both endpoints. Very stiff parts of the building then follow the force at
+    the endpoints.
 
     Parameters
     ----------
@@ -324,7 +328,7 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
     Parameters
     ----------
     modal : ndarray
-        W.
+        W, one row for each damped mode.
     table : ndarray
         Table that contains x in row `x`.
     x : int
@@ -370,12 +374,16 @@ def power_damper(linear_terms, i, rate):
 
 @outlined
 def _power_damper(linear_terms, i, rate):
-    """Return the force c v (v^2 + v0^2)^e of a power-law dashpot, N, and its derivative, N s/m."""
+    """Return the force c v (v^2 + v0^2)^e of a power-law dashpot at the drift rate v = `rate`
+    (m/s), N, and its derivative with respect to the rate, N s/m."""
     squared_rate = rate * rate + linear_terms[rows.THRESHOLD, i]
-    if squared_rate == 0.0:  # zero rate and no threshold, which requires an exponent of at least 1
-        return 0.0, linear_terms[rows.POWER_DAMPER, i] if linear_terms[
-            rows.POWER, i
-        ] == 0.0 else 0.0
+    if squared_rate == 0.0:
+        # Zero rate and no threshold v0, which requires e >= 0. The derivative at zero rate is c for
+        # a linear dashpot (e = 0), otherwise 0.
+        if linear_terms[rows.POWER, i] == 0.0:
+            return 0.0, linear_terms[rows.POWER_DAMPER, i]
+        return 0.0, 0.0
+    # Force divided by the rate, N s/m
     secant = linear_terms[rows.POWER_DAMPER, i] * squared_rate ** linear_terms[rows.POWER, i]
     return secant * rate, secant * (
         1.0 + 2.0 * linear_terms[rows.POWER, i] * rate * rate / squared_rate
@@ -407,17 +415,17 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
         Row that receives the force of each story: restoring force, P-delta and dampers, N.
     """
     n = linear_terms.shape[1] - 1
-    below = 0.0
+    velocity_below = 0.0
     for i in range(n):
         v = scratch[velocity, i]
-        rate = v - linear_terms[rows.LINK, i] * below
-        below = v
+        rate = v - linear_terms[rows.LINK, i] * velocity_below
+        velocity_below = v
         scratch[sums, i] = (
             law_state[block + rows.FORCE, i]
             + linear_terms[rows.GEOMETRIC, i] * law_state[block + rows.DRIFT, i]
             + linear_terms[rows.STORY_DAMPER, i] * rate
         )
-        scratch[sums, i] += power_damper(linear_terms, i, rate)[0]
+        scratch[sums, i] += power_damper(linear_terms, i, rate)[0]  # the force, without derivative
     scratch[sums, n] = 0.0
     for i in range(n):
         scratch[row, i] = (

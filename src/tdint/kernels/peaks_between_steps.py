@@ -159,7 +159,7 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     floor : Ends
-        Floor `i`, relative to the ground.
+        Motion of floor `i` relative to the ground at both endpoints of the step.
     peaks : ndarray
         Recorded peaks, rows `PEAK_...` of `tdint.kernels.layout`.
     i : int
@@ -167,25 +167,26 @@ def may_exceed_floor_peaks(h, by_h, floor, peaks, i):
     """
     v_max = max(abs(floor.v0), abs(floor.v1))
     a_max = max(abs(floor.a0), abs(floor.a1))
-    reach = max(abs(floor.u0), abs(floor.u1)) + h * (0.5 * v_max + 0.05 * h * a_max)
-    exceeds = reach > peaks[rows.PEAK_DISPLACEMENT, i]
-    inner = abs(_middle_velocity_bezier_point(h, by_h, floor))
-    return exceeds | (max(v_max + 0.25 * h * a_max, inner) > peaks[rows.PEAK_VELOCITY, i])
+    # Bounds of the Bezier points of the displacement and of the velocity
+    max_displacement = max(abs(floor.u0), abs(floor.u1)) + h * (0.5 * v_max + 0.05 * h * a_max)
+    exceeds = max_displacement > peaks[rows.PEAK_DISPLACEMENT, i]
+    middle_velocity = abs(_middle_velocity_bezier_point(h, by_h, floor))
+    return exceeds | (max(v_max + 0.25 * h * a_max, middle_velocity) > peaks[rows.PEAK_VELOCITY, i])
 
 
 @inline
 def story_reach(span, story, shear, stiffness):
     """Return upper bounds of the drift (m) and of the shear (N) of a story within a step.
 
-    The bounds exclude the part of the acceleration at the end of the step, which
-    `may_exceed_story_peaks` adds, because the observer does not know it yet.
+    The bounds do not include the acceleration at the end of the step, which the observer does not
+    know yet. `may_exceed_story_peaks` adds its contribution.
 
     Parameters
     ----------
     span : Span
         Time step.
     story : Ends
-        Story; a1 is not used.
+        Drift, drift rate and drift acceleration at both endpoints; a1 is not used.
     shear : float
         Restoring force of the story at the end of the step, N.
     stiffness : float
@@ -193,6 +194,8 @@ def story_reach(span, story, shear, stiffness):
     """
     v_max = max(abs(story.v0), abs(story.v1))
     excess = span.h * (0.5 * v_max + 0.05 * span.h * abs(story.a0))
+    # The shear can exceed its value at the end of the step only if the drift reverses, or if the
+    # drift follows the parabola of the method.
     excursion = abs(story.u1 - story.u0) + excess
     excursion = excursion if span.on_path or story.v0 * story.v1 < 0.0 else 0.0
     return max(abs(story.u0), abs(story.u1)) + excess, abs(shear) + stiffness * excursion
@@ -205,9 +208,11 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
     Parameters
     ----------
     reach : tuple of float
-        Bounds of `story_reach`, m and N.
+        Upper bounds of the drift (m) and of the shear (N) without the effect of the acceleration at
+        the end of the step (`story_reach`).
     excess : float
-        h^2 / 20 times the absolute value of the drift acceleration at the end of the step, m.
+        Increase of the bound of the drift by the acceleration at the end of the step, m: h^2 / 20
+        times the absolute value of the drift acceleration.
     stiffness : float
         Initial stiffness of the story, N/m.
     peaks : ndarray
@@ -215,8 +220,9 @@ def may_exceed_story_peaks(reach, excess, stiffness, peaks, i):
     i : int
         Story.
     """
-    exceeds = reach[0] + excess > peaks[rows.PEAK_DRIFT, i]
-    return exceeds | (reach[1] + stiffness * excess > peaks[rows.PEAK_SHEAR, i])
+    max_drift, max_shear = reach
+    exceeds = max_drift + excess > peaks[rows.PEAK_DRIFT, i]
+    return exceeds | (max_shear + stiffness * excess > peaks[rows.PEAK_SHEAR, i])
 
 
 @inline
@@ -236,7 +242,9 @@ def _displacement_excursion(span, ends):
 @inline
 def _excess_at_end(h, v, a):
     """Return an upper bound of the distance of the Bezier points from the displacement at the
-    endpoint with the velocity `v` and the acceleration `a`, m."""
+    endpoint with the velocity `v` and the acceleration `a`, m.
+
+    The points next to the endpoint are at h v / 5 and at 2 h v / 5 + h^2 a / 20 from it."""
     return h * (0.4 * abs(v) + 0.05 * h * abs(a))
 
 
@@ -249,10 +257,11 @@ def may_exceed_velocity_peak(h, by_h, ends, peak):
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     ends : Ends
-        Motion of a floor or story.
+        Motion of a floor or story at both endpoints of the step.
     peak : float
         Recorded peak, m/s.
     """
+    # A velocity can only have an extremum within the step if its acceleration changes its sign.
     exceeds = (ends.a0 * ends.a1 < 0.0) & (_max_velocity_bezier_point(h, by_h, ends) > peak)
     return (abs(ends.v1) > peak) | exceeds
 
@@ -269,7 +278,7 @@ def _max_velocity_bezier_point(h, by_h, ends):
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     ends : Ends
-        Motion of a floor or story.
+        Motion of a floor or story at both endpoints of the step.
     """
     point_1 = ends.v0 + 0.25 * h * ends.a0
     point_3 = ends.v1 - 0.25 * h * ends.a1
@@ -288,7 +297,7 @@ def _middle_velocity_bezier_point(h, by_h, ends):
     h, by_h : float
         Length of the step, s, and its reciprocal, 1/s; the reciprocal is 0 for a step of length 0.
     ends : Ends
-        Motion of a floor or story.
+        Motion of a floor or story at both endpoints of the step.
     """
     mean = 5.0 * by_h * (ends.u1 - ends.u0)
     return mean - 2.0 * (ends.v0 + ends.v1) + 0.25 * h * (ends.a1 - ends.a0)
@@ -358,7 +367,8 @@ def find_interstep_peaks(
     has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     reversal_count = 0
     n = linear_terms.shape[1] - 1
-    # Sums over the floors from the roof down to floor i: mass times motion, mass, and forces.
+    # Sums over the floors from the roof down to floor i: mass times motion, mass, and forces on
+    # floors
     inertia, mass_sum = _ZERO_ENDS, 0.0
     floor_forces = _ZERO_FORCES
     floor = _floor_ends(span.fast, passage, n - 1)
@@ -371,6 +381,8 @@ def find_interstep_peaks(
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
             stiffness = scene.law_parameters[rows.STIFFNESS, i]
+            # Amounts by which drift and shear may exceed their values at the end of the step
+            # without a new peak. The bound of the shear uses the initial stiffness.
             drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
             shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = _displacement_excursion(span, story)
@@ -421,6 +433,8 @@ def _floor_ends(has_unresolved_modes, passage, i):
     because only then does the table `passage.old` contain them. Otherwise the values at the start
     of the step are returned instead; they are not used.
     """
+    # From row `first` on, `old` contains displacement, velocity and acceleration at the start of
+    # the step, then velocity and acceleration one step earlier.
     old, first, state, accelerations, new = passage
     v0 = old[first + 1, i]
     a0 = old[first + 2, i]
@@ -519,7 +533,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     span : Span
         Time step.
     ends : Ends
-        Displacement or drift (m) with its rates at the endpoints.
+        Displacement or drift (m), velocity and acceleration at both endpoints of the step.
     margin : float
         Amount that an extremum may exceed |u1| without a new peak, m. For a drift this includes a
         new peak shear: additional drift times initial stiffness must not exceed the remaining
@@ -587,7 +601,7 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     span : Span
         Time step.
     ends : Ends
-        Displacement or drift (m) with its rates at the endpoints.
+        Displacement or drift (m), velocity and acceleration at both endpoints of the step.
     peaks : ndarray
         Table of the peaks, m/s.
     peak_row, i : int
@@ -600,6 +614,7 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
     row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     if _max_velocity_bezier_point(h, 1.0 / h, ends) > peaks[row, i]:
+        # Coefficients of the powers of s of the velocity, which is u'(s) / h
         velocity = (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
         raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
 
@@ -632,6 +647,7 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
     absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
     bulge, tilt = _bulge_and_tilt(span.h, ends)
+    # With a larger tilt, bulge and tilt are ignored, and the maximum is at an endpoint.
     is_candidate = abs(tilt) < _MAX_TILT_RATIO * abs(bulge)
     if is_candidate:
         weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
@@ -697,7 +713,10 @@ def _add_floor_forces(span, forces, link, i, sums_above):
 
 @inline
 def _bulge_and_tilt(h, ends):
-    """Return bulge B and tilt D of the acceleration of the quintic (see the module docstring)."""
+    """Return bulge B and tilt D of the acceleration of the quintic, m/s^2.
+
+    a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s)) with s in [0, 1].
+    """
     u0, v0, a0, u1, v1, a1, _, _ = ends
     by_h = 1.0 / h
     tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
@@ -720,9 +739,9 @@ def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
     The points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3. The cubic acceleration does
     not exceed the maximum of these points and its endpoints.
     """
-    first = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
-    second = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
-    return max(first, second) / 3.0
+    point_1_times_3 = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
+    point_2_times_3 = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
+    return max(point_1_times_3, point_2_times_3) / 3.0
 
 
 @inline
@@ -739,8 +758,9 @@ def _is_near_line(bulge, tilt, scale):
 def _is_resolved(span, ends):
     """Return True if velocities and accelerations of two successive steps are nearly linear.
 
-    Second differences must not exceed the sum of the absolute values at the endpoints of the
-    present step. The result is always True without unresolved modes (`span.fast` is False).
+    This is the case if the second differences of three successive velocities and accelerations do
+    not exceed the sum of the absolute values at the endpoints of the present step. The result is
+    always True without unresolved modes (`span.fast` is False).
     """
     v_difference = abs(ends.v1 - 2.0 * ends.v0 + ends.v_earlier)
     a_difference = abs(ends.a1 - 2.0 * ends.a0 + ends.a_earlier)
@@ -825,6 +845,7 @@ def _best_of_samples(coefficients):
         Coefficients p0 to p5 of the powers of s.
     """
     s, best = 0.125, _value(0.125, coefficients)
+    # p1 > 0: the largest value is the best; p1 < 0: the smallest.
     for k in range(2, 8):
         value = _value(0.125 * k, coefficients)
         if (value - best) * coefficients[1] > 0.0:

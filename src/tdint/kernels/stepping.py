@@ -84,13 +84,27 @@ class Memory(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Arrays of the observer (see `tdint.kernels.time_loop.observer`)."""
+    """Arrays in which the observer of the response stores its results and its memory.
 
-    observer_state: Array  # memory of the observer
-    peaks: Array  # peaks and possible peaks of the response
-    limits: Array  # collapse limits of the drifts
-    totals: Array  # values of the complete run
-    # the start and every k-th step, with k = steps / (rows - 1); no rows without a history
+    Attributes
+    ----------
+    observer_state : ndarray
+        Memory of the observer between two steps: one column for each floor or story.
+    peaks : ndarray
+        Maximum absolute values of the response, then possible peaks between the time steps.
+    limits : ndarray
+        Collapse limits of the drifts, by story.
+    totals : ndarray
+        Values of the complete run, such as energies and numbers of steps.
+    history : ndarray
+        Response at the start and at every k-th step, with k = steps / (rows - 1); no rows if no
+        history is stored.
+    """
+
+    observer_state: Array
+    peaks: Array
+    limits: Array
+    totals: Array
     history: Array
 
 
@@ -115,17 +129,16 @@ class Span(NamedTuple):
     fast : bool
         True if the building has modes that the step does not resolve.
     cornered : bool
-        True if the step has computed peaks of accelerations and total shears within the step.
+        True if the step has computed the peaks of accelerations and total shears at discontinuities
+        within the step. The values at the endpoints of the step do not determine these peaks.
     """
 
     t: float
     h: float
     ground_0: float
     ground_1: float
-    on_path: bool  # True if the displacements follow parabolas
-    fast: bool  # True if the building has modes that the step does not resolve
-    # True if the step has computed peaks of accelerations and total shears at discontinuities
-    # within the step, which the values at its endpoints do not determine
+    on_path: bool
+    fast: bool
     cornered: bool
 
 
@@ -139,9 +152,9 @@ class Passage(NamedTuple):
         displacement, velocity and acceleration. If the building has unresolved modes, velocity and
         acceleration one step earlier follow.
     first : int
-        First of these rows.
+        Row of the displacement in `old`.
     state : ndarray
-        Displacement and velocity at the end of the step.
+        Table with displacement and velocity at the end of the step.
     accelerations : ndarray
         Table with the acceleration at the end of the step.
     new : int
@@ -179,7 +192,7 @@ class Ends(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Rows of a factorization (see `tdint.kernels.equations.tridiagonal`).
+    """Rows of a factorization of a tridiagonal or block tridiagonal matrix.
 
     Attributes
     ----------
@@ -214,12 +227,15 @@ class EffectiveCoefficients(NamedTuple):
 
 
 class Integrals(NamedTuple):
-    """Rows for the integrals along a path (see `tdint.kernels.stories.path`).
+    """Rows that receive the integrals of a story force along a path.
+
+    The rows contain mean and first moment of the force and their derivatives, in the order of
+    `tdint.kernels.stories.path`.
 
     Attributes
     ----------
     table : ndarray
-        Table that contains the rows.
+        Table that contains the rows, usually the scratch array.
     first : int
         First row.
     """

@@ -145,9 +145,9 @@ def solve_step(coefficients, scene, h, memory):
     state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     iterations = 0
-    fraction = 1.0
+    applied_fraction = 1.0
     previous_norm = math.inf
-    is_last = False
+    is_correction_negligible = False
     if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         previous_norm = _solve_on_branches(coefficients, scene, h, memory)
         iterations = 1
@@ -155,29 +155,31 @@ def solve_step(coefficients, scene, h, memory):
             return iterations
     else:
         _store_first_guess(h, state, scratch, n)
-    while HAS_NONLINEAR_FORCE:
+    while HAS_NONLINEAR_FORCE:  # a constant of the compiled variant
         is_stale = _evaluate_stories(
             coefficients, scene, h, memory, iterations <= _DECIDING_ITERATIONS
         )
         norm = _residuals(coefficients, linear_terms, modal, h, state, scratch)
-        failing = iterations == MAX_ITERATIONS or not norm < math.inf
-        if is_last or _is_converged(
-            failing, coefficients, linear_terms, h, state, scratch, step_status
+        # No further correction is possible after the last iteration or if a value is not finite.
+        is_final = iterations == MAX_ITERATIONS or not norm < math.inf
+        if is_correction_negligible or _is_converged(
+            is_final, coefficients, linear_terms, h, state, scratch, step_status
         ):
             break
-        if must_halve(norm, previous_norm, fraction):
-            fraction *= 0.5
-            add_rows(-fraction, scratch, ROW.CORRECTION, ROW.RISE, 2, n)
+        # Line search: halve the applied fraction of a correction that does not reduce the norm.
+        if must_halve(norm, previous_norm, applied_fraction):
+            applied_fraction *= 0.5
+            add_rows(-applied_fraction, scratch, ROW.CORRECTION, ROW.RISE, 2, n)
             continue
-        if failing:
+        if is_final:
             return rows.NOT_CONVERGED
         if is_stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
         solve(modal, h, scratch, ROW.X, n)
-        is_last = _correct(state, scratch, n)
+        is_correction_negligible = _correct(state, scratch, n)
         iterations += 1
         previous_norm = norm
-        fraction = 1.0
+        applied_fraction = 1.0
     return iterations
 
 
@@ -202,7 +204,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
     Returns
     -------
     float
-        Squared norm of the residual for zero increments.
+        Squared norm of the residual for zero rises and bends, as in `_residuals`; 0 if all stories
+        are linear.
     """
     linear_terms, modal, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -227,6 +230,8 @@ def _solve_on_branches(coefficients, scene, h, memory):
             - linear_terms[rows.LINK, i + 1] * scratch[ROW.PATH + path.MEAN, i + 1]
             - scratch[ROW.LOAD, i]
         )
+        # Negative residuals of impulse and first moment for zero rise and bend: then
+        # a1 = 12 h v0 / (1 + 6 r) and a0 = -r a1
         inertia = linear_terms[rows.MASS, i] * coefficients[BY_RISE] * h * state[rows.VELOCITY, i]
         impulse_residual = coefficients[R] * inertia - h * h * mean
         moment_residual = h * h * scratch[ROW.LOAD + 1, i] - inertia
@@ -296,7 +301,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     Returns
     -------
     bool
-        True if the factorization does not match the tangents.
+        True if the existing factorization is for other tangents or another length of the step, and
+        must be computed again.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -304,7 +310,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     is_stale = scratch[ROW.FACTORED, n] != h
     rise_below = 0.0
     bend_below = 0.0
-    size_below = 0.0
+    displacement_scale_below = 0.0
     scratch[ROW.LEAVES_BRANCH, n] = 0.0
     for i in range(n):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
@@ -320,6 +326,8 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
             scratch[ROW.LEAVES_BRANCH, i] = 1.0
             scratch[ROW.LEAVES_BRANCH, n] = 1.0
             if is_deciding:
+                # The parabola has an extremum within the step, but only because it approximates
+                # the drift (`_has_no_reversal`). Curved laws always follow the parabola.
                 may_be_steady = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
                 scratch[ROW.NO_REVERSAL, i] = (
                     1.0
@@ -344,21 +352,28 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
                 scratch[ROW.PATH + path.MEAN_BY_RISE + row, i] - scratch[ROW.FACTORED + row, i]
             )
             is_stale |= change > tangent_tolerance
+        # Add P-delta, the story damper and the numerical dissipation r K D1 to mean and moment. The
+        # mean of the drift is drift + rise / 2 - bend / 12, and its first moment is the rise.
         geometric = linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i] / h
         drift = law_state[rows.DRIFT, i]
-        stiffness = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
+        dissipative_stiffness = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
         scratch[ROW.PATH + path.MEAN, i] += (
             geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
         )
-        scratch[ROW.PATH + path.MOMENT, i] += geometric * rise + (damper + stiffness) * bend
+        scratch[ROW.PATH + path.MOMENT, i] += (
+            geometric * rise + (damper + dissipative_stiffness) * bend
+        )
         # A drift is a difference of displacements. The rounding errors of the displacements are not
         # part of the residual.
-        size = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
+        displacement_scale = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
         scratch[ROW.ROUNDING_FORCE, i] = (
-            ROUNDING / MAX_RESIDUAL * law_parameters[rows.STIFFNESS, i] * (size + link * size_below)
+            ROUNDING
+            / MAX_RESIDUAL
+            * law_parameters[rows.STIFFNESS, i]
+            * (displacement_scale + link * displacement_scale_below)
         )
-        size_below = size
+        displacement_scale_below = displacement_scale
     return is_stale
 
 
@@ -387,9 +402,11 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     """
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory
+    # Values of the story are those of floor `i` minus those of the floor below. For a story on the
+    # ground there is only floor `i`. All rates are multiplied by h.
     rise = first_rate = last_rate = 0.0
-    floors = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
-    for below in range(floors):
+    floor_count = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
+    for below in range(floor_count):
         j = i - below
         sign = 1.0 - 2.0 * below
         rate = h * state[rows.VELOCITY, j]
@@ -399,17 +416,16 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
         last_rate += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
     if has_certain_reversal(rise, first_rate, last_rate):
         return False
-    initial_change = (
+    initial_slope = (
         h
         * h
         * (
             _acceleration(scene, memory, i)
-            - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0)
+            - (_acceleration(scene, memory, i - 1) if floor_count == 2 else 0.0)
         )
     )
-    direction, reversal_time, _, _, _ = locate_reversals(
-        rise, first_rate, last_rate, initial_change
-    )
+    direction, reversal_time, _, _, _ = locate_reversals(rise, first_rate, last_rate, initial_slope)
+    # No reversal, and the initial movement is in the direction of the change of drift
     return reversal_time == 1.0 and rise * direction > 0.0
 
 
@@ -420,6 +436,7 @@ def _acceleration(scene, memory, i):
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
+    # Load at the start of the step: for a linear load, mean minus half of the first moment
     force = scratch[ROW.LOAD, i] - 0.5 * scratch[ROW.LOAD + 1, i]
     force -= linear_terms[rows.FLOOR_DAMPER, i] * state[rows.VELOCITY, i]
     for j in range(modal.shape[0] if MODAL else 0):
@@ -427,19 +444,20 @@ def _acceleration(scene, memory, i):
         for k in range(n):
             amplitude += modal[j, k] * state[rows.VELOCITY, k]
         force -= amplitude * modal[j, i]
+    # Story `i` below the floor (above = 0) and story `i + 1` above the floor (above = 1)
     for above in range(2):
         j = i + above
         if j < n:
             link = linear_terms[rows.LINK, j]  # 0 for a story on the ground, otherwise 1
             rate = state[rows.VELOCITY, j] - link * state[rows.VELOCITY, max(j - 1, 0)]
-            story = (
+            story_force = (
                 law_state[rows.FORCE, j]
                 + linear_terms[rows.GEOMETRIC, j] * law_state[rows.DRIFT, j]
             )
-            story += (
+            story_force += (
                 linear_terms[rows.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
             )
-            force += story * link if above else -story
+            force += story_force * link if above else -story_force
     return linear_terms[rows.INVERSE_MASS, i] * force
 
 
@@ -447,8 +465,8 @@ def _acceleration(scene, memory, i):
 def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     """Compute the negative residuals of impulse and first moment, and return their squared norm.
 
-    The norm is the sum over all floors of (X_0^2 + X_1^2 / 12) / mass, with the rows X_0 and X_1 of
-    the residuals.
+    The norm is the sum over all floors of (X_0^2 + X_1^2 / 12) / mass, where X_0 is the residual of
+    the impulse and X_1 the residual of the first moment (rows X).
 
     Parameters
     ----------
@@ -534,6 +552,8 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
+        # Sums of the absolute values of the terms of both equations. `rounding` is the effect of
+        # the rounding errors of the displacements, N.
         rounding = scratch[ROW.ROUNDING_FORCE, i] + link * scratch[ROW.ROUNDING_FORCE, i + 1]
         force_scale = (
             abs(scratch[ROW.PATH + path.MEAN, i])
@@ -586,7 +606,8 @@ def _correct(state, scratch, n):
     Returns
     -------
     bool
-        True if all corrections are of the order of rounding errors.
+        True if all corrections are of the order of rounding errors, so that a further iteration
+        would not change the solution.
     """
     is_small = True
     for i in range(n):
@@ -631,6 +652,8 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     """
     n = linear_terms.shape[1] - 1
     h_squared = h * h
+    # Rows COUPLING to COUPLING + 3 receive the 2 x 2 block of each story (derivatives of its mean
+    # and moment), rows BLOCKS to BLOCKS + 3 the diagonal block of each floor, row by row.
     for i in range(n):
         mass = linear_terms[rows.MASS, i]
         floor_damping = h * linear_terms[rows.FLOOR_DAMPER, i]
@@ -692,7 +715,9 @@ def update_state(coefficients, scene, h, memory):
     """Move state and law states to the end of the step, and compute the work within the step.
 
     The work of the load and the work of the dampers along the parabolas of the floors are stored in
-    the rows WORK_INPUT and WORK_VISCOUS of the status, J.
+    the rows WORK_INPUT and WORK_VISCOUS of the status, J. The work of a force with the mean F0 and
+    the first moment F1 along a parabola is rise F0 + bend F1 / 12. A damper with the coefficient c
+    has F0 = c rise / h and F1 = c bend / h.
 
     Parameters
     ----------
@@ -711,8 +736,8 @@ def update_state(coefficients, scene, h, memory):
     inverse_h = 1.0 / h
     work_of_mean = 0.0
     work_of_moment = 0.0
-    damped_rise = 0.0
-    damped_bend = 0.0
+    damper_times_rise_squared = 0.0
+    damper_times_bend_squared = 0.0
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
@@ -722,22 +747,23 @@ def update_state(coefficients, scene, h, memory):
         a0 = bend - coefficients[R] * a1
         work_of_mean += rise * scratch[ROW.LOAD, i]
         work_of_moment += bend * scratch[ROW.LOAD + 1, i]
-        damped_rise += linear_terms[rows.FLOOR_DAMPER, i] * rise * rise
-        damped_bend += linear_terms[rows.FLOOR_DAMPER, i] * bend * bend
+        damper_times_rise_squared += linear_terms[rows.FLOOR_DAMPER, i] * rise * rise
+        damper_times_bend_squared += linear_terms[rows.FLOOR_DAMPER, i] * bend * bend
         state[rows.DISPLACEMENT, i] += rise
         state[rows.VELOCITY, i] += inverse_h * a0
         state[rows.ACCELERATION, i] = inverse_h * inverse_h * (a0 + 0.5 * a1)
+        # From here on, rise and bend are those of the drift of story `i`.
         rise -= linear_terms[rows.LINK, i] * rise_below
         bend -= linear_terms[rows.LINK, i] * bend_below
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
-        damped_rise += linear_terms[rows.STORY_DAMPER, i] * rise * rise
-        damped_bend += linear_terms[rows.STORY_DAMPER, i] * bend * bend
+        damper_times_rise_squared += linear_terms[rows.STORY_DAMPER, i] * rise * rise
+        damper_times_bend_squared += linear_terms[rows.STORY_DAMPER, i] * bend * bend
         if not HAS_NONLINEAR_FORCE or scratch[ROW.LEAVES_BRANCH, i] == 0.0:
             advance(law_parameters, law_state, i, 0, law_state[rows.DRIFT, i] + rise)
         else:
             commit_path_end(law_parameters, law_state, i, rise)
-    viscous_work = inverse_h * (damped_rise + damped_bend / 12.0)
+    viscous_work = inverse_h * (damper_times_rise_squared + damper_times_bend_squared / 12.0)
     if MODAL and modal.shape[0] > 0:
         viscous_work += _modal_work(modal, h, scratch, n)
     if DASHPOTS and flags[rows.POWER_DAMPERS] != 0.0:

@@ -37,6 +37,7 @@ _MAX_ITERATIONS = 30
 _NEWTON_TOLERANCE = 1e-4  # fraction of the step; maximum last correction of Newton's method
 # Fraction of the step; error of the time, and the error of the maximum is its square
 _BISECTION_TOLERANCE = 1e-5
+# 1 / k at index k; index 0 is not used
 _INVERSE = tuple(1.0 / max(k, 1) for k in range(TERMS + 1))
 
 
@@ -53,8 +54,8 @@ class Vibration(NamedTuple):
         Length of a step, s.
     """
 
-    by_u: float  # omega^2
-    by_v: float  # 2 xi omega
+    by_u: float
+    by_v: float
     h: float
 
 
@@ -72,9 +73,9 @@ def interpolate_samples(samples, parts, ground):
         Receives the ground acceleration at the steps, m/s^2.
     """
     for i in range(samples.size - 1):
-        rise = samples[i + 1] - samples[i]
+        increment = samples[i + 1] - samples[i]
         for k in range(parts):
-            ground[i * parts + k] = samples[i] + rise * k / parts
+            ground[i * parts + k] = samples[i] + increment * k / parts
     ground[ground.size - 1] = samples[samples.size - 1]
 
 
@@ -110,13 +111,22 @@ def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
     q1, d1, e1 : float
         q, q' and q'' at the end of the step.
     """
-    has_extremum = (d0 if d0 != 0.0 else e0) * d1 < 0.0 or (d0 * e0 < 0.0 and d1 * e1 > 0.0)
+    initial_direction = d0 if d0 != 0.0 else e0
+    # Either q' has different signs at the endpoints, or it approaches zero at the start and moves
+    # away from zero at the end, and may have two zeros in between.
+    has_extremum = initial_direction * d1 < 0.0 or (d0 * e0 < 0.0 and d1 * e1 > 0.0)
     return has_extremum and max(abs(q0), abs(q1)) + rise * max(abs(e0), abs(e1)) > best
 
 
 @outlined
 def largest_between(q, rates, d1, vibration, n, series):
-    """Return the maximum absolute value of q at its extrema within a step.
+    """Return the maximum absolute value of q at its extrema within a step; 0 if there is no
+    extremum.
+
+    With x = t / h in [0, 1], the Taylor series in x represent q, h q' and h^2 q''. As q'' is a free
+    vibration, y = q'' satisfies y'' = -(2 xi omega y' + omega^2 y), which gives the coefficients of
+    h^2 q'' one after another. The other two series follow by integration. The extrema are at the
+    zeros of q'.
 
     Parameters
     ----------
@@ -135,29 +145,46 @@ def largest_between(q, rates, d1, vibration, n, series):
     """
     d, e, f = rates
     by_u, by_v, h = vibration
-    w, z = h * h * by_u, h * by_v
-    value, speed, bend, jerk = series[0], series[1], series[2], f * h * h * h
-    bend[0], bend[1] = e * h * h, jerk
+    scaled_stiffness, scaled_damping = h * h * by_u, h * by_v
+    q_series, rate_series, curvature_series = series[0], series[1], series[2]
+    curvature_series[0], curvature_series[1] = e * h * h, f * h * h * h
     for k in range(2, n - 2):
-        bend[k] = -(z * bend[k - 1] + w * _INVERSE[k - 1] * bend[k - 2]) * _INVERSE[k]
-    speed[0], value[0] = d * h, q
+        curvature_series[k] = (
+            -(
+                scaled_damping * curvature_series[k - 1]
+                + scaled_stiffness * _INVERSE[k - 1] * curvature_series[k - 2]
+            )
+            * _INVERSE[k]
+        )
+    rate_series[0], q_series[0] = d * h, q
     for k in range(1, n - 1):
-        speed[k] = bend[k - 1] * _INVERSE[k]
+        rate_series[k] = curvature_series[k - 1] * _INVERSE[k]
     for k in range(1, n):
-        value[k] = speed[k - 1] * _INVERSE[k]
+        q_series[k] = rate_series[k - 1] * _INVERSE[k]
     if d == 0.0:  # the zero at the start is not within the step: divide by x
         for k in range(n - 2):
-            speed[k] = speed[k + 1]
-        return abs(_value(value, n, _root(speed, n - 2, 0.0, 1.0, speed[0], d1 * h))[0])
+            rate_series[k] = rate_series[k + 1]
+        return abs(
+            _value(q_series, n, _root(rate_series, n - 2, 0.0, 1.0, rate_series[0], d1 * h))[0]
+        )
     if d * d1 < 0.0:
-        return abs(_value(value, n, _root(speed, n - 1, 0.0, 1.0, d * h, d1 * h))[0])
-    inflection = _root(bend, n - 2, 0.0, 1.0, bend[0], _value(bend, n - 2, 1.0)[0])
-    speed_at_inflection = _value(speed, n - 1, inflection)[0]
+        return abs(_value(q_series, n, _root(rate_series, n - 1, 0.0, 1.0, d * h, d1 * h))[0])
+    # q' has the same sign at both endpoints. It has two zeros if its sign is opposite at the zero
+    # of q'' in between, and otherwise no zero.
+    inflection = _root(
+        curvature_series,
+        n - 2,
+        0.0,
+        1.0,
+        curvature_series[0],
+        _value(curvature_series, n - 2, 1.0)[0],
+    )
+    speed_at_inflection = _value(rate_series, n - 1, inflection)[0]
     if speed_at_inflection * d >= 0.0:
         return 0.0
-    first_zero = _root(speed, n - 1, 0.0, inflection, d * h, speed_at_inflection)
-    second_zero = _root(speed, n - 1, inflection, 1.0, speed_at_inflection, d1 * h)
-    return max(abs(_value(value, n, first_zero)[0]), abs(_value(value, n, second_zero)[0]))
+    first_zero = _root(rate_series, n - 1, 0.0, inflection, d * h, speed_at_inflection)
+    second_zero = _root(rate_series, n - 1, inflection, 1.0, speed_at_inflection, d1 * h)
+    return max(abs(_value(q_series, n, first_zero)[0]), abs(_value(q_series, n, second_zero)[0]))
 
 
 @outlined
@@ -169,7 +196,7 @@ def terms(vibration):
     """
     by_u, by_v, h = vibration
     scale = h * max(math.sqrt(by_u), by_v)
-    n, term = 3, 1.0
+    n, term = 3, 1.0  # number of terms, and size of the last term relative to the cubic term
     while n < TERMS and (n < _MIN_TERMS or term > _TRUNCATION):
         n += 1
         term *= scale * _INVERSE[n]
@@ -191,6 +218,7 @@ def _root(coefficients, n, low, high, at_low, at_high):
     at_low, at_high : float
         Values of the series at the bracket, with different signs.
     """
+    # Start from the zero of the secant.
     x = low + (high - low) * at_low / (at_low - at_high)
     for _ in range(_MAX_ITERATIONS):
         value, slope = _value(coefficients, n, x)
@@ -200,9 +228,8 @@ def _root(coefficients, n, low, high, at_low, at_high):
             high = x
         new_x = x - value / slope if slope != 0.0 else low
         if low < new_x < high:
-            if (
-                abs(new_x - x) < _NEWTON_TOLERANCE
-            ):  # the remaining error is the square of the correction
+            # The remaining error is of the order of the square of the correction.
+            if abs(new_x - x) < _NEWTON_TOLERANCE:
                 return new_x
         else:
             new_x = 0.5 * (low + high)
@@ -224,10 +251,11 @@ def _value(coefficients, n, x):
 
 @inline
 def narrow_bracket(left, at_left, right, at_right, side, t, value):
-    """Narrow the bracket of a root by regula falsi with halved weights (Illinois method, Dowell and
-    Jarratt 1971).
+    """Narrow the bracket of a root to the side of a new argument that contains the root.
 
-    The value at an endpoint that remains unchanged twice in succession is halved.
+    The function is used by regula falsi with halved weights (Illinois method, Dowell and Jarratt
+    1971): if an endpoint remains unchanged twice in succession, the value stored for it is halved,
+    so that the next secant moves this endpoint.
 
     Parameters
     ----------
@@ -244,6 +272,7 @@ def narrow_bracket(left, at_left, right, at_right, side, t, value):
         Left endpoint and value, right endpoint and value, `side`, and the distance by which an
         endpoint was moved.
     """
+    # The new argument replaces the endpoint with the same sign.
     if (value > 0.0) == (at_right > 0.0):
         moved = right - t
         if side > 0:

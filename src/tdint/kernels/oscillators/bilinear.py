@@ -58,14 +58,13 @@ class _Hysteretic(NamedTuple):
     hardening : float
         Ratio of the stiffness after yielding to the initial stiffness.
     strength : float
-        Yield force over mass times (1 - hardening), m/s^2: the strength of the plastic part.
+        Yield force over mass times (1 - hardening), m/s^2: the strength of the elastic-perfectly
+        plastic part of the force. The other part is elastic, with the stiffness hardening k.
     """
 
     k: float
     c: float
     hardening: float
-    # force of the elastic-perfectly plastic part over the mass, (1 - hardening) times the yield
-    # force
     strength: float
 
 
@@ -94,6 +93,8 @@ def _taylor(series, u, v, load, slope, k, c, t):
     series[0], series[1] = u, v
     series[2] = 0.5 * (load - c * v - k * u)
     series[3] = (slope - 2.0 * c * series[2] - k * v) / 6.0
+    # A term is negligible if it is below 1e-18 of the largest of the first four terms. The series
+    # ends after two negligible terms in succession, because a single term can be zero by chance.
     power = t * t * t
     largest = max(abs(u), abs(v) * t, abs(series[2]) * t * t, abs(series[3]) * power)
     negligible_terms = 0
@@ -160,7 +161,8 @@ def _root(series, terms, order, level, left, right):
     """Return the time at which a derivative of the series crosses a level.
 
     The method is regula falsi with halved weights (Illinois), with bisection in every fourth
-    iteration.
+    iteration. If the values at both times are not on different sides of the level, the result is
+    `left`.
 
     Parameters
     ----------
@@ -238,11 +240,10 @@ def _end_of_yielding(series, terms, side, middle, remaining):
     start = 0.0
     for end in (middle, remaining):
         if side * _velocity(series, terms, end) < 0.0:
-            return (
-                start
-                if side * _velocity(series, terms, start) <= 0.0
-                else _velocity_zero(series, terms, start, end)
-            )
+            # The velocity may already be opposite (or zero) at the start of this part.
+            if side * _velocity(series, terms, start) <= 0.0:
+                return start
+            return _velocity_zero(series, terms, start, end)
         start = end
     return NEVER
 
@@ -265,21 +266,20 @@ def _end_of_elastic_branch(series, terms, state, middle, remaining):
         Times at which the monotonic parts of the velocity end; `remaining` is the end of the
         step, s.
     """
-    left = 0.0
+    start = 0.0
     # u is monotonic between these times.
-    for stop in (
+    for end in (
         _velocity_zero(series, terms, 0.0, middle),
         middle,
         _velocity_zero(series, terms, middle, remaining),
         remaining,
     ):
-        u = _displacement(series, terms, stop)
+        u = _displacement(series, terms, end)
         if u > state[UPPER] or u < state[LOWER]:
-            return _root(
-                series, terms, 0, state[UPPER] if u > state[UPPER] else state[LOWER], left, stop
-            )
+            limit = state[UPPER] if u > state[UPPER] else state[LOWER]
+            return _root(series, terms, 0, limit, start, end)
         state[PEAK] = max(state[PEAK], abs(u))
-        left = stop
+        start = end
     return NEVER
 
 
@@ -299,6 +299,7 @@ def _end_yielding(state, oscillator):
     """
     k, _, hardening, strength = oscillator
     u, side = state[U], state[SIDE]
+    # The elastic branch is valid between the displacement at the reversal and the opposite limit.
     opposite_limit = u - side * 2.0 * strength / ((1.0 - hardening) * k)
     state[SIDE] = 0.0
     state[V] = 0.0
@@ -407,12 +408,15 @@ def _coefficients(steps, first, series, k, c, h):
     h : float
         Length of the step, s.
     """
+    # Column 0: unit displacement, column 1: unit velocity at the start; columns 2 and 3: the load
+    # is -1 at the start or at the end of the step and 0 at the other endpoint.
     for column in range(4):
         u = 1.0 if column == 0 else 0.0
         v = 1.0 if column == 1 else 0.0
         load = -1.0 if column == 2 else 0.0
         slope = 1.0 / h if column == 2 else (-1.0 / h if column == 3 else 0.0)
         terms = _taylor(series, u, v, load, slope, k, c, h)
+        # Elements 0 to 3 give the displacement at the end, elements 4 to 7 the velocity.
         steps[first + column] = _displacement(series, terms, h)
         steps[first + 4 + column] = _velocity(series, terms, h)
 
@@ -432,7 +436,8 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     oscillator : _Hysteretic
         Properties of the oscillator.
     steps : ndarray
-        Recursion coefficients of the elastic and of the yielding branch.
+        Recursion coefficients of the elastic branch (elements 0 to 7) and of the yielding branch (8
+        to 15).
     series : ndarray
         Scratch array for the Taylor coefficients.
     state : ndarray
@@ -444,6 +449,9 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
         Number of changes of branch, or TOO_MANY_EVENTS.
     """
     k, c, hardening, _ = oscillator
+    # e: elastic branch, y: yielding branch; first digit: 0 for the displacement and 1 for the
+    # velocity at the end of the step; second digit: factor of displacement, velocity, and minus the
+    # load at the start and at the end
     e00, e01, e02, e03 = steps[0], steps[1], steps[2], steps[3]
     e10, e11, e12, e13 = steps[4], steps[5], steps[6], steps[7]
     y00, y01, y02, y03 = steps[8], steps[9], steps[10], steps[11]
@@ -453,23 +461,25 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
     # by at most a factor of 1.14 e^(c h / 2).
     bend_limit = 0.25 * h * h * math.exp(0.5 * c * h)
     yielding_stiffness = hardening * k
-    fraction = 1.0 / parts
+    step_fraction = 1.0 / parts
     events = 0
     u, v, side, offset, upper, lower, peak = 0.0, 0.0, 0.0, 0.0, state[UPPER], state[LOWER], 0.0
     a = ground[0]  # with opposite sign, as all loads in this function
     for i in range(1, ground.size):
         g0 = ground[i - 1]
-        increment = (ground[i] - g0) * fraction
+        increment = (ground[i] - g0) * step_fraction
         for _ in range(parts):
-            p0 = g0 + offset
+            p0 = g0 + offset  # minus the loads on the branch at both endpoints
             p1 = p0 + increment
             if side == 0.0:
                 u1 = (e02 * p0 + e03 * p1) + e00 * u + e01 * v
                 v1 = (e12 * p0 + e13 * p1) + e10 * u + e11 * v
                 a1 = p1 + c * v1 + k * u1
-                bend = bend_limit * max(abs(a), abs(a1))
-                highest = max(u, u1) + bend
-                lowest = min(u, u1) - bend
+                excess = bend_limit * max(abs(a), abs(a1))
+                highest = max(u, u1) + excess
+                lowest = min(u, u1) - excess
+                # The step is simple if u cannot reach a limit of the branch and cannot exceed the
+                # peak between the endpoints, except at the end.
                 is_simple = (highest < upper and lowest > lower) and (
                     max(highest, -lowest) <= peak or (v * v1 > 0.0 and a * a1 > 0.0)
                 )
@@ -477,6 +487,7 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
                 u1 = (y02 * p0 + y03 * p1) + y00 * u + y01 * v
                 v1 = (y12 * p0 + y13 * p1) + y10 * u + y11 * v
                 a1 = p1 + c * v1 + yielding_stiffness * u1
+                # The velocity has no zero in the step, so yielding continues and u is monotonic.
                 is_simple = v * v1 > 0.0 and a * a1 > 0.0
             if is_simple:
                 u, v, a = u1, v1, a1
@@ -502,11 +513,13 @@ def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
 def _residual_displacement(state, series, oscillator):
     """Return the displacement after the decay of the free vibration, m.
 
-    For an undamped free vibration the result is its center.
+    For an undamped free vibration on the elastic branch the result is its center; NaN if a step has
+    too many changes of branch.
     """
     k = oscillator.k
     h = 1.0 / math.sqrt(k)
     for _ in range(_FREE_VIBRATION):
+        # If the free vibration remains within the elastic branch, it decays to its center.
         if state[SIDE] == 0.0:
             center = -state[OFFSET] / k
             amplitude = math.sqrt((state[U] - center) ** 2 + state[V] ** 2 / k)

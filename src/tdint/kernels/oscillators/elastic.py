@@ -141,7 +141,7 @@ def peaks(
     Returns
     -------
     int
-        0.
+        Always 0, because the integration of linear oscillators cannot fail.
     """
     h = dt / parts
     interpolate_samples(samples, parts, ground)
@@ -227,16 +227,36 @@ def _measure_ground(ground, h, interval, ground_maxima):
 
 
 class _TableOscillator(NamedTuple):
-    """Oscillator of the table that is integrated separately."""
+    """Oscillator of the table that is integrated separately.
+
+    Attributes
+    ----------
+    ground : ndarray
+        Ground acceleration at the steps, m/s^2.
+    h : float
+        Length of a step, s.
+    oscillators : ndarray
+        Table of oscillators.
+    column : int
+        Column of the oscillator in the table.
+    starts : ndarray
+        Displacement (m) and velocity (m/s) at the start of each interval.
+    between_steps : int
+        1 if the maxima between the steps are computed.
+    series : ndarray
+        Scratch array for the Taylor series of a quantity q and of q' and q''.
+    best : ndarray
+        Maximum displacement, velocity and acceleration until now.
+    """
 
     ground: Array
     h: float
     oscillators: Array
     column: int
-    starts: Array  # displacement and velocity at the start of each interval
-    between_steps: int  # 1 if the maxima between the steps are computed
-    series: Array  # of q, q' and q''
-    best: Array  # maxima until now
+    starts: Array
+    between_steps: int
+    series: Array
+    best: Array
 
 
 @inline
@@ -254,12 +274,13 @@ def _search(oscillator, maxima, ground_maxima):
 
     Parameters
     ----------
-    oscillator : _One
-        Oscillator.
+    oscillator : _TableOscillator
+        Oscillator; `best` is updated.
     maxima : ndarray
-        Maxima at the samples of each interval.
+        Maximum displacement, velocity and acceleration at the steps of each interval (one row for
+        each interval).
     ground_maxima : ndarray
-        Maximum ground acceleration and its rate in each interval.
+        Maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each interval.
     """
     best = oscillator.best
     intervals = maxima.shape[0]
@@ -271,6 +292,7 @@ def _search(oscillator, maxima, ground_maxima):
             interval_v, best[1] = c, maxima[c, 1]
         if maxima[c, 2] > best[2]:
             interval_a, best[2] = c, maxima[c, 2]
+    # The steps after the last complete interval have no stored maxima.
     _integrate_interval(oscillator, intervals)
     if oscillator.between_steps == 0:
         return
@@ -284,17 +306,19 @@ def _search(oscillator, maxima, ground_maxima):
         _integrate_interval(oscillator, interval_a)
     vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
-    margin = rise(vibration)
+    excess_factor = rise(vibration)
     for c in range(intervals):
         if c in (interval_u, interval_v, interval_a):
             continue
+        # Bounds of the second derivatives of displacement, velocity and acceleration at the steps.
+        # The equation of motion gives u'' = -(by_v u' + by_u u) - ag.
         bound_u = maxima[c, 2] + ground_maxima[c, 0]
         bound_v = by_v * bound_u + by_u * maxima[c, 1] + ground_maxima[c, 1]
         bound_a = by_v * bound_v + by_u * bound_u
         if (
-            maxima[c, 0] + margin * bound_u > best[0]
-            or maxima[c, 1] + margin * bound_v > best[1]
-            or maxima[c, 2] + margin * bound_a > best[2]
+            maxima[c, 0] + excess_factor * bound_u > best[0]
+            or maxima[c, 1] + excess_factor * bound_v > best[1]
+            or maxima[c, 2] + excess_factor * bound_a > best[2]
         ):
             _integrate_interval(oscillator, c)
 
@@ -310,7 +334,7 @@ def _integrate_interval(oscillator, interval):
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
     vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
-    margin, n = rise(vibration), terms(vibration)
+    excess_factor, n = rise(vibration), terms(vibration)
     u, v = starts[interval, 0], starts[interval, 1]
     g0 = ground[interval * INTERVAL_STEPS]
     p = by_u * u + by_v * v  # minus the absolute acceleration
@@ -327,15 +351,18 @@ def _integrate_interval(oscillator, interval):
         best[1] = max(best[1], abs(v1))
         best[2] = max(best[2], abs(p1))
         if between_steps == 1:
+            # At both endpoints: relative jerk j, and the first to third derivatives of p (dp, ddp,
+            # dddp). As p = -u'' - ag and ag is linear, the fourth
+            # derivative of u is -ddp.
             slope = (g1 - g0) / h
             dp, dp1 = by_u * v + by_v * a, by_u * v1 + by_v * a1
             j, j1 = -dp - slope, -dp1 - slope
             ddp, ddp1 = by_u * a + by_v * j, by_u * a1 + by_v * j1
-            if may_exceed(best[0], margin, u, v, a, u1, v1, a1):
+            if may_exceed(best[0], excess_factor, u, v, a, u1, v1, a1):
                 best[0] = max(best[0], largest_between(u, (v, a, j), v1, vibration, n, series))
-            if may_exceed(best[1], margin, v, a, j, v1, a1, j1):
+            if may_exceed(best[1], excess_factor, v, a, j, v1, a1, j1):
                 best[1] = max(best[1], largest_between(v, (a, j, -ddp), a1, vibration, n, series))
-            if may_exceed(best[2], margin, p, dp, ddp, p1, dp1, ddp1):
+            if may_exceed(best[2], excess_factor, p, dp, ddp, p1, dp1, ddp1):
                 dddp = by_u * j - by_v * ddp
                 best[2] = max(
                     best[2], largest_between(p, (dp, ddp, dddp), dp1, vibration, n, series)

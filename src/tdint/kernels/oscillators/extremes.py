@@ -9,11 +9,9 @@ from tdint.kernels.oscillators.between_steps import A11, A12, A21, A22, B10, B11
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY
 
 # Rows of the table of extrema
-OSCILLATOR, TIME, VALUE = (
-    0,
-    1,
-    2,
-)  # index of the oscillator, time (s), signed pseudo-acceleration (m/s^2)
+OSCILLATOR = 0  # index of the oscillator
+TIME = 1  # s
+VALUE = 2  # signed pseudo-acceleration omega^2 u, m/s^2
 # Newton iterations for the zero of a cubic, starting from the zero of the secant; sufficient for
 # full precision
 _ITERATIONS = 4
@@ -22,7 +20,10 @@ _ITERATIONS = 4
 @kernel(I8(VECTOR, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), parts=())
 def extremes(samples, dt, parts, oscillators, level, extrema, largest):
     """Integrate oscillators from rest over a ground motion that is linear between its samples, and
-    store their extrema.
+    store the extrema of their displacements.
+
+    An extremum is stored if its pseudo-acceleration exceeds the level of the oscillator and if the
+    table has a free column. The largest extremum of each oscillator is recorded in any case.
 
     Parameters
     ----------
@@ -51,19 +52,13 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
         steps = int(parts[i])
         h = dt / steps
         stiffness, viscous = oscillators[BY_DISPLACEMENT, i], oscillators[BY_VELOCITY, i]
-        a11, a12, a21, a22 = (
-            oscillators[A11, i],
-            oscillators[A12, i],
-            oscillators[A21, i],
-            oscillators[A22, i],
-        )
-        b10, b11, b20, b21 = (
-            oscillators[B10, i],
-            oscillators[B11, i],
-            oscillators[B20, i],
-            oscillators[B21, i],
-        )
-        u, v, threshold = 0.0, 0.0, 0.0
+        a11, a12 = oscillators[A11, i], oscillators[A12, i]
+        a21, a22 = oscillators[A21, i], oscillators[A22, i]
+        b10, b11 = oscillators[B10, i], oscillators[B11, i]
+        b20, b21 = oscillators[B20, i], oscillators[B21, i]
+        u, v = 0.0, 0.0  # displacement (m) and velocity (m/s) at the start of the step
+        # Extrema with a smaller pseudo-acceleration are neither stored nor the largest so far.
+        threshold = 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.size - 1):
             g0, rise = samples[sample], (samples[sample + 1] - samples[sample]) / steps
@@ -77,13 +72,14 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
                     v * v1 < 0.0
                     and stiffness * (max(abs(u), abs(u1)) + h * max(abs(v), abs(v1))) > threshold
                 ):
-                    # Between both endpoints the rate is approximated by a cubic, with the
-                    # accelerations as its derivatives, and the displacement by a quintic.
-                    a0, a1 = (
-                        h * (-viscous * v - stiffness * u - g0),
-                        h * (-viscous * v1 - stiffness * u1 - g1),
-                    )
-                    square, cube = 3.0 * (v1 - v) - 2.0 * a0 - a1, 2.0 * (v - v1) + a0 + a1
+                    # With x = time / h in [0, 1], the velocity within the step is approximated by
+                    # the cubic v + a0 x + square x^2 + cube x^3 with the velocities and
+                    # accelerations (times h) at both endpoints. Its zero is the time of the
+                    # extremum.
+                    a0 = h * (-viscous * v - stiffness * u - g0)
+                    a1 = h * (-viscous * v1 - stiffness * u1 - g1)
+                    square = 3.0 * (v1 - v) - 2.0 * a0 - a1
+                    cube = 2.0 * (v - v1) + a0 + a1
                     x = v / (v - v1)
                     for _ in range(_ITERATIONS):
                         slope = a0 + x * (2.0 * square + 3.0 * x * cube)
@@ -91,6 +87,8 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
                             x = min(
                                 max(x - (v + x * (a0 + x * (square + x * cube))) / slope, 0.0), 1.0
                             )
+                    # The displacement at this time is the quintic with the displacements,
+                    # velocities (c0, c1) and accelerations (b0, b1) at both endpoints.
                     change, c0, c1, b0, b1 = u1 - u, h * v, h * v1, h * a0, h * a1
                     c3 = 10.0 * change - 6.0 * c0 - 4.0 * c1 - 1.5 * b0 + 0.5 * b1
                     c4 = -15.0 * change + 8.0 * c0 + 7.0 * c1 + 1.5 * b0 - b1
@@ -113,8 +111,11 @@ def extremes(samples, dt, parts, oscillators, level, extrema, largest):
 
 @kernel(I8(TABLE, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), parts=())
 def radii(samples, dt, parts, oscillators, level, extrema, largest):
-    """Integrate oscillators with two components from rest and store the maximum distances from the
-    origin.
+    """Integrate oscillators under two horizontal components of a ground motion from rest, and store
+    the local maxima of the distance from the origin.
+
+    The distance is the square root of the sum of the squared displacements along both components.
+    It has a maximum where its rate changes from positive to negative.
 
     Parameters
     ----------
@@ -140,18 +141,12 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
         steps = int(parts[i])
         h = dt / steps
         stiffness = oscillators[BY_DISPLACEMENT, i]
-        a11, a12, a21, a22 = (
-            oscillators[A11, i],
-            oscillators[A12, i],
-            oscillators[A21, i],
-            oscillators[A22, i],
-        )
-        b10, b11, b20, b21 = (
-            oscillators[B10, i],
-            oscillators[B11, i],
-            oscillators[B20, i],
-            oscillators[B21, i],
-        )
+        a11, a12 = oscillators[A11, i], oscillators[A12, i]
+        a21, a22 = oscillators[A21, i], oscillators[A22, i]
+        b10, b11 = oscillators[B10, i], oscillators[B11, i]
+        b20, b21 = oscillators[B20, i], oscillators[B21, i]
+        # Displacement and velocity along the first component (u, v) and along the second component
+        # (p, q); f and g are the ground accelerations
         u, v, p, q = 0.0, 0.0, 0.0, 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.shape[1] - 1):
@@ -163,16 +158,18 @@ def radii(samples, dt, parts, oscillators, level, extrema, largest):
                 v1 = (a21 * u + a22 * v) - (b20 * f0 + b21 * f1)
                 p1 = (a11 * p + a12 * q) - (b10 * g0 + b11 * g1)
                 q1 = (a21 * p + a22 * q) - (b20 * g0 + b21 * g1)
+                # Half the rate of the squared distance at both endpoints of the step
                 outward, outward1 = u * v + p * q, u1 * v1 + p1 * q1
                 if outward > 0.0 and outward1 <= 0.0:
+                    # Zero of this rate by linear interpolation, as a fraction of the step. The
+                    # displacements there are cubics with the weights c0, c1 of the displacements
+                    # and r0, r1 of the velocities at both endpoints.
                     x = outward / (outward - outward1)
                     remainder = 1.0 - x
-                    c0, c1, r0, r1 = (
-                        remainder * remainder * (1.0 + 2.0 * x),
-                        x * x * (3.0 - 2.0 * x),
-                        h * x * remainder * remainder,
-                        -h * x * x * remainder,
-                    )
+                    c0 = remainder * remainder * (1.0 + 2.0 * x)
+                    c1 = x * x * (3.0 - 2.0 * x)
+                    r0 = h * x * remainder * remainder
+                    r1 = -h * x * x * remainder
                     first = stiffness * (c0 * u + c1 * u1 + r0 * v + r1 * v1)
                     second = stiffness * (c0 * p + c1 * p1 + r0 * q + r1 * q1)
                     value = math.sqrt(first * first + second * second)

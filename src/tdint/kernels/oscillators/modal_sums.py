@@ -46,8 +46,10 @@ ROOF = 2  # maximum absolute roof drift ratio (last column)
 RESULTS = 3
 
 _CHUNK_STEPS = 64  # steps of a chunk
-# Relative to the second difference, which exceeds eight times the increase of a maximum between two
-# steps.
+# Fraction of the maximum second difference of the drift ratios. Between two steps, the drift ratio
+# can exceed its values at the steps by less than one eighth of the second difference; this fraction
+# is a safe bound. Steps with values below the maximum minus this tolerance cannot be near the
+# maximum.
 _TOLERANCE = 0.5
 
 
@@ -73,8 +75,19 @@ class _Sum(NamedTuple):
 
 
 class _Steps(NamedTuple):
-    """Steps of a chunk: modal coordinates and rates, ground acceleration, columns, and number of
-    steps."""
+    """Steps of a chunk, one row for each step.
+
+    Attributes
+    ----------
+    q, rate : ndarray
+        Modal coordinates and their rates; one column for each mode.
+    motion : ndarray
+        Ground acceleration at the steps, m/s^2.
+    drift : ndarray
+        Drift ratios; one column for each story, and a last column for the roof.
+    rows : int
+        Number of steps.
+    """
 
     q: Array
     rate: Array
@@ -106,6 +119,7 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
     """
     count = modes.shape[1]
     for row in range(rows):
+        # Linear interpolation between samples `i` and `i + 1`
         i, part = divmod(first + row, parts)
         motion[row] = (
             ground[i] if part == 0 else ground[i] + (ground[i + 1] - ground[i]) * (part / parts)
@@ -130,8 +144,10 @@ def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
 
 @outlined
 def _superpose(q, shapes, static, motion, drift):
-    """Compute rows of drift ratios from rows of modal coordinates, four rows and four modes at a
-    time.
+    """Compute rows of drift ratios from rows of modal coordinates.
+
+    drift[row, c] = sum over the modes j of q[row, j] shapes[j, c], minus static[c] motion[row].
+    Four rows (d0 to d3) and four modes (w0 to w3) are processed at a time, which is faster.
 
     Parameters
     ----------
@@ -212,7 +228,7 @@ def _update_maxima(drift, rows, column_maxima, column_bends):
 
 @inline
 def _rate(sums, steps, row, slope, c):
-    """Return the rate of column `c` at step `row`, 1/s.
+    """Return the rate of the drift ratio of column `c` at step `row`, 1/s.
 
     Parameters
     ----------
@@ -235,8 +251,11 @@ def _rate(sums, steps, row, slope, c):
 
 @outlined
 def _column_at(sums, steps, row, slope, t, c):
-    """Return column `c` and its rate at the time `t` after step `row`, from the closed form of each
-    mode.
+    """Return the drift ratio of column `c` and its rate (1/s) at the time `t` after step `row`.
+
+    They follow from the closed form of each mode: for a ground acceleration that is linear in time,
+    the modal coordinate is a particular solution that is linear in time, plus a damped free
+    vibration y.
 
     Parameters
     ----------
@@ -269,6 +288,7 @@ def _column_at(sums, steps, row, slope, t, c):
             y_rate = rate[row, j] - particular_rate
             by_sine = (y_rate + xi * omega * y) / damped
             decay = math.exp(-xi * omega * t)
+            # Decaying cosine and sine
             c_t, s_t = decay * math.cos(damped * t), decay * math.sin(damped * t)
             value += weight * (particular + particular_rate * t + y * c_t + by_sine * s_t)
             speed += weight * (
@@ -279,7 +299,10 @@ def _column_at(sums, steps, row, slope, t, c):
 
 @outlined
 def _maximum_after(sums, steps, row, c, size):
-    """Return the maximum absolute value of column `c` between step `row` and the next step.
+    """Return the maximum absolute drift ratio of column `c` between step `row` and the next step.
+
+    If the rate changes its sign between both steps, its zero is located by regula falsi
+    (`narrow_bracket`). All values computed on the way are considered.
 
     Parameters
     ----------
@@ -320,8 +343,8 @@ def _maximum_after(sums, steps, row, c, size):
 
 @outlined
 def _refine(sums, steps, first, last, threshold, best):
-    """Return the maximum absolute value of some columns in a chunk, between the steps included, and
-    its column.
+    """Return the maximum absolute drift ratio of some columns in a chunk, including the time
+    between the steps, and its column.
 
     Parameters
     ----------
@@ -342,6 +365,7 @@ def _refine(sums, steps, first, last, threshold, best):
         for row in range(rows):
             if abs(drift[row, c]) < threshold:
                 continue
+            # Search between the previous step and this step, and between this step and the next.
             for start in (row - 1, row):
                 if 0 <= start < rows - 1:
                     size = _maximum_after(sums, steps, start, c, abs(drift[row, c]))
@@ -364,8 +388,8 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
     columns : int
         Number of stories plus 1 for the roof.
     """
-    chunks = -(-(samples - 1) * parts // _CHUNK_STEPS)
-    rows = _CHUNK_STEPS + 4
+    chunks = -(-(samples - 1) * parts // _CHUNK_STEPS)  # rounded up
+    rows = _CHUNK_STEPS + 4  # one more than the steps, rounded up to a multiple of 4
     shapes = (
         (rows, modes),
         (rows, modes),
@@ -414,7 +438,7 @@ def largest_drifts(
     Returns
     -------
     int
-        0.
+        Always 0, because the superposition cannot fail.
     """
     sums = _Sum(modes, shapes, static, h)
     steps = (ground.size - 1) * parts
@@ -422,6 +446,7 @@ def largest_drifts(
     chunks = (steps + _CHUNK_STEPS - 1) // _CHUNK_STEPS
     bends = local(2)  # maximum second differences of the stories and of the roof
     bends[:] = 0.0
+    # First pass: maxima at the steps of each chunk
     story_maximum = roof_maximum = 0.0
     for chunk in range(chunks):
         rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
@@ -431,15 +456,17 @@ def largest_drifts(
         _superpose(q, shapes, static, motion, drift)
         _update_maxima(drift, rows, column_maxima, column_bends)
         for c in range(columns):
+            # Group 0: stories; group 1: roof, the last column
             group = 1 if c == columns - 1 else 0
             chunk_maxima[chunk, group] = max(chunk_maxima[chunk, group], column_maxima[c])
             bends[group] = max(bends[group], column_bends[c])
-        story_maximum, roof_maximum = (
-            max(story_maximum, chunk_maxima[chunk, 0]),
-            max(roof_maximum, chunk_maxima[chunk, 1]),
-        )
+        story_maximum = max(story_maximum, chunk_maxima[chunk, 0])
+        roof_maximum = max(roof_maximum, chunk_maxima[chunk, 1])
+        # The last row of a chunk is the first row of the next chunk.
         for j in range(count):
             q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
+    # Second pass: the chunks that can contain the maximum between the steps. `story` and `roof` are
+    # the maximum and its column.
     story_tolerance, roof_tolerance = _TOLERANCE * bends[0], _TOLERANCE * bends[1]
     story, roof = (-1.0, 0.0), (-1.0, 0.0)
     for chunk in range(chunks):

@@ -62,9 +62,12 @@ ANGLES = 180
 # most a factor of 1.04
 AXES = 6
 _SECTORS = 18  # number of sectors of 10 degrees; few steps can contain a maximum of a sector
-_SECTOR = ANGLES // _SECTORS
+_SECTOR = ANGLES // _SECTORS  # directions in a sector
 _SECTORS_PER_WEDGE = _SECTORS // AXES  # number of sectors between two axes
+# Maximum displacement in a sector divided by the larger displacement along its edges
 _SPREAD = 1.0 / math.cos(math.radians(_SECTOR / 2))
+# The unit vector at j sectors after an axis is the sum of the next axis times factor j and of this
+# axis times factor _SECTORS_PER_WEDGE - j.
 _FACTORS = tuple(
     math.sin(math.radians(j * _SECTOR)) / math.sin(math.pi / AXES)
     for j in range(_SECTORS_PER_WEDGE + 1)
@@ -72,16 +75,16 @@ _FACTORS = tuple(
 
 # Rows of the table with one column for each edge of a sector; the last edge is equal to the first
 # edge
-# minimum over the directions of the sector after the edge, of the maximum displacements until now
+# Smallest of the maximum displacements until now, over the directions of the sector after the edge
 _LOWEST = 0
 _AT_START = 1  # absolute displacements along the edges at the start and at the end of the step
 _AT_END = 2
-_COSINES = 3
+_COSINES = 3  # of the directions of the edges
 _SINES = 4
 _SECTOR_ROWS = 5
 _ACCELERATION = AXES  # index of the maximum relative acceleration, after the maximum displacements
-_C, _S = math.cos(math.pi / 6), 0.5
-_BLOCK = 4
+_C, _S = math.cos(math.pi / 6), 0.5  # cosine and sine of 30 degrees
+_BLOCK = 4  # steps of all oscillators of a group that are integrated before the next steps
 
 LANES = 16
 """Number of oscillators that are integrated together. A constant, so that the compiler knows the
@@ -91,9 +94,8 @@ position of their values."""
 _STATE = COEFFICIENTS
 _X, _V = _STATE, _STATE + 1  # displacement and velocity along the first axis
 _Y, _W = _STATE + 2, _STATE + 3  # displacement and velocity along the second axis
-_MAXIMA = (
-    _STATE + 4
-)  # maximum displacements along the axes, then the square of the maximum relative acceleration
+# Maximum displacements along the axes, then the square of the maximum relative acceleration
+_MAXIMA = _STATE + 4
 _ROWS = _MAXIMA + AXES + 1
 
 
@@ -151,7 +153,7 @@ def rotated_peaks(
     Returns
     -------
     int
-        0.
+        Always 0, because the integration of linear oscillators cannot fail.
     """
     h = dt / parts
     interpolate_samples(first, parts, ground[0])
@@ -209,39 +211,23 @@ def _advance(ground, s, lane):
     s : int
         First step.
     lane : ndarray
-        Values of the oscillators.
+        Values of the oscillators: value `row` of oscillator `i` is element row * LANES + i.
     """
     for i in range(LANES):
-        a11, a12, b10, b11 = (
-            lane[A11 * LANES + i],
-            lane[A12 * LANES + i],
-            lane[B10 * LANES + i],
-            lane[B11 * LANES + i],
-        )
-        a21, a22, b20, b21 = (
-            lane[A21 * LANES + i],
-            lane[A22 * LANES + i],
-            lane[B20 * LANES + i],
-            lane[B21 * LANES + i],
-        )
+        a11, a12 = lane[A11 * LANES + i], lane[A12 * LANES + i]
+        b10, b11 = lane[B10 * LANES + i], lane[B11 * LANES + i]
+        a21, a22 = lane[A21 * LANES + i], lane[A22 * LANES + i]
+        b20, b21 = lane[B20 * LANES + i], lane[B21 * LANES + i]
         by_u, by_v = lane[BY_DISPLACEMENT * LANES + i], lane[BY_VELOCITY * LANES + i]
-        x, v, y, w = (
-            lane[_X * LANES + i],
-            lane[_V * LANES + i],
-            lane[_Y * LANES + i],
-            lane[_W * LANES + i],
-        )
-        t0, t1, t2 = (
-            lane[_MAXIMA * LANES + i],
-            lane[(_MAXIMA + 1) * LANES + i],
-            lane[(_MAXIMA + 2) * LANES + i],
-        )
-        t3, t4, t5 = (
-            lane[(_MAXIMA + 3) * LANES + i],
-            lane[(_MAXIMA + 4) * LANES + i],
-            lane[(_MAXIMA + 5) * LANES + i],
-        )
-        bend = lane[(_MAXIMA + _ACCELERATION) * LANES + i]
+        # Displacement and velocity along the first axis (x, v) and along the second axis (y, w)
+        x, v = lane[_X * LANES + i], lane[_V * LANES + i]
+        y, w = lane[_Y * LANES + i], lane[_W * LANES + i]
+        # Maximum displacements along the axes at 0, 30, ..., 150 degrees
+        t0, t1 = lane[_MAXIMA * LANES + i], lane[(_MAXIMA + 1) * LANES + i]
+        t2, t3 = lane[(_MAXIMA + 2) * LANES + i], lane[(_MAXIMA + 3) * LANES + i]
+        t4, t5 = lane[(_MAXIMA + 4) * LANES + i], lane[(_MAXIMA + 5) * LANES + i]
+        # Square of the maximum relative acceleration
+        max_acceleration_squared = lane[(_MAXIMA + _ACCELERATION) * LANES + i]
         for j in range(_BLOCK + 1):
             f0, g0 = ground[0, s + j], ground[1, s + j]
             cx, sx, cy, sy = _C * x, _S * x, _C * y, _S * y
@@ -252,8 +238,12 @@ def _advance(ground, s, lane):
             t4 = abs(cy - sx) if abs(cy - sx) > t4 else t4
             t5 = abs(sy - cx) if abs(sy - cx) > t5 else t5
             a, b = by_u * x + by_v * v + f0, by_u * y + by_v * w + g0
-            size = a * a + b * b
-            bend = size if size > bend else bend
+            acceleration_squared = a * a + b * b
+            max_acceleration_squared = (
+                acceleration_squared
+                if acceleration_squared > max_acceleration_squared
+                else max_acceleration_squared
+            )
             if j < _BLOCK:
                 f1, g1 = ground[0, s + j + 1], ground[1, s + j + 1]
                 x1 = a11 * x + (a12 * v - (b10 * f0 + b11 * f1))
@@ -262,41 +252,48 @@ def _advance(ground, s, lane):
                 y1 = a11 * y + (a12 * w - (b10 * g0 + b11 * g1))
                 w = a21 * y + (a22 * w - (b20 * g0 + b21 * g1))
                 y = y1
-        lane[_X * LANES + i], lane[_V * LANES + i], lane[_Y * LANES + i], lane[_W * LANES + i] = (
-            x,
-            v,
-            y,
-            w,
-        )
-        (
-            lane[_MAXIMA * LANES + i],
-            lane[(_MAXIMA + 1) * LANES + i],
-            lane[(_MAXIMA + 2) * LANES + i],
-        ) = (
-            t0,
-            t1,
-            t2,
-        )
-        (
-            lane[(_MAXIMA + 3) * LANES + i],
-            lane[(_MAXIMA + 4) * LANES + i],
-            lane[(_MAXIMA + 5) * LANES + i],
-        ) = t3, t4, t5
-        lane[(_MAXIMA + _ACCELERATION) * LANES + i] = bend
+        lane[_X * LANES + i], lane[_V * LANES + i] = x, v
+        lane[_Y * LANES + i], lane[_W * LANES + i] = y, w
+        lane[_MAXIMA * LANES + i], lane[(_MAXIMA + 1) * LANES + i] = t0, t1
+        lane[(_MAXIMA + 2) * LANES + i], lane[(_MAXIMA + 3) * LANES + i] = t2, t3
+        lane[(_MAXIMA + 4) * LANES + i], lane[(_MAXIMA + 5) * LANES + i] = t4, t5
+        lane[(_MAXIMA + _ACCELERATION) * LANES + i] = max_acceleration_squared
 
 
 class _TableOscillator(NamedTuple):
-    """Oscillator of the table that is integrated separately."""
+    """Oscillator of the table that is integrated separately.
+
+    Attributes
+    ----------
+    ground : ndarray
+        Ground accelerations of both components at the steps, m/s^2.
+    oscillators : ndarray
+        Table of oscillators.
+    column : int
+        Column of the oscillator in the table.
+    vibration : Vibration
+        Properties of the oscillator and the length of a step.
+    directions : ndarray
+        Cosine and sine of each of the 180 directions.
+    starts : ndarray
+        Displacements and velocities along both axes at the start of each interval.
+    scratch : ndarray
+        Table of the sectors.
+    series : ndarray
+        Scratch array for the Taylor series of a displacement and its two derivatives.
+    best : ndarray
+        Maximum displacement until now in each direction, m.
+    """
 
     ground: Array
     oscillators: Array
     column: int
     vibration: Vibration
     directions: Array
-    starts: Array  # displacements and velocities at the start of each interval
+    starts: Array
     scratch: Array
-    series: Array  # scratch array for the series of q, q' and q''
-    best: Array  # maximum displacements until now
+    series: Array
+    best: Array
 
 
 @outlined
@@ -306,8 +303,8 @@ def _search(oscillator, maxima, margin):
 
     Parameters
     ----------
-    oscillator : _One
-        Oscillator.
+    oscillator : _TableOscillator
+        Oscillator; `best` is updated.
     maxima : ndarray
         Maxima along the axes in each interval.
     margin : float
@@ -328,6 +325,7 @@ def _search(oscillator, maxima, margin):
         if intervals > 0 and interval != last_interval:
             _integrate_interval(oscillator, interval, margin, True)
             last_interval = interval
+    # Then the intervals in which a bound exceeds a maximum, with the maxima between the steps
     for k in range(_SECTORS):
         lowest[k] = _lowest(best, k)
     _integrate_interval(oscillator, intervals, margin, False)
@@ -352,18 +350,22 @@ def _interpolate(axis_maxima, scratch):
         Table of the sectors.
     """
     for k in range(AXES):
-        first, second_value = axis_maxima[k], axis_maxima[(k + 1) % AXES]
+        axis_maximum, next_axis_maximum = axis_maxima[k], axis_maxima[(k + 1) % AXES]
         for j in range(_SECTORS_PER_WEDGE):
-            bound = _FACTORS[_SECTORS_PER_WEDGE - j] * first + _FACTORS[j] * second_value
-            scratch[_AT_START, k * _SECTORS_PER_WEDGE + j] = scratch[
-                _AT_END, k * _SECTORS_PER_WEDGE + j
-            ] = bound
+            bound = (
+                _FACTORS[_SECTORS_PER_WEDGE - j] * axis_maximum + _FACTORS[j] * next_axis_maximum
+            )
+            edge = k * _SECTORS_PER_WEDGE + j
+            scratch[_AT_START, edge] = scratch[_AT_END, edge] = bound
     scratch[_AT_START, _SECTORS] = scratch[_AT_END, _SECTORS] = axis_maxima[0]
 
 
 @outlined
 def _lowest(best, sector):
-    """Return the minimum of the maximum displacements `best` over the directions of a sector."""
+    """Return the smallest of the maximum displacements `best` in the directions of a sector.
+
+    A step can only change a maximum in this sector if its displacement exceeds this value.
+    """
     low = best[sector * _SECTOR]
     for k in range(sector * _SECTOR + 1, (sector + 1) * _SECTOR):
         low = min(low, best[k])
@@ -377,8 +379,8 @@ def _integrate_interval(oscillator, interval, margin, coarse):
 
     Parameters
     ----------
-    oscillator : _One
-        Oscillator.
+    oscillator : _TableOscillator
+        Oscillator; `best` is updated.
     interval : int
         Index of the interval.
     margin : float
@@ -415,12 +417,16 @@ def _integrate_interval(oscillator, interval, margin, coarse):
         else:
             _project(x1, y1, scratch, end_values)
             excess = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
+            # Relative jerk along both axes at the start of the step
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
+            # Process only the sectors in which the step can exceed a maximum; usually there is
+            # none.
             for sector in range(_SECTORS if _count_higher(scratch, excess) > 0 else 0):
                 if _top(scratch, sector) * _SPREAD + excess <= lowest[sector]:
                     continue
                 for k in range(sector * _SECTOR, (sector + 1) * _SECTOR):
+                    # Displacement, velocity and acceleration in direction `k` at both endpoints
                     c, d = directions[0, k], directions[1, k]
                     u0, u1, v0 = c * x + d * y, c * x1 + d * y1, c * v + d * w
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1
