@@ -71,15 +71,19 @@ class Variant:
 
     @property
     def text(self) -> str:
-        """Text that identifies the variant in a file name. `parse` reads this text."""
-        parts = "".join(f"+{name}" for name in FEATURES if getattr(self, name))
-        return (",".join(self.laws) or "all") + parts
+        """Text that identifies the variant in a file name, for example `linear,bilinear+modal`.
+
+        The names of the laws (`all` if there is none) are followed by the features. `parse` reads
+        this text.
+        """
+        features = "".join(f"+{name}" for name in FEATURES if getattr(self, name))
+        return (",".join(self.laws) or "all") + features
 
     @property
     def outside(self) -> dict[str, int]:
         """Numbers of the laws of plug-ins, by name."""
-        split = (law.partition("@") for law in self.laws)
-        return {name: int(code) for name, at, code in split if at}
+        split_names = (law.partition("@") for law in self.laws)
+        return {name: int(code) for name, separator, code in split_names if separator}
 
     def only(self, parts: tuple[str, ...]) -> Variant:
         """Return the variant of a kernel that depends only on some features.
@@ -90,14 +94,14 @@ class Variant:
             Names of the attributes on which the kernel depends. All features are set for the
             remaining attributes.
         """
-        return replace(
-            self, **{name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
-        )
+        unused = {name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
+        return replace(self, **unused)
 
 
 EVERYTHING = Variant()
 _PARTS = tuple(field.name for field in fields(Variant))
 FEATURES = _PARTS[1:]
+"""Names of the features that a variant has or has not: all attributes except the laws."""
 
 
 def parse(text: str) -> Variant:
@@ -111,8 +115,8 @@ def parse(text: str) -> Variant:
     laws, *features = text.split("+")
     if unknown := set(features) - set(FEATURES):
         raise ValueError(f"variant {text!r}: unknown {', '.join(sorted(unknown))}")
-    chosen = () if laws == "all" else tuple(laws.split(","))
-    return Variant(chosen, **{name: name in features for name in FEATURES})
+    law_names = () if laws == "all" else tuple(laws.split(","))
+    return Variant(law_names, **{name: name in features for name in FEATURES})
 
 
 _INSTALLED: set[str] = set()
@@ -122,6 +126,7 @@ _INSTALLED: set[str] = set()
 def time_loops() -> str | None:
     """Return "interpreted" if this process executes a time loop as a Python function, otherwise
     "compiled"; None if it has installed no time loop."""
+    # The set contains at most "compiled" and "interpreted".
     return "interpreted" if "interpreted" in _INSTALLED else next(iter(_INSTALLED), None)
 
 
@@ -137,7 +142,7 @@ class Compilable:
     parts : tuple of str
         Attributes of `Variant` on which the kernel depends.
     vectorized : bool
-        True if the compiler may vectorize loops.
+        True if the compiler may vectorize loops. Default: False.
     """
 
     def __init__(
@@ -153,11 +158,10 @@ class Compilable:
         self.vectorized = vectorized
         self.__doc__ = function.__doc__
         self._loaded: dict[Variant, Callable[..., Any]] = {}
-        self._required: dict[Variant, Variant] = {}  # cached because it is required for each call
-        self._last: tuple[Variant, Callable[..., Any] | None] = (
-            EVERYTHING,
-            None,
-        )  # most calls repeat the previous variant
+        # Results of `required_variant`, which is called for each run
+        self._required: dict[Variant, Variant] = {}
+        # Variant and function of the last call; most calls request the same variant again
+        self._last: tuple[Variant, Callable[..., Any] | None] = (EVERYTHING, None)
 
     @property
     def name(self) -> str:
@@ -166,7 +170,12 @@ class Compilable:
 
     def required_variant(self, variant: Variant) -> Variant:
         """Return the variant that this kernel requires for a building with the features of
-        `variant`."""
+        `variant`.
+
+        Features on which the kernel does not depend are set, so that one compiled kernel serves
+        more buildings. With TDINT_KERNELS=whole, it is the variant with all features, except for
+        laws of plug-ins.
+        """
         required = self._required.get(variant)
         if required is None:
             required = self._required[variant] = (
@@ -177,9 +186,9 @@ class Compilable:
     def loaded(self, variant: Variant) -> bool:
         """Return True if this process has loaded the kernel for a variant."""
         last_variant, function = self._last
-        return (function is not None and variant is last_variant) or self.required_variant(
-            variant
-        ) in self._loaded
+        if function is not None and variant is last_variant:
+            return True
+        return self.required_variant(variant) in self._loaded
 
     def install(
         self, variant: Variant, function: Callable[..., Any], *, interpreted: bool = False
@@ -197,4 +206,4 @@ class Compilable:
         """
         _INSTALLED.add("interpreted" if interpreted else "compiled")
         self._loaded[self.required_variant(variant)] = function
-        self._last = EVERYTHING, None
+        self._last = EVERYTHING, None  # the last function may have been replaced

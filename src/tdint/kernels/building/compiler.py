@@ -67,9 +67,10 @@ _MATH = {
 }
 """Functions of the C library that an object file may call."""
 
-_OF_NUMBAS_MACHINE = re.compile(r"^target (datalayout|triple) = .*\n", re.MULTILINE)
+_TARGET_LINES = re.compile(r"^target (datalayout|triple) = .*\n", re.MULTILINE)
+"""Lines of a module that specify the machine for which numba has generated it."""
 
-_OF_PYTHON = re.compile(r"^@(_ZN08NumbaEnv|\.const\.pickle).*\n", re.MULTILINE)
+_PYTHON_OBJECTS = re.compile(r"^@(_ZN08NumbaEnv|\.const\.pickle).*\n", re.MULTILINE)
 """Python objects in the text of a module: pointers without references, and pickled exceptions with
 the file that raises them."""
 
@@ -78,6 +79,8 @@ _EXCEPTION = re.compile(r"@\.const\.picklebuf\.\w+")
 
 _DEFINED = re.compile(r'^(?:define [^@]*)?@"?((?<=")[^"]+|[\w.$-]+)"?(?= =|\()', re.MULTILINE)
 _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
+"""Names in the text of a module, with or without quotation marks: `_DEFINED` finds the definitions,
+`_SYMBOL` every use (`@name`, or `$name` of a group of definitions)."""
 
 
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
@@ -135,12 +138,12 @@ def outlined(function: Callable[..., Any]) -> Any:
     Literal types of constant arguments are replaced by ordinary types, so that the function is not
     compiled again for each value.
     """
-    once = specialized(function)
-    template = once.get_call_template
-    once.get_call_template = lambda arguments, named: template(
+    compiled = specialized(function)
+    get_call_template = compiled.get_call_template
+    compiled.get_call_template = lambda arguments, named: get_call_template(
         tuple(map(unliteral, arguments)), named
     )
-    return once
+    return compiled
 
 
 def indirect_caller(signature: Signature) -> Any:
@@ -160,16 +163,25 @@ def indirect_caller(signature: Signature) -> Any:
 
     @intrinsic
     def call(typing_context, address, argument_types):
+        """Return the type of the call, and the function that generates its code.
+
+        `argument_types` are the types of the values that the caller passes. They can differ from
+        those of the signature, for example an integer for a floating-point number.
+        """
+
         def generate(context, builder, _, values):
+            """Generate the call; `values` are the address and the tuple of the arguments."""
             convention = context.call_conv
             function_type = convention.get_function_type(returns, arguments)
             function = builder.inttoptr(values[0], function_type.as_pointer())
-            parts = cgutils.unpack_tuple(builder, values[1], len(arguments))
-            parts = [
-                context.cast(builder, part, value, argument)
-                for part, value, argument in zip(parts, argument_types, arguments, strict=True)
+            passed = cgutils.unpack_tuple(builder, values[1], len(arguments))
+            converted = [
+                context.cast(builder, value, value_type, argument)
+                for value, value_type, argument in zip(
+                    passed, argument_types, arguments, strict=True
+                )
             ]
-            _, result = convention.call_function(builder, function, returns, arguments, parts)
+            _, result = convention.call_function(builder, function, returns, arguments, converted)
             return result
 
         return returns(address, argument_types), generate
@@ -203,7 +215,11 @@ def _on_stack(dimensions: int) -> Any:
 
 
 def _array(context: Any, builder: Any, sizes: Any) -> Any:
-    """Return an uninitialized array in C order on the stack of the function."""
+    """Generate the code for an uninitialized array in C order on the stack; return the array.
+
+    `sizes` are the values of the dimensions in the generated code. The elements are floating-point
+    numbers of 8 bytes.
+    """
     strides: list[Any] = []
     count = context.get_constant(types.intp, 1)
     for size in reversed(sizes):
@@ -259,37 +275,42 @@ def objects_of(
     foreign = (
         name for name in declared if not name.strip('"').startswith("llvm.") and name not in _MATH
     )
-    if remaining := sorted(
+    # A name that occurs only once is declared but not used.
+    if undefined := sorted(
         name for name in foreign if len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1
     ):
         raise ValueError(
-            f"{function.__name__} calls {', '.join(remaining)}: a kernel must neither allocate "
+            f"{function.__name__} calls {', '.join(undefined)}: a kernel must neither allocate "
             "memory nor raise an exception"
         )
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
-    text = _EXCEPTION.sub("null", _OF_PYTHON.sub("", text))
+    text = _EXCEPTION.sub("null", _PYTHON_OBJECTS.sub("", text))
     # numba numbers functions in the order of compilation. Here each name contains its index in the
     # module, so that equal sources give equal bytes.
     names = {
         name: f"{function.__name__}.{index}" for index, name in enumerate(_DEFINED.findall(text))
     }
-    text = _SYMBOL.sub(
-        lambda use: f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0], text
-    )
+
+    def renamed(use: re.Match[str]) -> str:
+        """Return a use of a symbol with its new name; other symbols are not changed."""
+        return f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0]
+
+    text = _SYMBOL.sub(renamed, text)
     return [_emitted(text, target) for target in targets], names[symbol]
 
 
 def _emitted(text: str, target: Target) -> bytes:
-    """Return the object file of a module that numba has generated for this machine.
+    """Return the object file for a target of a module that numba has generated for this machine.
 
-    No exception is unwound through a kernel. Unwind tables would have to be near the code, which is
-    not the case on Windows.
+    For another target, the lines with the machine are replaced. The functions are marked as
+    `nounwind`, so that the object contains no unwind tables: no exception passes through a kernel,
+    and on Windows the tables would have to be near the code, which is not the case.
     """
     if target == native():
         codegen = numba.core.registry.cpu_target.target_context.codegen()
         return bytes(codegen._tm.emit_object(llvm.parse_assembly(text)))
     machine = target.machine()
-    text = _OF_NUMBAS_MACHINE.sub("", text)
+    text = _TARGET_LINES.sub("", text)
     if target.platform == "win32":
         llvm.initialize_native_asmparser()
         text += _PROBE

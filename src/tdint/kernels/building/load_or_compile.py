@@ -38,7 +38,7 @@ _SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}
 _ONE_AT_A_TIME = threading.Lock()
 """Lock for the loading of objects by LLVM, which must not be used by two threads at the same
 time."""
-# a forked process would wait for a thread that does not exist in it
+# A forked process would wait for a thread that does not exist in it.
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
 
@@ -81,8 +81,10 @@ def _load_missing(
     progress: Callable[[float], None],
     own_loops: bool,
 ) -> None:
-    """Load or compile the kernels that are not loaded; see `load_or_compile`. The caller holds the
-    lock."""
+    """Load the kernels that are not loaded, and compile those without an object file.
+
+    The arguments are those of `load_or_compile`. The caller holds the lock `_ONE_AT_A_TIME`.
+    """
     requested = [
         (kernel, kernel.required_variant(variant))
         for kernel, variant in pairs
@@ -97,7 +99,7 @@ def _load_missing(
         for kernel, variant in requested:
             kernel.install(variant, _python_function(kernel.function), interpreted=True)
         return
-    if not requested:
+    if not requested:  # another thread has loaded the kernels in the meantime
         return
     from tdint.kernels.building import store
 
@@ -105,8 +107,8 @@ def _load_missing(
         return
     folder = store.writable()
     # Processes that need the same kernels wait for each other; other processes usually do not.
-    names_text = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
-    file = folder and folder / f".lock-{crc32(names_text.encode()) % 16}"
+    kernel_list = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
+    file = folder and folder / f".lock-{crc32(kernel_list.encode()) % 16}"
     with locked(
         file, lambda: LOG.info("waiting for another tdint process that compiles time loops")
     ):
@@ -138,8 +140,10 @@ def _load_existing(
 
     missing = []
     for kernel, variant in pairs:
+        # Use the first object file that exists and can be loaded.
         for usable in (variant,) if own_loops else _usable_variants(variant):
             stored = store.find_object(kernel.name, usable.text, runnable())
+            # `stored` is the file, the object and its symbol.
             if stored and _load(kernel, variant, *stored[1:]):
                 break
         else:
@@ -187,23 +191,25 @@ def _compile(
         destination,
     )
     running = run_all(compilations((*pair, NATIVE) for pair in missing))
-    for done, (compilation, (data,)) in enumerate(running):
-        progress(done / count)
+    for completed, (compilation, (data,)) in enumerate(running):
+        progress(completed / count)
         kernel, variant = compilation.kernel, compilation.variant
-        code, about = unpack(data)
-        if (
-            store.save(data, kernel.name, variant.text, compilation.targets[NATIVE]) is None
-            and folder
-        ):
+        code, description = unpack(data)
+        saved = store.save(data, kernel.name, variant.text, compilation.targets[NATIVE])
+        if saved is None and folder:
             LOG.info(
                 "%s is not writable: the compiled time loops are only used in this run", folder
             )
-        if not _load(kernel, variant, code, about["symbol"]):
+        if not _load(kernel, variant, code, description["symbol"]):
             raise RuntimeError(f"{kernel.name}: the object cannot be loaded")
 
 
 def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
-    """Return the approximate compile time of kernels, s, measured on processors of 2024."""
+    """Return the approximate compile time of kernels, s, measured on processors of 2024.
+
+    The kernels are compiled in parallel by all processors. A kernel that does not depend on the
+    laws takes as long as a kernel with one law.
+    """
     durations = [
         _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]
         for kernel, variant in pairs
@@ -212,23 +218,23 @@ def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
 
 
 def _label(pair: tuple[Compilable, Variant]) -> str:
-    """Return the name of the module of a kernel and its laws, for messages."""
+    """Return the module of a kernel and its laws for messages, for example `impulse4 (linear)`."""
     kernel, variant = pair
     laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
     return kernel.name.partition(":")[0].rpartition(".")[2] + laws
 
 
 def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> bool:
-    """Load an object and return True if this succeeds.
+    """Load an object file into a kernel and return True if this succeeds.
 
     Parameters
     ----------
     kernel : Compilable
-        Kernel.
+        Kernel into which the function is installed.
     variant : Variant
-        Variant.
+        Variant for which it is installed.
     code : bytes
-        Object.
+        Contents of the object file, without the description.
     symbol : str
         Symbol of the entry point.
     """
@@ -242,7 +248,10 @@ def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> boo
 
 
 def _python_function(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a kernel as a Python function with the compiled behavior for a division by zero."""
+    """Return a kernel as a Python function that treats divisions by zero like compiled code.
+
+    The result is then infinite or nan, without a warning or an exception.
+    """
 
     def call(*arguments: Any) -> Any:
         with np.errstate(all="ignore"):
@@ -308,19 +317,17 @@ def interpret_while_compiling(
     if importlib.util.find_spec("numba") is None:
         return False
     with _ONE_AT_A_TIME:
-        pairs = [[(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]]
-        if not _load_existing(pairs[0], False):
-            return False
-        pairs.append(
-            [(kernel, kernel.required_variant(variant)) for kernel, variant in other_kernels()]
-        )
-        for kernel, variant in [*pairs[0], *_load_existing(pairs[1], False)]:
+        in_loop = [(kernel, kernel.required_variant(variant)) for kernel, variant in loop_kernels]
+        if not _load_existing(in_loop, False):
+            return False  # all kernels of the time loop have an object file
+        others = [(kernel, kernel.required_variant(variant)) for kernel, variant in other_kernels()]
+        for kernel, variant in [*in_loop, *_load_existing(others, False)]:
             kernel.install(variant, as_views(kernel.function), interpreted=True)
     folder = store.writable() if setting != "never" else None
     background = ""
     if folder:
         try:
-            _start_compilation(pairs, folder)
+            _start_compilation([in_loop, others], folder)
         except OSError as error:
             # The limit of processes is reached (ulimit -u, a container), or the directory cannot
             # be written to.
@@ -383,13 +390,12 @@ def compile_in_background() -> None:
     with (folder / _BACKGROUND_LOCK).open("a") as stream:
         if lock(stream.fileno()):
             for group in json.loads(sys.argv[1]):
-                names = ((*name.split(":"), parse(text)) for name, text in group)
-                load_or_compile(
-                    [
-                        (getattr(importlib.import_module(module), name), variant)
-                        for module, name, variant in names
-                    ]
-                )
+                pairs = []
+                for kernel_name, variant_text in group:
+                    module, function = kernel_name.split(":")
+                    kernel = getattr(importlib.import_module(module), function)
+                    pairs.append((kernel, parse(variant_text)))
+                load_or_compile(pairs)
 
 
 def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -402,6 +408,7 @@ def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
     python_function = _python_function(function)
 
     def call(*arguments: Any) -> Any:
+        """Call the function with memory views; repeat the call with arrays if this fails."""
         arrays = [argument for argument in arguments if isinstance(argument, np.ndarray)]
         if not arrays:  # called by a kernel that already uses memory views
             return function(*arguments)
@@ -528,7 +535,7 @@ def list_objects(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str,
             store.find_object(kernel.name, usable.text, runnable())
             for usable in _usable_variants(variant)
         )
-        stored = next(filter(None, candidates), None)
+        stored = next(filter(None, candidates), None)  # file, object and symbol
         file, origin = (str(stored[0]), store.origin(stored[0])) if stored else ("", "")
         entries.append((kernel.name, variant.text.replace(",", " "), file, origin))
     return entries

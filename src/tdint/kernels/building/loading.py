@@ -19,6 +19,7 @@ from tdint.kernels.building.target import machine
 
 _FORMAT = "tdint object 2"
 _MAX_DESCRIPTION = 4096  # bytes; the descriptions of tdint have a few hundred
+# C type and Python type of each number type of a signature
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
 
 
@@ -75,6 +76,24 @@ class Loaded:
     """
 
     def __init__(self, code: bytes, symbol: str, signature: Signature) -> None:
+        """Load an object.
+
+        Parameters
+        ----------
+        code : bytes
+            Contents of the object file.
+        symbol : str
+            Name of the function in the object.
+        signature : Signature
+            Types of the arguments and of the result.
+
+        Raises
+        ------
+        RuntimeError, ValueError
+            The object cannot be loaded, or does not contain the function.
+        """
+        # LLVM loads the object into an engine that otherwise contains an empty module. The engine
+        # owns the memory of the function.
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
@@ -82,7 +101,7 @@ class Loaded:
         if not self.address:
             raise ValueError(f"no {symbol} in the object")
         result_type: Any = _NUMBERS[signature.returns.name][0]
-        types, self._parts = _parts(signature.arguments)
+        types, self._converters = _converters(signature.arguments)
         self._result_type = result_type
         prototype = ctypes.CFUNCTYPE(
             ctypes.c_int32, ctypes.POINTER(result_type), ctypes.c_void_p, *types
@@ -91,9 +110,9 @@ class Loaded:
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the kernel and return its result."""
-        flat: list[Any] = []
-        for part, argument in zip(self._parts, arguments, strict=True):
-            part(argument, flat)
+        flat: list[Any] = []  # arguments of the C function
+        for convert, argument in zip(self._converters, arguments, strict=True):
+            convert(argument, flat)
         result = self._result_type()
         exception = ctypes.c_void_p()
         if self._function(result, ctypes.addressof(exception), *flat):
@@ -101,7 +120,7 @@ class Loaded:
         return result.value
 
 
-def _parts(
+def _converters(
     arguments: Sequence[Argument],
 ) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
     """Return the C types of the arguments of a kernel, and functions that convert them.
@@ -118,26 +137,26 @@ def _parts(
     -------
     types : list
         C types of all parts, in order.
-    parts : list of function
+    converters : list of function
         For each argument, a function (value, flat) that appends its parts to the list `flat`.
     """
     types: list[Any] = []
-    parts: list[Callable[[Any, list[Any]], None]] = []
+    converters: list[Callable[[Any, list[Any]], None]] = []
     for argument in arguments:
         match argument:
             case ArrayOf(dimensions):
                 # meminfo, parent, number of items, bytes per item, data, shape, strides
                 types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
                 types += [ctypes.c_int64] * (2 * dimensions)
-                parts.append(_table(dimensions))
+                converters.append(_table(dimensions))
             case Scalar(name):
-                number, convert = _NUMBERS[name]
-                types.append(number)
-                parts.append(_number(convert))
+                c_type, python_type = _NUMBERS[name]
+                types.append(c_type)
+                converters.append(_number(python_type))
             case Signature():
                 types.append(ctypes.c_int64)
-                parts.append(lambda kernel, flat: flat.append(kernel.address))
-    return types, parts
+                converters.append(lambda kernel, flat: flat.append(kernel.address))
+    return types, converters
 
 
 def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
@@ -156,7 +175,7 @@ def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
                 f"the argument must be a writable array of float64 in C order with {dimensions} "
                 f"dimensions, got {array.dtype} with {array.ndim} dimensions"
             )
-        # An empty array has no buffer.
+        # An empty array has no buffer. The first two parts, meminfo and parent, are not used.
         data = ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else None
         flat += (None, None, array.size, 8, data, *array.shape, *array.strides)
 

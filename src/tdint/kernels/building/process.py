@@ -94,19 +94,18 @@ class Compilation:
             Lines of the standard error output of the process.
         """
         failures = [i for i, line in enumerate(text) if "Failed in nopython" in line]
-        lines_after = (
-            [line.strip() for line in text[failures[-1] + 1 :] if line.strip()]
-            if failures
-            else text[-1:]
-        )
-        message = (
-            " ".join(lines_after[: 2 if lines_after[0].endswith(":") else 1]) if lines_after else ""
-        )
+        lines_after = text[-1:]
+        if failures:
+            lines_after = [line.strip() for line in text[failures[-1] + 1 :] if line.strip()]
+        if not lines_after:
+            return ""
+        # A line that ends with a colon is continued by the next line.
+        message = " ".join(lines_after[: 2 if lines_after[0].endswith(":") else 1])
         if not message:
             return ""
-        plugin_files = [file for _, file in self.plugins.values()] + (
-            [self.request[1]] if self.request[1] else []
-        )
+        plugin_files = [file for _, file in self.plugins.values()]
+        if self.request[1]:  # the kernel is in a file that is not part of the package
+            plugin_files.append(self.request[1])
         files = [Path(file) for file in plugin_files]
         files += [
             file for file in closure(self.module, self.variant.laws).values() if file not in files
@@ -117,18 +116,23 @@ class Compilation:
                 (f"{file}:{line}" for file in files if (line := _line_of(undefined[1], file))), ""
             )
         else:
-            named = {file.name: file for file in reversed(files)}
+            # Positions in files from which the kernel is compiled, the most likely first; a
+            # position in a file of the plug-in is preferred. Of files with equal names, the first
+            # is used.
+            files_by_name = {file.name: file for file in reversed(files)}
             matches = filter(None, map(_POSITION.search, (*lines_after, *text[::-1])))
-            positions = [f"{named[match[1]]}:{match[2]}" for match in matches if match[1] in named]
-            plugin_positions = (
-                [position for position in positions if position.startswith(tuple(plugin_files))]
-                if plugin_files
-                else []
-            )
+            positions = [
+                f"{files_by_name[match[1]]}:{match[2]}"
+                for match in matches
+                if match[1] in files_by_name
+            ]
+            plugin_positions = [
+                position for position in positions if position.startswith(tuple(plugin_files))
+            ]
             position = next(iter([*plugin_positions, *positions]), "")
-        return f"{position or (plugin_files[-1] if plugin_files else '')}: {message}".removeprefix(
-            ": "
-        )
+        if not position and plugin_files:
+            position = plugin_files[-1]
+        return f"{position}: {message}" if position else message
 
 
 def _line_of(name: str, file: Path) -> int:
@@ -168,7 +172,7 @@ class _Process:
                 "PYTHONHASHSEED": "0",  # numba iterates over sets of names
             },
         )
-        # a thread reads the output; a temporary file would need a writable directory
+        # A thread reads the error output. A temporary file would need a writable directory.
         self._reader = ThreadPoolExecutor(1)
         try:
             self._error_output = self._reader.submit(self._pipe(self._process.stderr).read)
@@ -208,10 +212,9 @@ class _Process:
         """Kill the process."""
         self._process.kill()
         self._reader.shutdown()
-        with (
-            suppress(OSError),
-            self._process,
-        ):  # a request to a process that has ended cannot be delivered
+        # Leaving the context closes the pipes. OSError: a request that is still in the buffer
+        # cannot be delivered to a process that has ended.
+        with suppress(OSError), self._process:
             pass
 
     @staticmethod
@@ -221,22 +224,22 @@ class _Process:
         return pipe
 
 
-def compilations(undefined: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
+def compilations(requested: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
     """Return the compilations of kernels for named targets; targets with equal optimization are
     combined.
 
     Parameters
     ----------
-    undefined : iterable of (Compilable, Variant, str)
+    requested : iterable of (Compilable, Variant, str)
         Kernel, variant and name of the target (see `tdint.kernels.building.target.named`).
     """
     groups: dict[Any, dict[str, Target]] = {}
-    for kernel, variant, name in undefined:
+    for kernel, variant, name in requested:
         target = named(name)
         # Without vectorization the optimizer treats all processors equally, except this processor,
         # for which numba compiles specifically.
-        similar = target.optimized_for if kernel.vectorized or target == native() else None
-        groups.setdefault((kernel, variant, similar), {})[name] = target
+        optimization = target.optimized_for if kernel.vectorized or target == native() else None
+        groups.setdefault((kernel, variant, optimization), {})[name] = target
     return [
         Compilation(kernel, variant, targets) for (kernel, variant, _), targets in groups.items()
     ]
@@ -288,7 +291,13 @@ def _nothing_started(compilation: Compilation, error: Exception) -> AnalysisErro
 
 
 class _ProcessPool:
-    """Processes that share a list of compilations."""
+    """Processes that share a list of compilations.
+
+    Attributes
+    ----------
+    done : SimpleQueue
+        Completed compilations, each with its object files or with the exception that ended it.
+    """
 
     def __init__(self, compilations: Sequence[Compilation]) -> None:
         self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
@@ -300,16 +309,20 @@ class _ProcessPool:
         self._processes: set[_Process] = set()
 
     def compile_waiting(self) -> None:
-        """Compile the waiting kernels with one process at a time, until no kernel is left."""
-        process, previous = None, None
-        while previous := self._next(previous):
+        """Compile the waiting kernels with one process at a time, until no kernel is left.
+
+        Each thread of `run_all` calls this function. A kernel with other settings requires a new
+        process. After an error the function ends; the error is put into the queue `done`.
+        """
+        process, compilation = None, None
+        while compilation := self._next(compilation):
             try:
-                if process is None or process.settings != previous.settings:
+                if process is None or process.settings != compilation.settings:
                     self._end(process)
-                    process = self._start(previous)
-                self.done.put((previous, process.compile(previous)))
+                    process = self._start(compilation)
+                self.done.put((compilation, process.compile(compilation)))
             except BaseException as error:
-                self.done.put((previous, error))
+                self.done.put((compilation, error))
                 break
         self._end(process)
 
@@ -322,7 +335,7 @@ class _ProcessPool:
             self._end(process)
 
     def _next(self, previous: Compilation | None) -> Compilation | None:
-        """Return the next compilation, which is the longest of the suitable ones.
+        """Return the next compilation, the longest of the suitable ones; None if none is waiting.
 
         A compilation of the same module as the last compilation is preferred, then a compilation
         with the same settings and of a module that no other process is compiling.
@@ -330,17 +343,20 @@ class _ProcessPool:
         with self._lock:
             if previous:
                 self._modules_in_progress.remove(previous.module)
-            similar = [
+            # `_waiting` and the lists selected from it are sorted from the longest to the shortest.
+            same_settings = [
                 waiting
                 for waiting in self._waiting
                 if previous and waiting.settings == previous.settings
             ]
             same_module = [
-                waiting for waiting in similar if previous and waiting.module == previous.module
+                waiting
+                for waiting in same_settings
+                if previous and waiting.module == previous.module
             ]
             other_modules = [
                 waiting
-                for waiting in similar or self._waiting
+                for waiting in same_settings or self._waiting
                 if waiting.module not in self._modules_in_progress
             ]
             next_compilation = next(iter(same_module or other_modules or self._waiting), None)

@@ -100,12 +100,12 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         if name in files or file is None:
             continue
         files[name] = file
-        queue += [
-            imported
-            for imported in (_read(file)[1] if name.startswith("tdint.") else _imported(file, name))
-            if not imported.startswith(_BUILDING)
-            and not (laws and name == _LAWS and imported.rpartition(".")[2] not in law_modules)
-        ]
+        imports = _read(file)[1] if name.startswith("tdint.") else _imported(file, name)
+        for imported in imports:
+            # The package of the laws imports all laws; those that are not needed are ignored.
+            is_other_law = laws and name == _LAWS and imported.rpartition(".")[2] not in law_modules
+            if not imported.startswith(_BUILDING) and not is_other_law:
+                queue.append(imported)
     return files
 
 
@@ -156,10 +156,9 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     for package, imported_names in _IMPORT.findall(text):
         base = package.decode()
         items = _COMMENT.sub(b"", imported_names).strip(b"() \t\r\n").split(b",")
-        names += [
-            base,
-            *(f"{base}.{item.split()[0].decode()}" for item in items if item.strip()),
-        ]
+        # An imported name can be a module or a name in the module `base`; both are listed.
+        names.append(base)
+        names += [f"{base}.{item.split()[0].decode()}" for item in items if item.strip()]
     return hashlib.sha256(text).digest(), tuple(names)
 
 
@@ -177,17 +176,20 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
         elif isinstance(node, ast.ImportFrom):
             parent = package.rsplit(".", node.level - 1)[0] if node.level else ""
             base = ".".join(filter(None, (parent, node.module)))
-            names += [base] * (base != _PUBLIC) + [f"{base}.{alias.name}" for alias in node.names]
+            if base != _PUBLIC:
+                names.append(base)
+            names += [f"{base}.{alias.name}" for alias in node.names]
     # A public name is replaced by the module that defines it, or by all such modules if the
     # complete public module is imported.
     homes, resolved = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
     for name in names:
         base, _, alias = name.rpartition(".")
-        resolved += (
-            homes.values()
-            if name == _PUBLIC
-            else [homes.get(alias, name) if base == _PUBLIC else name]
-        )
+        if name == _PUBLIC:
+            resolved += homes.values()
+        elif base == _PUBLIC:
+            resolved.append(homes.get(alias, name))
+        else:
+            resolved.append(name)
     return tuple(name for name in resolved if name.partition(".")[0] not in _NOT_FOLLOWED)
 
 
@@ -202,8 +204,8 @@ def _file(module: str) -> Path | None:
 @cache
 def _own_file(module: str) -> Path | None:
     """Return the file of a module of this package; None if the name is not a module."""
-    _, *rest = module.split(".")
-    path = _PACKAGE.joinpath(*rest)
+    _, *subpackages = module.split(".")  # without the first name, `tdint`
+    path = _PACKAGE.joinpath(*subpackages)
     return next(
         (file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None
     )

@@ -31,8 +31,8 @@ from tdint.kernels.building.sources import digest
 from tdint.kernels.building.target import Target
 from tdint.system import cache_home, cache_subfolder, is_trusted, remove_unused
 
-_DAYS_KEPT = 30
-_DAY = 86400.0
+_DAYS_KEPT = 30  # days after which an unused object file is removed from the cache
+_DAY = 86400.0  # s
 _PACKAGE = Path(__file__).parents[2]
 _PREBUILT = _PACKAGE / "kernels" / "prebuilt"
 _CONVENTION = "numba 1"
@@ -41,8 +41,9 @@ requires a new number."""
 
 
 def identity(name: str, variant: str, target: Target) -> dict[str, str]:
-    """Return the identity of an object file: kernel, variant, processor, sources and calling
-    convention.
+    """Return the properties that identify an object file, by their names in its description.
+
+    They are kernel, variant, platform, processor, hash of the sources and calling convention.
 
     Parameters
     ----------
@@ -66,8 +67,9 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
 def find_object(
     name: str, variant: str, targets: tuple[Target, ...]
 ) -> tuple[Path, bytes, str] | None:
-    """Return file, object and symbol of a kernel for the first target that has an object file, or
-    None.
+    """Return the path of the object file of a kernel, its code, and the name of its function.
+
+    The first target with an object file is used; None if there is no object file.
 
     Corrupt files are ignored, as are files that belong to a user other than this user and the owner
     of the package.
@@ -137,7 +139,7 @@ def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
 def _find_in(
     directory: Path, check: bool, name: str, variant: str, targets: tuple[Target, ...]
 ) -> tuple[Path, bytes, str] | None:
-    """Return file, object and symbol of a kernel from one directory, or None.
+    """Return path, code and function name of the object file of a kernel in one directory, or None.
 
     Parameters
     ----------
@@ -164,6 +166,8 @@ def _find_in(
                 code, description = unpack(stream.read())
         except (OSError, ValueError):
             continue
+        # Use the object if its description contains the expected identity. The modification time is
+        # updated at most once a day; files that are not used for a month are removed.
         if description.items() >= identity(name, variant, target).items():
             if check and file.st_mtime < time.time() - _DAY:
                 with suppress(OSError):

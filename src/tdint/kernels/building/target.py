@@ -28,6 +28,8 @@ NATIVE = "native"
 _PLATFORMS = {"linux": "linux", "macos": "darwin", "windows": "win32"}
 """Values of `sys.platform` for the prefixes of target names."""
 
+# LLVM triple of each platform (`sys.platform`) for x86-64 processors (True) and ARM processors
+# (False)
 _TRIPLES = {
     ("linux", True): "x86_64-unknown-linux-gnu",
     ("linux", False): "aarch64-unknown-linux-gnu",
@@ -61,23 +63,18 @@ class Target:
             return self.cpu, self.features
         if _family() != "x86_64":
             return "generic", ""
-        return (
-            self.cpu if self.cpu in LEVELS else "x86-64-v2",
-            "",
-        )  # vectors of this level have the length of ARM vectors
+        # For ARM processors: vectors of the level x86-64-v2 have the length of ARM vectors.
+        return self.cpu if self.cpu in LEVELS else "x86-64-v2", ""
 
     def machine(self) -> Any:
         """Return the LLVM target machine that writes object files for the processor."""
         triple = _TRIPLES[self.platform, self.cpu in LEVELS]
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
-        cpu = (
-            self.cpu
-            if self.cpu in LEVELS
-            else "apple-m1"
-            if self.platform == "darwin"
-            else "generic"
-        )
+        if self.cpu in LEVELS:
+            cpu = self.cpu
+        else:
+            cpu = "apple-m1" if self.platform == "darwin" else "generic"
         reloc = "static" if self.cpu in LEVELS else "default"  # the setting of numba
         return llvm.Target.from_triple(triple).create_target_machine(
             cpu=cpu, features=self.features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True
@@ -100,12 +97,9 @@ def native() -> Target:
 def machine() -> Any:
     """Return the LLVM target machine that loads object files on this machine. An engine created
     from it owns it."""
-    with suppress(
-        RuntimeError,
-        AttributeError,
-        # newer versions of llvmlite initialize LLVM automatically and report an error, or do not
-        # have # this function
-    ):
+    # Newer versions of llvmlite initialize LLVM automatically. The function then raises an error or
+    # does not exist.
+    with suppress(RuntimeError, AttributeError):
         llvm.initialize()
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
@@ -129,6 +123,8 @@ def named(name: str) -> Target:
     """
     if name == NATIVE:
         return native()
+    # `macos-aarch64` consists of a platform and a processor; the dash of `x86-64` is part of the
+    # name.
     prefix, _, suffix = name.partition("-")
     platform, cpu = (_PLATFORMS[prefix], suffix) if prefix in _PLATFORMS else (sys.platform, name)
     if (cpu not in LEVELS and cpu != AARCH64) or (platform, cpu in LEVELS) not in _TRIPLES:
