@@ -14,7 +14,11 @@ def _sample(ground, position):
 
 @inline
 def ground_between(ground, position):
-    """Return the ground acceleration at a position in units of the sampling interval, m/s^2."""
+    """Return the ground acceleration at a time, m/s^2.
+
+    `position` is the time divided by the sampling interval: 2.5 is the middle between the samples
+    with the indices 2 and 3.
+    """
     sample = int(position)
     value = _sample(ground, sample)
     return value + (_sample(ground, sample + 1) - value) * (position - sample)
@@ -23,6 +27,9 @@ def ground_between(ground, position):
 @inline
 def ground_at(ground, step, per_sample, stride):
     """Return the ground acceleration at the start of a step, m/s^2.
+
+    A step can be a fraction of a sampling interval (`stride` 1), one or several sampling intervals
+    (`per_sample` 1), or a ratio of both.
 
     Parameters
     ----------
@@ -37,6 +44,7 @@ def ground_at(ground, step, per_sample, stride):
         return _sample(ground, step * stride)
     if stride > 1:
         return ground_between(ground, step * stride / per_sample)
+    # `part` is the time after this sample, as a fraction of the sampling interval.
     sample = step // per_sample
     part = (step - sample * per_sample) / per_sample
     value = _sample(ground, sample)
@@ -58,32 +66,34 @@ def fitted_line(ground, begin, end):
     begin, end : float
         Positions of the endpoints in units of the sampling interval.
     """
+    # The time step consists of pieces between two samples (or an endpoint of the step and a
+    # sample). Sum the impulse and the first moment about the middle of the step over these pieces.
     middle = 0.5 * (begin + end)
     impulse = 0.0
     moment = 0.0
-    left = begin
+    piece_start = begin
     value = ground_between(ground, begin)
     sample = int(begin)
-    while left < end:
+    while piece_start < end:
         sample += 1
-        right = float(sample)
-        if right <= end:
+        piece_end = float(sample)
+        if piece_end <= end:
             next_value = _sample(ground, sample)
         else:
-            right = end
+            piece_end = end
             next_value = ground_between(ground, end)
-        length = right - left
+        length = piece_end - piece_start
         area = 0.5 * length * (value + next_value)
         impulse += area
-        moment += (0.5 * (left + right) - middle) * area + length * length / 12.0 * (
+        moment += (0.5 * (piece_start + piece_end) - middle) * area + length * length / 12.0 * (
             next_value - value
         )
-        left = right
+        piece_start = piece_end
         value = next_value
     duration = end - begin
     mean = impulse / duration
-    half = 6.0 * moment / (duration * duration)
-    return mean - half, mean + half
+    half_rise = 6.0 * moment / (duration * duration)
+    return mean - half_rise, mean + half_rise
 
 
 @inline
@@ -105,5 +115,5 @@ def fitted_line_between_samples(ground, first, last):
         value = next_value
     inverse_duration = 1.0 / (last - first)
     mean = inverse_duration * impulse
-    half = 6.0 * inverse_duration * inverse_duration * moment
-    return mean - half, mean + half
+    half_rise = 6.0 * inverse_duration * inverse_duration * moment
+    return mean - half_rise, mean + half_rise

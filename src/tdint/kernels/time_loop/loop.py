@@ -89,7 +89,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
     Parameters
     ----------
     initialize_laws : Kernel
-        Kernel that initializes the laws.
+        Kernel that moves the laws to the initial drifts.
     sum_law_energies : Kernel
         Kernel that sums the energies of the laws.
     scene : Scene
@@ -117,6 +117,7 @@ def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
 @inline
 def has_diverged(state, n):
     """Return True if the absolute displacement of a floor is at least RUNAWAY, or nan."""
+    # A comparison with nan is False. The loop has no branches, so that it is fast.
     is_bounded = True
     for i in range(n):
         is_bounded &= abs(state[rows.DISPLACEMENT, i]) < RUNAWAY
@@ -134,7 +135,7 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     span : Span
-        Step.
+        Step or substep: end time, length and ground acceleration.
     slope : float
         Rate of the ground acceleration, m/s^3.
     memory : Memory
@@ -143,6 +144,8 @@ def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
         Arrays of the observer.
     """
     may_exceed = observe(scene, span, slope, memory, seen)
+    # The forces of the laws at reversals within the step are evaluated only if there are reversals
+    # that can cause a peak shear.
     if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
         update_reversal_shears(update_shear_peaks, scene, memory, seen)
 
@@ -234,11 +237,14 @@ def integrate(
     step : Kernel
         Step of the method.
     initialize_laws, sum_law_energies, update_shear_peaks : Kernel
-        Operations with the laws, see `tdint.kernels.time_loop.observer`.
+        Operations with the laws of all stories: move them to the initial drifts, sum their
+        energies, and compute their forces at reversals within a step.
     steps, first_step, last_step : int
-        Number of steps of the run, of completed steps, and of steps at the end of this call.
+        Number of steps of the run, of steps that previous calls have completed, and of steps that
+        are complete at the end of this call.
     steps_per_row, rows_before : int
-        Steps per row of the history, and rows of the history before those of the array.
+        Steps per row of the history, and number of rows of the history that precede row 0 of the
+        array `history`, which contains only a part.
     per_sample, stride : int
         `per_sample` steps have the length of `stride` sampling intervals.
     max_halvings : int
@@ -252,13 +258,13 @@ def integrate(
     shifts : ndarray
         Fraction of a jump of the ground acceleration that is added to each row of the state.
     linear_terms, modal, law_parameters, forces, flags : ndarray
-        Fields of `Scene`.
+        Building and forces on its floors (fields of `Scene`).
     state, law_state, scratch, step_status : ndarray
-        Fields of `Memory`.
+        Memory of the method and of the laws, and scratch arrays (fields of `Memory`).
     load : ndarray
         Scratch array for the load of a step.
     observer_state, peaks, limits, totals, history : ndarray
-        Fields of `Seen`.
+        Memory and results of the observer (fields of `Seen`).
 
     Returns
     -------
@@ -279,53 +285,55 @@ def integrate(
     for step_index in range(first_step, last_step):
         ground_1 = ground_at(ground, step_index + 1, per_sample, stride)
         ground_rate = (ground_1 - ground_0) / h
-        completed = 0.0  # completed fraction of the step
-        fraction = 1.0
-        while completed < 1.0:
+        completed_fraction = 0.0  # of the step
+        substep_fraction = 1.0  # length of the next substep, as a fraction of the step
+        while completed_fraction < 1.0:
             # Set the load of the step or substep: its start time and the ground acceleration at
             # both endpoints.
-            load[rows.TIME] = (step_index + completed) * h
+            load[rows.TIME] = (step_index + completed_fraction) * h
             if stride > 1:
-                samples = stride / per_sample
-                interval_start, interval_end = (
-                    (step_index + completed) * samples,
-                    (step_index + completed + fraction) * samples,
-                )
-                if per_sample == 1 and fraction == 1.0:
+                # The step is longer than a sampling interval: fit a straight line to the ground
+                # acceleration. A complete step that starts and ends at samples has a faster
+                # function.
+                samples = stride / per_sample  # sampling intervals in a step
+                substep_start = (step_index + completed_fraction) * samples
+                substep_end = (step_index + completed_fraction + substep_fraction) * samples
+                if per_sample == 1 and substep_fraction == 1.0:
                     load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line_between_samples(
                         ground, step_index * stride, (step_index + 1) * stride
                     )
                 else:
                     load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line(
-                        ground, interval_start, interval_end
+                        ground, substep_start, substep_end
                     )
-                ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (fraction * h)
+                ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (substep_fraction * h)
                 shift_ground(scene, load, shifts, memory, seen)
             else:
-                load[rows.GROUND_0] = ground_0 + completed * (ground_1 - ground_0)
+                load[rows.GROUND_0] = ground_0 + completed_fraction * (ground_1 - ground_0)
                 load[rows.GROUND_1] = (
                     ground_1
-                    if completed + fraction == 1.0
-                    else ground_0 + (completed + fraction) * (ground_1 - ground_0)
+                    if completed_fraction + substep_fraction == 1.0
+                    else ground_0 + (completed_fraction + substep_fraction) * (ground_1 - ground_0)
                 )
             # Integrate over the step or substep; halve it if it does not converge.
-            code = take_step(step, coefficients, scene, fraction * h, load, memory)
+            code = take_step(step, coefficients, scene, substep_fraction * h, load, memory)
             if code < 0:
-                if code == rows.NOT_FINITE or fraction <= min_fraction:
+                if code == rows.NOT_FINITE or substep_fraction <= min_fraction:
                     check_limits(sum_law_energies, scene, memory, step_index, seen)
                     # A residual that exceeds the range of numbers is divergence (also nan).
                     return code if step_status[rows.RESIDUAL] < OVERFLOW else rows.NOT_FINITE
-                fraction *= 0.5
+                substep_fraction *= 0.5
                 totals[rows.HALVINGS] += 1.0
-                step_status[rows.STEPS_DONE] = 0.0
+                step_status[rows.STEPS_DONE] = 0.0  # multi-step methods restart
                 continue
-            completed += fraction
+            completed_fraction += substep_fraction
             totals[rows.ITERATIONS] += code
             step_status[rows.STATE_GROUND] = load[rows.GROUND_1]
-            t, has_step_peaks = (step_index + completed) * h, step_status[rows.STEP_PEAKS] != 0.0
+            t = (step_index + completed_fraction) * h
+            has_step_peaks = step_status[rows.STEP_PEAKS] != 0.0
             span = Span(
                 t,
-                fraction * h,
+                substep_fraction * h,
                 load[rows.GROUND_0],
                 load[rows.GROUND_1],
                 on_path,
@@ -334,7 +342,7 @@ def integrate(
             )
             observe_span(update_shear_peaks, scene, span, ground_rate, memory, seen)
         step_status[rows.STEPS_DONE] = (
-            step_status[rows.STEPS_DONE] + 1.0 if fraction == 1.0 else 0.0
+            step_status[rows.STEPS_DONE] + 1.0 if substep_fraction == 1.0 else 0.0
         )
         totals[rows.STEPS_REACHED] += 1.0
         if has_diverged(state, linear_terms.shape[1] - 1):
@@ -363,10 +371,10 @@ GROUND_START = 0  # index of the first sample of the run in the samples of all g
 GROUND_SIZE = 1  # number of samples
 SCALE = 2  # scale factor of the samples
 STEPS = 3
-PER_SAMPLE = 4
+PER_SAMPLE = 4  # this number of steps has the length of STRIDE sampling intervals
 STRIDE = 5
 
-# Columns of the table `interval_end` of results, with one row for each run
+# Columns of the table `run_ends` of results, with one row for each run
 CODE = 0  # return value of `integrate`
 STEPS_COMPLETED = 1
 AT_REST = 2  # 1 if the response has decayed, or if this is not required
@@ -443,7 +451,7 @@ class _CommonData(NamedTuple):
 
     Attributes
     ----------
-    halvings : int
+    max_halvings : int
         Maximum number of halvings of a step.
     h : float
         Length of a step, s.
@@ -455,7 +463,7 @@ class _CommonData(NamedTuple):
         Scratch array for the ground acceleration of a run, m/s^2.
     """
 
-    halvings: int
+    max_halvings: int
     h: float
     coefficients: Array
     shifts: Array
@@ -464,8 +472,9 @@ class _CommonData(NamedTuple):
 
 
 @inline
-def _continue(kernels, common, run, steps, completed, scene, memory, seen):
-    """Call `integrate` for the steps of one run from `completed` to `steps`, without a history.
+def _continue(kernels, common, step_ratio, last_step, first_step, scene, memory, seen):
+    """Call `integrate` for the steps of one run from `first_step` to `last_step`, without a
+    history.
 
     Parameters
     ----------
@@ -473,10 +482,10 @@ def _continue(kernels, common, run, steps, completed, scene, memory, seen):
         Kernels of the run.
     common : _CommonData
         Common data of all runs.
-    run : tuple of int
-        Steps per sample and samples per step.
-    steps, completed : int
-        Number of steps at the end of the call and of completed steps.
+    step_ratio : tuple of int
+        (per_sample, stride): `per_sample` steps have the length of `stride` sampling intervals.
+    last_step, first_step : int
+        Number of steps that are complete at the end of the call and before the call.
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
@@ -487,8 +496,8 @@ def _continue(kernels, common, run, steps, completed, scene, memory, seen):
     return _call_integrate(
         kernels.integrate, kernels.step, kernels.initialize_laws,
         kernels.sum_law_energies, kernels.update_shear_peaks,
-        steps, completed, steps, 1, 0, run[0], run[1],
-        common.halvings, common.h, common.ground, common.coefficients, common.shifts,
+        last_step, first_step, last_step, 1, 0, step_ratio[0], step_ratio[1],
+        common.max_halvings, common.h, common.ground, common.coefficients, common.shifts,
         scene.linear_terms, scene.modal, scene.law_parameters, scene.forces, scene.flags,
         memory.state, memory.law_state, memory.scratch, memory.step_status, common.load,
         seen.observer_state, seen.peaks, seen.limits, seen.totals, seen.history,
@@ -517,7 +526,7 @@ def integrate_many(
     initialize_laws,
     sum_law_energies,
     update_shear_peaks,
-    halvings,
+    max_halvings,
     h,
     samples,
     runs,
@@ -543,25 +552,26 @@ def integrate_many(
     limits,
     previous_peaks,
     history,
-    window,
-    windows,
+    window_steps,
+    max_windows,
     velocity_limit,
     peaks,
     drifts,
     totals,
-    interval_end,
+    run_ends,
 ):
     """Integrate several runs of one building, one after the other, with different ground motions.
 
     After its last step, a run continues in free vibration until the building is at rest, in windows
-    of `window` steps and for at most `windows` windows. The building is at rest if the maximum
-    velocity in a window is at most `velocity_limit` times the maximum displacement of the run.
+    of `window_steps` steps and for at most `max_windows` windows. The building is at rest if the
+    maximum velocity in a window is at most `velocity_limit` times the maximum displacement of the
+    run.
 
     Parameters
     ----------
     integrate, step, initialize_laws, sum_law_energies, update_shear_peaks : Kernel
         Time loop, step and operations with the laws.
-    halvings : int
+    max_halvings : int
         Maximum number of halvings of a step.
     h : float
         Length of a step, s.
@@ -583,13 +593,14 @@ def integrate_many(
         Scratch array with one element for each story.
     history : ndarray
         History without rows.
-    window, windows : int
+    window_steps, max_windows : int
         Number of steps of a window, and maximum number of windows.
     velocity_limit : float
         Maximum velocity in a window in which the building is at rest, divided by the maximum
         displacement of the run, 1/s.
-    peaks, drifts, totals, interval_end : ndarray
-        Results of the runs: peaks, residual drifts, totals and the columns of `interval_end`.
+    peaks, drifts, totals, run_ends : ndarray
+        Results of the runs: peaks, residual drifts, totals, and in `run_ends` the return value of
+        `integrate`, the number of completed steps and the state of rest.
 
     Returns
     -------
@@ -597,53 +608,58 @@ def integrate_many(
         Number of runs that failed.
     """
     kernels = _Kernels(integrate, step, initialize_laws, sum_law_energies, update_shear_peaks)
-    common = _CommonData(halvings, h, coefficients, shifts, load, ground)
+    common = _CommonData(max_halvings, h, coefficients, shifts, load, ground)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     initial = Memory(state_0, law_state_0, scratch_0, step_status_0)
     memory = Memory(state, law_state, scratch, step_status)
-    failed = 0
+    failed_count = 0
     n = linear_terms.shape[1] - 1
-    for r in range(runs.shape[0]):
-        first = int(runs[r, GROUND_START])
-        size = int(runs[r, GROUND_SIZE])
+    for run_index in range(runs.shape[0]):
+        first_sample = int(runs[run_index, GROUND_START])
+        sample_count = int(runs[run_index, GROUND_SIZE])
         for i in range(ground.size):
-            ground[i] = samples[first + i] * runs[r, SCALE] if i < size else 0.0
+            ground[i] = (
+                samples[first_sample + i] * runs[run_index, SCALE] if i < sample_count else 0.0
+            )
         _initialize_memory(initial, memory, observer_state)
         for i in range(rows.TOTALS_SIZE):
-            totals[r, i] = totals_0[i]
-        seen = Seen(observer_state, peaks[r], limits, totals[r], history)
-        run = (int(runs[r, PER_SAMPLE]), int(runs[r, STRIDE]))
+            totals[run_index, i] = totals_0[i]
+        seen = Seen(observer_state, peaks[run_index], limits, totals[run_index], history)
+        step_ratio = (int(runs[run_index, PER_SAMPLE]), int(runs[run_index, STRIDE]))
         completed = 0
-        last = int(runs[r, STEPS])
+        last_step = int(runs[run_index, STEPS])
         code = 0
-        at_rest = 1.0 if windows == 0 else 0.0
-        for w in range(windows + 1):
+        # Pass 0 integrates the specified steps, each further pass one window of free vibration.
+        at_rest = 1.0 if max_windows == 0 else 0.0
+        for window_index in range(max_windows + 1):
             for i in range(n):  # the peak velocity is determined for each window separately
-                previous_peaks[i] = peaks[r, rows.PEAK_VELOCITY, i]
-                peaks[r, rows.PEAK_VELOCITY, i] = 0.0
+                previous_peaks[i] = peaks[run_index, rows.PEAK_VELOCITY, i]
+                peaks[run_index, rows.PEAK_VELOCITY, i] = 0.0
                 if step_status[rows.RUN_PEAKS] != 0.0:
                     scratch[int(step_status[rows.RUN_PEAKS]) + rows.PEAK_VELOCITY, i] = 0.0
-            code = _continue(kernels, common, run, last, completed, scene, memory, seen)
+            code = _continue(kernels, common, step_ratio, last_step, completed, scene, memory, seen)
             max_velocity = 0.0
             max_displacement = 0.0
             for i in range(n):
-                max_velocity = max(max_velocity, peaks[r, rows.PEAK_VELOCITY, i])
-                max_displacement = max(max_displacement, peaks[r, rows.PEAK_DISPLACEMENT, i])
-                peaks[r, rows.PEAK_VELOCITY, i] = max(
-                    previous_peaks[i], peaks[r, rows.PEAK_VELOCITY, i]
+                max_velocity = max(max_velocity, peaks[run_index, rows.PEAK_VELOCITY, i])
+                max_displacement = max(
+                    max_displacement, peaks[run_index, rows.PEAK_DISPLACEMENT, i]
+                )
+                peaks[run_index, rows.PEAK_VELOCITY, i] = max(
+                    previous_peaks[i], peaks[run_index, rows.PEAK_VELOCITY, i]
                 )
             if code < 0:
                 break
-            completed = last
-            last += window
-            if w > 0 and max_velocity <= velocity_limit * max_displacement:
+            completed = last_step
+            last_step += window_steps
+            if window_index > 0 and max_velocity <= velocity_limit * max_displacement:
                 at_rest = 1.0
                 break
         if code < 0:
-            failed += 1
+            failed_count += 1
         for i in range(n):
-            drifts[r, i] = law_state[rows.DRIFT, i]
-        interval_end[r, CODE] = code
-        interval_end[r, STEPS_COMPLETED] = completed
-        interval_end[r, AT_REST] = at_rest
-    return failed
+            drifts[run_index, i] = law_state[rows.DRIFT, i]
+        run_ends[run_index, CODE] = code
+        run_ends[run_index, STEPS_COMPLETED] = completed
+        run_ends[run_index, AT_REST] = at_rest
+    return failed_count

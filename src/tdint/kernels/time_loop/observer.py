@@ -50,17 +50,17 @@ class _PowerValues(NamedTuple):
         Rate of the power without the contribution of the rate of the ground acceleration, W/s.
     momentum : float
         Momentum of all floors, N s.
-    damped : float
+    viscous_power : float
         Power of the dampers, W.
-    damped_rate : float
+    viscous_rate : float
         Rate of the power of the dampers, W/s.
     """
 
     power: float
     rate: float
     momentum: float
-    damped: float
-    damped_rate: float
+    viscous_power: float
+    viscous_rate: float
 
 
 @inline
@@ -100,15 +100,16 @@ def observe(scene, span, slope, memory, seen):
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
         _store_additional_forces(modal, forces, span.t, state, observer_state, n)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
-    # the floor forces within the step are not evaluated here
+    # Forces on floors within the step are not evaluated here; with such forces, all steps are
+    # searched.
     may_exceed = FORCES and forces.shape[0] > 0
     momentum = 0.0
-    force = 0.0
+    total_inertia = 0.0
     viscous_power = 0.0
     viscous_rate = 0.0
     viscous_per_acceleration = 0.0
-    # Quantities of the story above or sums over all floors above, if they are supported by this
-    # floor
+    # Quantities of the story above, or sums over this floor and all floors above; zero if the story
+    # above is on the ground instead of this floor
     story_force_above = 0.0
     floor_damping_above = 0.0
     inertia_above = 0.0
@@ -120,9 +121,9 @@ def observe(scene, span, slope, memory, seen):
     a_0 = observer_state[rows.A_PREVIOUS, n - 1]
     # The story above is checked in the next pass, after the acceleration of its base is computed.
     reach_above, a_above, link_above = (0.0, 0.0), 0.0, 0.0
-    excess = 0.05 * span.h * span.h
+    excess = 0.05 * span.h * span.h  # h^2 / 20, see `may_exceed_story_peaks`
     for i in range(n - 1, -1, -1):
-        above, below = min(i + 1, n - 1), max(i - 1, 0)
+        above, below = min(i + 1, n - 1), max(i - 1, 0)  # neighbors, limited to existing floors
         v_below = state[rows.VELOCITY, below]
         u_0_below = observer_state[rows.U_PREVIOUS, below]
         v_0_below = observer_state[rows.V_PREVIOUS, below]
@@ -138,6 +139,7 @@ def observe(scene, span, slope, memory, seen):
         story_force = (
             shear + linear_terms[rows.GEOMETRIC, i] * drift + story_damping + dashpot_force
         )
+        # Relative acceleration of floor `i` from equilibrium
         a = (
             linear_terms[rows.INVERSE_MASS, i]
             * (
@@ -185,8 +187,10 @@ def observe(scene, span, slope, memory, seen):
             inertia_above, -total_shear, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
         )
         momentum += mass * v
-        force += mass * a
+        total_inertia += mass * a
         viscous_power += floor_damping * v + (story_damping + dashpot_force) * rate
+        # The rate of the power of all dampers is twice `viscous_rate`. The power c v^2 of a linear
+        # damper has the rate 2 (c v) a. The power F v of a dashpot has the rate (F + F' v) a.
         story_damping += 0.5 * (dashpot_force + dashpot_tangent * rate)
         viscous_rate += (floor_damping + story_damping - story_damping_above) * a
         viscous_per_acceleration += floor_damping + (1.0 - link) * story_damping
@@ -202,8 +206,8 @@ def observe(scene, span, slope, memory, seen):
     may_exceed |= may_exceed_story_peaks(reach_above, excess * abs(a_above), stiffness, peaks, 0)
     if flags[rows.OWN_WORK] == 0.0:
         power = -ground * momentum
-        rate = -ground * force
-        totals[rows.TOTAL_INERTIA] = force
+        rate = -ground * total_inertia
+        totals[rows.TOTAL_INERTIA] = total_inertia
         totals[rows.VISCOUS_PER_ACCELERATION] = viscous_per_acceleration
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
             additional = _additional_powers(modal, forces, span.t, state, observer_state, n)
@@ -217,7 +221,7 @@ def observe(scene, span, slope, memory, seen):
             _PowerValues(power, rate, momentum, viscous_power, 2.0 * viscous_rate),
             totals,
         )
-    elif span.h > 0.0:
+    elif span.h > 0.0:  # the step has computed the work itself
         totals[rows.ENERGY_INPUT] += memory.step_status[rows.WORK_INPUT]
         totals[rows.ENERGY_VISCOUS] += memory.step_status[rows.WORK_VISCOUS]
     totals[rows.ENERGY_REFERENCE] = max(
@@ -282,6 +286,8 @@ def _observe_dashpots(span, linear_terms, state, seen):
         dashpot_force, dashpot_tangent = power_damper(linear_terms, i, rate)
         force = linear_terms[rows.DASHPOT, i] * rate
         power += (force + dashpot_force) * rate
+        # Half of the derivative of the power with respect to the drift rate, as for the other
+        # dampers
         force += 0.5 * (dashpot_force + dashpot_tangent * rate)
         power_rate += 2.0 * force * drift_acceleration
         per_acceleration += (1.0 - link) * force
@@ -347,12 +353,13 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
     Returns
     -------
     tuple of float
-        Power of the floor forces and its rate, power of modal damping and half of its rate.
+        Power of the floor forces (W) and its rate (W/s), power of modal damping and half of its
+        rate.
     """
     power = 0.0
     rate = 0.0
-    damped = 0.0
-    damped_rate = 0.0
+    viscous_power = 0.0
+    half_viscous_rate = 0.0
     for j in range(forces.shape[0]):
         floor = int(forces[j, rows.FLOOR])
         force = force_value(forces, j, t)
@@ -367,9 +374,9 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
         for i in range(n):
             v_modal += modal[j, i] * state[rows.VELOCITY, i]
             a_modal += modal[j, i] * observer_state[rows.OBSERVED_ACCELERATION, i]
-        damped += v_modal * v_modal
-        damped_rate += v_modal * a_modal
-    return power, rate, damped, damped_rate
+        viscous_power += v_modal * v_modal
+        half_viscous_rate += v_modal * a_modal
+    return power, rate, viscous_power, half_viscous_rate
 
 
 @outlined
@@ -399,7 +406,7 @@ def _change_per_acceleration(modal, forces, t, state, n):
         Change of the rate of the floor forces, and of half the rate of modal damping.
     """
     rate = 0.0
-    damped_rate = 0.0
+    half_viscous_rate = 0.0
     for j in range(forces.shape[0]):
         rate += force_value(forces, j, t)
     for j in range(modal.shape[0]):
@@ -408,8 +415,8 @@ def _change_per_acceleration(modal, forces, t, state, n):
         for i in range(n):
             v_modal += modal[j, i] * state[rows.VELOCITY, i]
             a_modal += modal[j, i]
-        damped_rate += v_modal * a_modal
-    return rate, damped_rate
+        half_viscous_rate += v_modal * a_modal
+    return rate, half_viscous_rate
 
 
 @inline
@@ -529,6 +536,7 @@ def shift_ground(scene, load, shifts, memory, seen):
     linear_terms, modal, _, forces, _ = scene
     state, observer_state, totals = memory.state, seen.observer_state, seen.totals
     ground = load[rows.GROUND_0]
+    # Change of all relative accelerations: old minus new ground acceleration
     shift = memory.step_status[rows.STATE_GROUND] - ground
     memory.step_status[rows.STATE_GROUND] = ground
     n = linear_terms.shape[1] - 1
@@ -547,9 +555,9 @@ def shift_ground(scene, load, shifts, memory, seen):
     totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
     totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        rate, damped_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
+        rate, half_viscous_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
         totals[rows.RATE_INPUT] += shift * rate
-        totals[rows.RATE_VISCOUS] += 2.0 * shift * damped_rate
+        totals[rows.RATE_VISCOUS] += 2.0 * shift * half_viscous_rate
 
 
 @outlined
@@ -597,7 +605,7 @@ def _work(h, power_0, power_1, change):
     power_0, power_1 : float
         Power at both endpoints, W.
     change : float
-        Rate of the power at the start minus the rate at the end, W/s.
+        Rate of the power at the start minus its rate at the end, W/s.
     """
     return 0.5 * h * (power_0 + power_1) + h * h / 12.0 * change
 
@@ -617,17 +625,21 @@ def _add_work(span, slope, current, totals):
     totals : ndarray
         Totals of the run, with the powers at the start of the step.
     """
+    # Rates at the start minus rates at the end. The rate of the ground acceleration contributes
+    # minus `slope` times the momentum to the rate of the power of the load.
     change = (
         totals[rows.RATE_INPUT] - current.rate - slope * (totals[rows.MOMENTUM] - current.momentum)
     )
     totals[rows.ENERGY_INPUT] += _work(span.h, totals[rows.POWER_INPUT], current.power, change)
-    change = totals[rows.RATE_VISCOUS] - current.damped_rate
-    totals[rows.ENERGY_VISCOUS] += _work(span.h, totals[rows.POWER_VISCOUS], current.damped, change)
+    change = totals[rows.RATE_VISCOUS] - current.viscous_rate
+    totals[rows.ENERGY_VISCOUS] += _work(
+        span.h, totals[rows.POWER_VISCOUS], current.viscous_power, change
+    )
     totals[rows.POWER_INPUT] = current.power
     totals[rows.RATE_INPUT] = current.rate
     totals[rows.MOMENTUM] = current.momentum
-    totals[rows.POWER_VISCOUS] = current.damped
-    totals[rows.RATE_VISCOUS] = current.damped_rate
+    totals[rows.POWER_VISCOUS] = current.viscous_power
+    totals[rows.RATE_VISCOUS] = current.viscous_rate
 
 
 @inline
@@ -669,6 +681,8 @@ def store(ground, fitted_ground, memory, seen, row):
     state, law_state = memory.state, memory.law_state
     observer_state, _, _, totals, history = seen
     n = observer_state.shape[1] - 1
+    # Columns: ground acceleration; displacement, velocity and absolute acceleration of n floors;
+    # shear of n stories; energies
     history[row, 0] = ground
     for i in range(n):
         history[row, 1 + i] = state[rows.DISPLACEMENT, i]
@@ -682,7 +696,11 @@ def store(ground, fitted_ground, memory, seen, row):
 
 @inline
 def exceeds_limits(law_state, seen):
-    """Return True if the peak drift of a story exceeds its limit or a story has failed."""
+    """Return True if the peak drift of a story exceeds its limit or a story has failed.
+
+    Stories without a limit have the height nan, and stories without a failure the value nan in row
+    FAILED: the comparisons are then False.
+    """
     limits = seen.limits
     is_exceeded = False
     for i in range(limits.shape[1]):
@@ -697,8 +715,8 @@ def exceeds_limits(law_state, seen):
 def record_collapse(law_state, steps, seen):
     """Store the story and the step of the collapse, and the energies at this time, in `totals`.
 
-    It is the story that has failed, or the story with the largest excess of its drift ratio over
-    its limit. The energies must have been updated before.
+    It is the first story that has failed; if no story has failed, the story with the largest excess
+    of its drift ratio over its limit. The energies must have been updated before.
 
     Parameters
     ----------
@@ -720,6 +738,7 @@ def record_collapse(law_state, steps, seen):
             largest_excess = excess
             totals[rows.COLLAPSE_STEP] = steps
             totals[rows.COLLAPSE_STORY] = i
+    # The energies, then ENERGY_INITIAL and ENERGY_REFERENCE
     for j in range(rows.ENERGY_TERMS + 2):
         totals[rows.COLLAPSE_ENERGIES + j] = totals[j]
 
@@ -817,17 +836,17 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
     Returns
     -------
     int
-        0.
+        Always 0, because the evaluation cannot fail.
     """
-    below = 0.0
+    displacement_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         start(
             law_parameters,
             law_state,
             i,
-            state[rows.DISPLACEMENT, i] - linear_terms[rows.LINK, i] * below,
+            state[rows.DISPLACEMENT, i] - linear_terms[rows.LINK, i] * displacement_below,
         )
-        below = state[rows.DISPLACEMENT, i]
+        displacement_below = state[rows.DISPLACEMENT, i]
     return 0
 
 
@@ -852,7 +871,7 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     Returns
     -------
     int
-        0.
+        Always 0, because the evaluation cannot fail.
     """
     kinetic = 0.0
     strain = 0.0
@@ -897,7 +916,7 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     Returns
     -------
     int
-        0.
+        Always 0, because the evaluation cannot fail.
     """
     for i in range(peaks.shape[1]):
         if reversal_drifts[row, i] != law_state[rows.DRIFT, i]:
