@@ -49,6 +49,7 @@ def _functions() -> LawFunctions:
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
+        # Elastic prediction of the force of the plastic spring, then its limit
         z = law_state[previous + rows.INTERNAL, i] + (1.0 - hardening) * k * (
             drift - law_state[previous + rows.DRIFT, i]
         )
@@ -102,10 +103,11 @@ def _functions() -> LawFunctions:
         # it.
         if abs(z) == plastic_share * law_parameters[_YIELD_FORCE, i]:
             drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
-            slip = drift_change - (z - law_state[previous + rows.INTERNAL, i]) / (
+            # Plastic part of the change of drift: the change minus its elastic part
+            plastic_change = drift_change - (z - law_state[previous + rows.INTERNAL, i]) / (
                 plastic_share * law_parameters[rows.STIFFNESS, i]
             )
-            law_state[trial + rows.DISSIPATED, i] += abs(z * slip)
+            law_state[trial + rows.DISSIPATED, i] += abs(z * plastic_change)
 
     @inline
     def enter(law_parameters, law_state, i):
@@ -181,6 +183,7 @@ def _functions() -> LawFunctions:
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
         drift = law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:
+            # Unload elastically: between the current drift and the yield drift of the other side.
             side = law_state[block + rows.RATE_SIGN, i]
             opposite_yield = drift - side * 2.0 * strength / ((1.0 - hardening) * k)
             law_state[block + rows.SLOPE, i] = k
@@ -188,6 +191,7 @@ def _functions() -> LawFunctions:
             law_state[block + rows.UPPER, i] = max(drift, opposite_yield)
             law_state[block + rows.LOWER, i] = min(drift, opposite_yield)
         else:
+            # Yield in the direction of the event (ABOVE is 1, BELOW is -1).
             law_state[block + rows.INTERNAL, i] = event * strength
             law_state[block + rows.FORCE, i] = hardening * k * drift + event * strength
             law_state[block + rows.SLOPE, i] = hardening * k

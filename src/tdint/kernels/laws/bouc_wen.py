@@ -66,7 +66,9 @@ def _functions() -> LawFunctions:
 
     @inline
     def unloading(u, q, n, r):
-        """Integrate u' = -(1 + q u^n) over the drift change `r` by one Runge-Kutta step.
+        """Integrate u' = -(1 + q u^n) over the drift change `r` by one classical Runge-Kutta step.
+
+        p1 to p4 are the values of q u^n at the four stages.
 
         Parameters
         ----------
@@ -74,8 +76,8 @@ def _functions() -> LawFunctions:
             |w| at the start of the path.
         q : float
             2 beta - 1.
-        n : int
-            Number of floors.
+        n : float
+            Exponent.
         r : float
             Drift change, in Fy / k.
 
@@ -96,7 +98,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def loading(w, n, r):
-        """Integrate w' = 1 - w^n over the drift change `r` by one Runge-Kutta step.
+        """Integrate w' = 1 - w^n over the drift change `r` by one classical Runge-Kutta step.
+
+        p1 to p4 are the values of w^n at the four stages. `w` is not negative, `n` is the exponent,
+        and `r` is a multiple of Fy / k.
 
         Returns
         -------
@@ -119,6 +124,7 @@ def _functions() -> LawFunctions:
         on this path.
 
         The drift change is in Fy / k and the integral in Fy^2 / k. Both are power series in p w^n.
+        `p` is 1 for loading and -q for unloading (which is loading in the opposite direction).
         """
         ratio = p * w**n
         term = w
@@ -136,10 +142,10 @@ def _functions() -> LawFunctions:
         w = x
         for _ in range(8):
             path, _ = series(w, n, p)
-            new = w - (path - x) * (1.0 - p * w**n)
-            done = abs(new - w) <= 1e-15 * x
-            w = new
-            if done:
+            new_w = w - (path - x) * (1.0 - p * w**n)  # the derivative of `path` is 1 / (1 - p w^n)
+            has_converged = abs(new_w - w) <= 1e-15 * x
+            w = new_w
+            if has_converged:
                 break
         return w
 
@@ -172,16 +178,20 @@ def _functions() -> LawFunctions:
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
         drift_change = drift - law_state[previous + rows.DRIFT, i]
-        side = 1.0 if drift_change >= 0.0 else -1.0
+        side = 1.0 if drift_change >= 0.0 else -1.0  # direction of the path
         w = side * law_state[previous + rows.INTERNAL, i]
         remaining = abs(drift_change) * k / strength
         substep = _SUBSTEP / n
-        dissipation = 0.0
+        dissipation = 0.0  # in (1 - a) Fy^2 / k
+        # |w| below which the power series is used; never for a smooth force
         series_limit = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
+        # 1. Unloading to w = 0
         while w < 0.0 and remaining > 0.0:
             r = min(substep, remaining)
             u = -w
             if u <= series_limit:
+                # `path` is the drift change until w = 0. If the path ends before, u at its end
+                # follows from the drift change that would be left.
                 path, path_dissipation = series(u, n, -q)
                 u = solve_series(path - remaining, n, -q) if path > remaining else 0.0
                 dissipation += (series(u, n, -q)[1] if u > 0.0 else 0.0) - path_dissipation
@@ -190,6 +200,7 @@ def _functions() -> LawFunctions:
                 break
             if u <= 2.0 * r:
                 # Path to w = 0 by Simpson's rule for dx/du = 1 / (1 + q u^n).
+                # If w = 0 is reached within this substep, the unloading ends there.
                 path = (
                     u
                     / 6.0
@@ -206,6 +217,7 @@ def _functions() -> LawFunctions:
             w = -u
             dissipation += path_dissipation
             remaining -= r
+        # 2. Loading near w = 0 by the power series, up to the limit of the series
         if 0.0 <= w < series_limit and remaining > 0.0:
             path, path_dissipation = series(w, n, 1.0)
             path_to_limit, dissipation_to_limit = series(series_limit, n, 1.0)
@@ -217,6 +229,7 @@ def _functions() -> LawFunctions:
                 w = series_limit
                 dissipation += dissipation_to_limit - path_dissipation
                 remaining -= path_to_limit - path
+        # 3. Loading by Runge-Kutta steps
         while w >= 0.0 and remaining > 0.0:
             if 1.0 - w <= _SATURATED:
                 w = 1.0
@@ -226,6 +239,8 @@ def _functions() -> LawFunctions:
             w, path_dissipation = loading(w, n, r)
             dissipation += path_dissipation
             remaining -= r
+        # dw/dx at the end of the path, from which the tangent stiffness follows. Without a path,
+        # the direction is unknown, and the initial stiffness is returned.
         if drift_change == 0.0:
             rate = 1.0
         elif w > 0.0:
@@ -294,11 +309,11 @@ def _functions() -> LawFunctions:
             Direction of loading, 1 or -1.
         """
         u = -side * law_state[block + rows.INTERNAL, i]
-        if not u > 0.0:
+        if not u > 0.0:  # w already has the sign of the direction
             return math.inf
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
-        path = 0.0
+        path = 0.0  # drift change in u Fy / k
         for point in range(8):
             root = nodes[point]
             path += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
@@ -323,6 +338,7 @@ def _functions() -> LawFunctions:
         side = law_state[block + rows.RATE_SIGN, i]
         law_state[block + rows.UPPER, i] = math.inf
         law_state[block + rows.LOWER, i] = -math.inf
+        # w is opposite to the direction, and its change of sign is not at the current drift.
         if side * law_state[previous + rows.INTERNAL, i] < 0.0:
             path = kink(law_parameters, law_state, i, previous, side)
             if (

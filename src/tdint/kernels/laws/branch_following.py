@@ -72,6 +72,7 @@ def extra_rows(law_state, block):
     block : int
         First row of the block of `law_state` that contains the state.
     """
+    # The extra rows of all blocks (committed state and trial states) follow each other.
     return rows.EXTRA_ROWS + block // rows.LAW_STATE_ROWS * (
         (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
     )
@@ -226,25 +227,27 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         drift : float
             Drift, m.
         """
-        branch_block = branch_owner(law_state, i, previous)
+        branch_block = branch_owner(law_state, i, previous)  # block that contains the branch
         slope = law_state[branch_block + rows.SLOPE, i]
-        step = drift - law_state[previous + rows.DRIFT, i]
+        drift_change = drift - law_state[previous + rows.DRIFT, i]
         is_within = (drift <= law_state[branch_block + rows.UPPER, i]) & (
             drift >= law_state[branch_block + rows.LOWER, i]
         )
         if (
             is_within
-            & (law_state[branch_block + rows.RATE_SIGN, i] * step >= 0.0)
+            & (law_state[branch_block + rows.RATE_SIGN, i] * drift_change >= 0.0)
             & (slope < math.inf)
         ):
             force_0 = law_state[previous + rows.FORCE, i]
-            force_1 = force_0 + slope * step
+            force_1 = force_0 + slope * drift_change
             law_state[trial + rows.FORCE, i] = force_1
             law_state[trial + rows.WORK, i] = (
-                law_state[previous + rows.WORK, i] + 0.5 * (force_0 + force_1) * step
+                law_state[previous + rows.WORK, i] + 0.5 * (force_0 + force_1) * drift_change
             )
             law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
             return slope
+        # The path leaves its branch. The original function changes the branch and therefore needs
+        # a state that contains its branch.
         if previous != rows.COMMITTED:
             copy_branch(law_state, i, previous)
         law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
@@ -331,16 +334,19 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
     Parameters
     ----------
     switch : function
-        Selects the next branch, see `LawFunctions.switch`.
+        (law_parameters, law_state, i, block, event). Sets the branch that follows when the current
+        branch ends by `event` (ABOVE, BELOW or REVERSED).
     move : function, optional
-        Update of the other rows on a branch, see `LawFunctions.advance`. Default: `add_work`.
+        (law_parameters, law_state, i, block, step, mean_force). Updates the rows other than drift
+        and force after a change of drift `step` (m) on a branch with the mean force (N). Default:
+        `add_work`.
 
     Returns
     -------
     function
-        See `LawFunctions.force`. Copies the state from block `previous` to block `trial`, changes
-        the branch at a reversal and at each limit on the path, and returns the slope of the last
-        branch, N/m.
+        (law_parameters, law_state, i, previous, trial, drift). Copies the state from block
+        `previous` to block `trial`, changes the branch at a reversal and at each limit on the path,
+        and returns the slope of the last branch, N/m.
     """
     advance = advancing(move or inline(add_work))
 
@@ -370,6 +376,7 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         for row in range(rows.LAW_STATE_ROWS):
             law_state[trial + row, i] = law_state[previous + row, i]
         copy_extra_rows(law_state, i, previous, trial)
+        # The path starts against the direction of the branch.
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
         for _ in range(_MAX_BRANCHES):
@@ -395,11 +402,12 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
     Parameters
     ----------
     switch : function
-        Selects the next branch, see `LawFunctions.switch`.
+        (law_parameters, law_state, i, block, event). Sets the branch that follows when the current
+        branch ends by `event` (ABOVE, BELOW or REVERSED).
     strain_energy : function
-        Stored energy of the committed state, J, see `LawFunctions.strain_energy`.
+        (law_parameters, law_state, i) -> energy stored in the committed state, J.
     enter : function
-        Sets the first branch, see `LawFunctions.enter`.
+        (law_parameters, law_state, i). Sets the first branch of the committed state.
     """
 
     @inline

@@ -67,7 +67,7 @@ if COMPILES:
         trial : int
             First row of the block of `law_state` with the state at the end of the path.
         x : float
-            Drift for `force`, m; event for `switch`.
+            Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
         """
         return _call_at(int(address), hook, law_parameters, law_state, i, previous, trial, x)
 
@@ -94,7 +94,7 @@ else:
         trial : int
             First row of the block of `law_state` with the state at the end of the path.
         x : float
-            Drift for `force`, m; event for `switch`.
+            Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
         """
         return _kernel(int(law_parameters[rows.CODE, i])).function(
             hook, law_parameters, law_state, i, previous, trial, x
@@ -227,13 +227,14 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
     hook : int
         Number of the function.
     law_parameters, law_state : ndarray
-        Tables of the laws.
+        Parameters and states of the hysteretic laws: one row for each quantity, one column for
+        each story.
     i : int
         Index of the story.
     previous, trial : int
         Blocks of `force` and `keep`. For `switch`, `previous` is the block.
     x : float
-        Drift for `force`, m; event for `switch`.
+        Last argument of the function: drift (m) for `force`, event for `switch`, otherwise 0.
 
     Returns
     -------
@@ -259,15 +260,19 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
 def _kernel(code: int) -> Kernel:
     """Return the kernel with all functions of the law with number `code`."""
     functions = LAWS[code].functions()
-    names = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
-    hooks = python_types.FunctionType(_all_hooks.__code__, names, LAWS[code].name)
-    hooks.__qualname__ = hooks.__name__
-    hooks.__module__ = __name__
-    return Kernel(hooks, _SIGNATURE, ())
+    namespace = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
+    # A copy of `_all_hooks` in a namespace in which the placeholders are the functions of the law
+    function = python_types.FunctionType(_all_hooks.__code__, namespace, LAWS[code].name)
+    function.__qualname__ = function.__name__
+    function.__module__ = __name__
+    return Kernel(function, _SIGNATURE, ())
 
 
 def __getattr__(name: str) -> Kernel:
-    """Return the kernel of the law with this name, for the process that compiles it."""
+    """Return the kernel of the law with this name, for the process that compiles it.
+
+    Python calls this function for a name that is not defined in this module.
+    """
     for code, law_name in enumerate(LAWS.names()):
         if law_name == name and LAWS[code].compiled_separately:
             return _kernel(code)
@@ -285,6 +290,7 @@ def separate_kernels(law_parameters: NDArray[np.float64] | None = None) -> list[
     codes = (
         range(len(LAWS))
         if law_parameters is None
+        # The last column of the table belongs to no story.
         else sorted(set(law_parameters[rows.CODE, :-1].astype(int).tolist()))
     )
     return [_kernel(code) for code in codes if LAWS[code].compiled_separately]
@@ -312,7 +318,7 @@ def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     ndarray, shape (EXTRA_ROWS + LAW_STATE_BLOCKS * extra rows, n + 1)
         States of the laws.
     """
-    codes = law_parameters[rows.CODE, :-1].astype(int)
+    codes = law_parameters[rows.CODE, :-1].astype(int)  # the last column belongs to no story
     used_codes = sorted(set(codes.tolist()))
     extra_rows = max((LAWS[code].extra_rows for code in used_codes), default=0)
     law_state = np.zeros(

@@ -68,10 +68,13 @@ def _functions() -> LawFunctions:
     def set_contact(law_parameters, law_state, i, block, side):
         """Set force and branch of a law state within the gap or in contact with a stop.
 
+        The stiffness of the branch is k, in contact k + stop_stiffness.
+
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Tables of the laws.
+            Parameters and states of the hysteretic laws: one row for each quantity, one column for
+            each story.
         i : int
             Index of the story.
         block : int
@@ -86,8 +89,11 @@ def _functions() -> LawFunctions:
         law_state[block + rows.FORCE, i] = stiffness * drift + stop_stiffness * (drift - side * gap)
         # In contact, the branch is limited by the stop on one side only; within the gap, by both
         # stops. It is valid for both signs of the drift rate (0), because the law is elastic.
-        lower = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
-        upper = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
+        lower, upper = -gap, gap
+        if side > 0.0:
+            lower, upper = gap, math.inf
+        elif side < 0.0:
+            lower, upper = -math.inf, -gap
         set_branch(law_state, i, block, stiffness + stop_stiffness, lower, upper, 0.0)
 
     @inline

@@ -103,7 +103,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         parameter : int
             Row of the parameter of the positive side.
         """
@@ -127,7 +127,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         k = law_parameters[rows.STIFFNESS, i]
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
@@ -157,7 +157,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         yield_force = side_parameter(law_parameters, i, side, _YIELD_FORCE)
         capping_force = side_parameter(law_parameters, i, side, _CAPPING_RATIO) * yield_force
@@ -192,7 +192,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         drift : float
             Drift above the yield drift, m, positive on this side.
         """
@@ -225,6 +225,7 @@ def _functions() -> LawFunctions:
             Total work until now, J.
         """
         remaining = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - total_work
+        # beta is 0 without work, and above 1 if the work reaches the remaining capacity.
         if work <= 0.0 and remaining > 0.0:
             return 0.0
         if remaining <= 0.0 or work >= remaining:
@@ -278,9 +279,9 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         branch_type : float
-            Type of the branch.
+            Type of the branch for row INTERNAL, a positive constant of this module.
         slope : float
             Stiffness of the branch, N/m.
         end : float
@@ -314,9 +315,10 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         drift = side * law_state[block + rows.DRIFT, i]
+        # Forces of both lines at zero drift, and their slopes; they intersect at the capping drift.
         hardening_force, hardening_slope = plastic_line(law_parameters, law_state, i, block, side)
         capping_force, capping_slope = capping_line(law_parameters, law_state, i, block, side)
         residual_force = residual(law_parameters, i, side)
@@ -348,16 +350,12 @@ def _functions() -> LawFunctions:
         else:
             law_state[block + rows.FORCE, i] = side * residual_force
             # A strength below the residual force can exceed it again before the capping point.
-            recovery_drift = (
-                (residual_force - hardening_force) / hardening_slope
-                if hardening_slope > 0.0
-                else math.inf
-            )
-            end = (
-                recovery_drift
-                if drift < recovery_drift - tolerance and recovery_drift < capping_drift
-                else math.inf
-            )
+            recovery_drift = math.inf
+            if hardening_slope > 0.0:
+                recovery_drift = (residual_force - hardening_force) / hardening_slope
+            end = math.inf
+            if drift < recovery_drift - tolerance and recovery_drift < capping_drift:
+                end = recovery_drift
             set_loading_branch(law_parameters, law_state, i, block, side, _RESIDUAL, 0.0, end)
 
     @outlined
@@ -376,11 +374,12 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         if drift < max_drift * (1.0 - _REACHED_TOLERANCE):
+            # Change of the force up to the point of maximum drift
             rise = (
                 law_state[block + side_row(side, rows.HIGH_FORCE), i]
                 - side * law_state[block + rows.FORCE, i]
@@ -415,24 +414,24 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         max_force = law_state[block + side_row(side, rows.HIGH_FORCE), i]
-        peak = law_state[first + side_row(side, _PEAK_DRIFT), i]
+        peak_drift = law_state[first + side_row(side, _PEAK_DRIFT), i]
         peak_force = law_state[first + side_row(side, _PEAK_FORCE), i]
         if (
-            drift < peak - _REACHED_TOLERANCE * max_drift
+            drift < peak_drift - _REACHED_TOLERANCE * max_drift
             and force < peak_force
             and peak_force < max_force
         ):
-            slope = (peak_force - force) / (peak - drift)
+            slope = (peak_force - force) / (peak_drift - drift)
             if slope * (max_drift - drift) > max_force - force:
                 set_loading_branch(
-                    law_parameters, law_state, i, block, side, _TOWARDS_PEAK, slope, peak
+                    law_parameters, law_state, i, block, side, _TOWARDS_PEAK, slope, peak_drift
                 )
                 return
         set_branch_to_maximum(law_parameters, law_state, i, block, side)
@@ -455,7 +454,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -466,6 +465,7 @@ def _functions() -> LawFunctions:
             law_state[block + side_row(side, rows.HIGH_DRIFT), i] = drift
             law_state[block + side_row(side, rows.HIGH_FORCE), i] = force
         stiffness_loss = deterioration_at_reversal(law_parameters, law_state, i, block)
+        # A reversal that repeats the last one causes no further deterioration.
         if (
             abs(side * drift - law_state[first + _REVERSAL_DRIFT, i])
             <= _SAME_REVERSAL_TOLERANCE * law_state[block + side_row(side, rows.HIGH_DRIFT), i]
@@ -477,6 +477,7 @@ def _functions() -> LawFunctions:
             return
         slope = law_state[first + _UNLOADING_STIFFNESS, i] * (1.0 - stiffness_loss)
         law_state[first + _UNLOADING_STIFFNESS, i] = slope
+        # The branch is valid in both directions, between zero force and the reversal.
         zero_drift = side * (drift - force / slope)
         law_state[block + rows.INTERNAL, i] = side * _UNLOADING
         law_state[block + rows.SLOPE, i] = slope
@@ -502,7 +503,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
 
         Returns
         -------
@@ -544,7 +545,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         first = extra_rows(law_state, block)
         law_state[block + rows.FORCE, i] = 0.0
@@ -569,6 +570,7 @@ def _functions() -> LawFunctions:
             law_state[block + side_row(side, rows.HIGH_DRIFT), i] = max_drift
         max_force = backbone(law_parameters, law_state, i, block, side, max_drift)
         law_state[block + side_row(side, rows.HIGH_FORCE), i] = max_force
+        # With both pinching parameters equal to 1, reloading is peak-oriented.
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
             pinched_drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (
                 max_drift - max_force / stiffness
@@ -612,7 +614,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -688,6 +690,8 @@ def _functions() -> LawFunctions:
         """
         force = law_state[rows.FORCE, i]
         energy = 0.5 * force * force / law_state[extra_rows(law_state, 0) + _UNLOADING_STIFFNESS, i]
+        # The types of all loading branches are above _UNLOADING. The stiffness is multiplied by 1 -
+        # loss; the loss is limited to 0.9 to avoid a division by zero.
         if abs(law_state[rows.INTERNAL, i]) > _UNLOADING and force != 0.0:
             energy /= 1.0 - min(deterioration_at_reversal(law_parameters, law_state, i, 0), 0.9)
         return energy
@@ -704,15 +708,12 @@ def _functions() -> LawFunctions:
         law_state[first + _REVERSAL_DRIFT, i] = math.inf
         for side in (1.0, -1.0):
             strength = side_parameter(law_parameters, i, side, _YIELD_FORCE)
-            law_state[side_row(side, rows.HIGH_DRIFT), i] = law_state[
-                first + side_row(side, _PEAK_DRIFT), i
-            ] = strength / k
-            law_state[side_row(side, rows.HIGH_FORCE), i] = law_state[
-                first + side_row(side, _PEAK_FORCE), i
-            ] = strength
-            law_state[first + side_row(side, _STRENGTH), i] = law_state[
-                first + side_row(side, _CAPPING), i
-            ] = 1.0
+            law_state[side_row(side, rows.HIGH_DRIFT), i] = strength / k
+            law_state[side_row(side, rows.HIGH_FORCE), i] = strength
+            law_state[first + side_row(side, _PEAK_DRIFT), i] = strength / k
+            law_state[first + side_row(side, _PEAK_FORCE), i] = strength
+            law_state[first + side_row(side, _STRENGTH), i] = 1.0
+            law_state[first + side_row(side, _CAPPING), i] = 1.0
         law_state[rows.UPPER, i] = side_parameter(law_parameters, i, 1.0, _YIELD_FORCE) / k
         law_state[rows.LOWER, i] = -side_parameter(law_parameters, i, -1.0, _YIELD_FORCE) / k
 
@@ -729,17 +730,18 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     values : sequence of float
         Parameters in SI units.
     """
-    for side, group in ((values[:_SIDE], ""), (values[_SIDE : 2 * _SIDE], "negative.")):
-        strength, ultimate = side[0], side[5]
-        if ultimate <= strength / stiffness:
+    for side_values, group in ((values[:_SIDE], ""), (values[_SIDE : 2 * _SIDE], "negative.")):
+        # Without plastic and post-capping drift, and without the rate of deterioration
+        strength, _, _, capping_ratio, residual_ratio, ultimate_drift, _ = side_values
+        if ultimate_drift <= strength / stiffness:
             return (
                 f"{group}ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} "
-                f"m, got {ultimate:.10g} m"
+                f"m, got {ultimate_drift:.10g} m"
             )
-        if side[4] > side[3]:
+        if residual_ratio > capping_ratio:
             return (
-                f"{group}residual_ratio must not exceed capping_ratio {side[3]:.10g}, got "
-                f"{side[4]:.10g}"
+                f"{group}residual_ratio must not exceed capping_ratio {capping_ratio:.10g}, got "
+                f"{residual_ratio:.10g}"
             )
     return None
 

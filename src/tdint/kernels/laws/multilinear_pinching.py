@@ -96,7 +96,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         point : int
             Number of the point, 1 to 4.
         """
@@ -114,7 +114,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         point : int
             Number of the point, 1 to 4.
         """
@@ -136,7 +136,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         index : int
             Index of the parameter.
         """
@@ -167,33 +167,29 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         drift : float
             Drift, m.
         """
-        x, y = 0.0, 0.0
+        start, start_force = 0.0, 0.0
         for point in range(1, 5):
-            end, force = (
-                point_drift(law_parameters, i, side, point),
-                point_force(law_parameters, i, side, point),
-            )
+            end = point_drift(law_parameters, i, side, point)
+            force = point_force(law_parameters, i, side, point)
             if drift <= end:
-                return y + (drift - x) * (force - y) / (end - x)
-            x, y = end, force
-        return y + last_slope(law_parameters, i, side) * (drift - x)
+                return start_force + (drift - start) * (force - start_force) / (end - start)
+            start, start_force = end, force
+        return start_force + last_slope(law_parameters, i, side) * (drift - start)
 
     @inline
     def area(law_parameters, i, side):
         """Return the area below the backbone curve up to its last point, J."""
-        x, y, sum_ = 0.0, 0.0, 0.0
+        start, start_force, total = 0.0, 0.0, 0.0
         for point in range(1, 5):
-            end, force = (
-                point_drift(law_parameters, i, side, point),
-                point_force(law_parameters, i, side, point),
-            )
-            sum_ += 0.5 * (y + force) * (end - x)
-            x, y = end, force
-        return sum_
+            end = point_drift(law_parameters, i, side, point)
+            force = point_force(law_parameters, i, side, point)
+            total += 0.5 * (start_force + force) * (end - start)
+            start, start_force = end, force
+        return total
 
     @inline
     def last_drift(law_parameters, i):
@@ -230,12 +226,15 @@ def _functions() -> LawFunctions:
             Dissipated work over the energy capacity; not positive if the response is elastic.
         """
         limit = law_parameters[row + 4, i]
+        # The limit is reached when the energy capacity is used up.
         if limit == 0.0 or used_capacity >= 1.0:
             return limit
-        losses_now = law_parameters[row, i] * drift_ratio ** law_parameters[row + 2, i]
+        lost_fraction = law_parameters[row, i] * drift_ratio ** law_parameters[row + 2, i]
         if used_capacity > 0.0:
-            losses_now += law_parameters[row + 1, i] * used_capacity ** law_parameters[row + 3, i]
-        return min(losses_now, limit)
+            lost_fraction += (
+                law_parameters[row + 1, i] * used_capacity ** law_parameters[row + 3, i]
+            )
+        return min(lost_fraction, limit)
 
     @inline
     def has_yielded(law_parameters, law_state, i, block):
@@ -254,13 +253,15 @@ def _functions() -> LawFunctions:
             First row of the block of `law_state` that contains the state.
         """
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
-        loading = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
-        if loading and side * law_state[block + rows.DRIFT, i] > point_drift(
+        is_on_backbone = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
+        if is_on_backbone and side * law_state[block + rows.DRIFT, i] > point_drift(
             law_parameters, i, side, 1
         ):
             return True
-        above = law_state[block + rows.HIGH_DRIFT, i] > point_drift(law_parameters, i, 1.0, 1)
-        return above or law_state[block + rows.LOW_DRIFT, i] > point_drift(
+        has_yielded_positive = law_state[block + rows.HIGH_DRIFT, i] > point_drift(
+            law_parameters, i, 1.0, 1
+        )
+        return has_yielded_positive or law_state[block + rows.LOW_DRIFT, i] > point_drift(
             law_parameters, i, -1.0, 1
         )
 
@@ -291,8 +292,9 @@ def _functions() -> LawFunctions:
         drift = law_state[block + rows.DRIFT, i]
         if not degrades(law_parameters, i) or not has_yielded(law_parameters, law_state, i, block):
             return 0.0, 0.0, 0.0
-        ultimate = last_drift(law_parameters, i)
-        if abs(drift) > ultimate * (1.0 + _REACHED_TOLERANCE):
+        last_backbone_drift = last_drift(law_parameters, i)
+        # Above the last drift of the backbone curve, the losses are constant.
+        if abs(drift) > last_backbone_drift * (1.0 + _REACHED_TOLERANCE):
             return (
                 law_state[first + _LAST_LOSSES, i],
                 law_state[first + _LAST_LOSSES + 1, i],
@@ -305,25 +307,29 @@ def _functions() -> LawFunctions:
         k = stiffness(law_parameters, i, 1.0 if drift > 0.0 else -1.0) * (
             1.0 - law_state[first + _STIFFNESS_LOSS, i]
         )
+        # Work without the elastic energy, divided by the capacity; 2 represents a used-up capacity.
         used_capacity = 2.0 if work >= capacity else (work - 0.5 * force * force / k) / capacity
-        secant = 0.0
+        # Secant stiffness to the point of maximum drift divided by the stiffness, larger side
+        secant_ratio = 0.0
         for side in (1.0, -1.0):
             max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
-            secant = max(
-                secant,
+            secant_ratio = max(
+                secant_ratio,
                 backbone(law_parameters, i, side, max_drift)
                 / max_drift
                 / stiffness(law_parameters, i, side),
             )
-        available = max(0.0, 1.0 - secant * (1.0 - law_state[first + _STRENGTH_LOSS, i]))
+        max_stiffness_loss = max(
+            0.0, 1.0 - secant_ratio * (1.0 - law_state[first + _STRENGTH_LOSS, i])
+        )
         drift_ratio = (
             max(law_state[block + rows.HIGH_DRIFT, i], law_state[block + rows.LOW_DRIFT, i])
-            / ultimate
+            / last_backbone_drift
         )
         return (
             min(
                 loss(law_parameters, i, _STIFFNESS_DEGRADATION, drift_ratio, used_capacity),
-                available,
+                max_stiffness_loss,
             ),
             loss(law_parameters, i, _DRIFT_DEGRADATION, drift_ratio, used_capacity),
             loss(law_parameters, i, _STRENGTH_DEGRADATION, drift_ratio, used_capacity),
@@ -359,14 +365,7 @@ def _functions() -> LawFunctions:
             and pinched_force >= unloading_force
             and end_force >= pinched_force
         ):
-            return (
-                unloading_drift,
-                unloading_force,
-                pinched_drift,
-                pinched_force,
-                end_drift,
-                end_force,
-            )
+            return points
         slope = (end_force - start_force) / (end_drift - start_drift)
         if slope > min_slope and slope < max_slope:
             return 0.0, 0.0, 0.0, 0.0, end_drift, end_force
@@ -389,7 +388,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         strength_factor : float
             Remaining fraction of the strength.
         k : float
@@ -399,14 +398,12 @@ def _functions() -> LawFunctions:
         is_beyond_third : bool
             True if the maximum drift exceeds the third point of the backbone curve.
         """
-        force_fraction, unloading_fraction = (
-            pinching(law_parameters, i, side, 1),
-            pinching(law_parameters, i, side, 2),
-        )
-        pinched_drift, pinched_force = (
-            pinching(law_parameters, i, side, 0) * max_drift,
-            force_fraction * force,
-        )
+        force_fraction = pinching(law_parameters, i, side, 1)
+        unloading_fraction = pinching(law_parameters, i, side, 2)
+        pinched_drift = pinching(law_parameters, i, side, 0) * max_drift
+        pinched_force = force_fraction * force
+        # Without a pinched part, its end has a force slightly above the end of unloading (and above
+        # the force of the last point), as in Pinching4.
         if force_fraction - unloading_fraction <= _NO_PINCHING:
             third_force = (
                 force
@@ -437,7 +434,7 @@ def _functions() -> LawFunctions:
         i : int
             Index of the story.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         start_drift, start_force : float
             Drift (m) and force (N) at the reversal.
         previous_max_drift : float
@@ -449,9 +446,11 @@ def _functions() -> LawFunctions:
         k = stiffness(law_parameters, i, side) * (1.0 - losses[0])
         end_drift = previous_max_drift * (1.0 + losses[1])
         end_force = strength_factor * backbone(law_parameters, i, side, end_drift)
+        # On the same side of the origin, the path is the direct line to the point of maximum drift.
         if start_drift * end_drift >= 0.0 or start_drift >= end_drift:
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses[0])
+        # Secant stiffness of the point on the negative side of the story
         secant = start_force / start_drift if side > 0.0 else end_force / end_drift
         is_beyond_third = previous_max_drift > point_drift(law_parameters, i, side, 3)
         pinched_drift, pinched_force = reloading_point(
@@ -466,10 +465,9 @@ def _functions() -> LawFunctions:
         )
         unloading_drift = start_drift + (unloading_force - start_force) / unloading_stiffness
         if unloading_drift < start_drift:
-            unloading_drift, unloading_force = (
-                0.5 * (start_drift + pinched_drift),
-                0.5 * (start_force + pinched_force),
-            )
+            # Unloading would go backwards: it ends in the middle of the way to the pinched point.
+            unloading_drift = 0.5 * (start_drift + pinched_drift)
+            unloading_force = 0.5 * (start_force + pinched_force)
         elif (
             pinched_drift != unloading_drift
             and (pinched_force - unloading_force) / (pinched_drift - unloading_drift)
@@ -477,27 +475,21 @@ def _functions() -> LawFunctions:
         ) or (pinched_drift == unloading_drift and pinched_force > unloading_force):
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
+            # The pinched part would go backwards or fall.
             if unloading_drift > 0.0:
-                unloading_drift, unloading_force = (
-                    0.5 * (start_drift + pinched_drift),
-                    0.5 * (start_force + pinched_force),
-                )
+                unloading_drift = 0.5 * (start_drift + pinched_drift)
+                unloading_force = 0.5 * (start_force + pinched_force)
             elif pinched_drift < 0.0:
-                pinched_drift, pinched_force = (
-                    0.5 * (unloading_drift + end_drift),
-                    0.5 * (unloading_force + end_force),
-                )
+                pinched_drift = 0.5 * (unloading_drift + end_drift)
+                pinched_force = 0.5 * (unloading_force + end_force)
             else:
+                # Move both points along their lines to forces of 1 % below and above their mean.
                 mean = 0.5 * (unloading_force + pinched_force)
-                first_slope, last_slope_of_path = (
-                    (unloading_force - start_force) / (unloading_drift - start_drift),
-                    (end_force - pinched_force) / (end_drift - pinched_drift),
-                )
+                first_slope = (unloading_force - start_force) / (unloading_drift - start_drift)
+                last_slope_of_path = (end_force - pinched_force) / (end_drift - pinched_drift)
                 unloading_force, pinched_force = mean - abs(mean) / 100.0, mean + abs(mean) / 100.0
-                unloading_drift, pinched_drift = (
-                    start_drift + (unloading_force - start_force) / first_slope,
-                    end_drift - (end_force - pinched_force) / last_slope_of_path,
-                )
+                unloading_drift = start_drift + (unloading_force - start_force) / first_slope
+                pinched_drift = end_drift - (end_force - pinched_force) / last_slope_of_path
         return validated_path(
             start_drift,
             start_force,
@@ -523,9 +515,9 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         branch_type : float
-            Type of the branch.
+            Type of the branch for row INTERNAL, a positive constant of this module.
         slope : float
             Stiffness of the branch, N/m.
         end : float
@@ -559,7 +551,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         drift = side * law_state[block + rows.DRIFT, i]
         strength_factor = 1.0 - law_state[extra_rows(law_state, block) + _STRENGTH_LOSS, i]
@@ -568,10 +560,8 @@ def _functions() -> LawFunctions:
         )
         start_drift, start_force = 0.0, 0.0
         for point in range(1, 5):
-            end, force = (
-                point_drift(law_parameters, i, side, point),
-                point_force(law_parameters, i, side, point),
-            )
+            end = point_drift(law_parameters, i, side, point)
+            force = point_force(law_parameters, i, side, point)
             if drift < end * (1.0 - _REACHED_TOLERANCE):
                 set_loading_branch(
                     law_parameters,
@@ -612,7 +602,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
@@ -643,19 +633,20 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
         losses = degradation(law_parameters, law_state, i, block)
+        # The maximum drift of the side that is unloaded increases by degradation; the drift of a
+        # reversal on the backbone curve is included.
         if abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE:
             maximum_row = side_row(-side, rows.HIGH_DRIFT)
-            reached_drift = law_state[block + maximum_row, i] * (1.0 + losses[1])
-            law_state[block + maximum_row, i] = max(reached_drift, -side * drift)
-        law_state[first + _STIFFNESS_LOSS, i], law_state[first + _STRENGTH_LOSS, i] = (
-            losses[0],
-            losses[2],
-        )
+            increased_drift = law_state[block + maximum_row, i] * (1.0 + losses[1])
+            law_state[block + maximum_row, i] = max(increased_drift, -side * drift)
+        stiffness_loss, _, strength_loss = losses
+        law_state[first + _STIFFNESS_LOSS, i] = stiffness_loss
+        law_state[first + _STRENGTH_LOSS, i] = strength_loss
         max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         points = path(
             law_parameters,
@@ -754,13 +745,14 @@ def _functions() -> LawFunctions:
         side = law_state[rows.RATE_SIGN, i]
         if side * force < 0.0:
             row = first + _PATH_POINTS
-            b, fb, c, fc = (
+            points = (
                 law_state[row, i],
                 law_state[row + 1, i],
                 law_state[row + 2, i],
                 law_state[row + 3, i],
+                law_state[row + 4, i],
+                law_state[row + 5, i],
             )
-            points = (b, fb, c, fc, law_state[row + 4, i], law_state[row + 5, i])
         else:
             side = -side
             max_drift = law_state[side_row(side, rows.HIGH_DRIFT), i]
@@ -787,16 +779,19 @@ def _functions() -> LawFunctions:
         ):
             return False
         for side in (1.0, -1.0):
-            drift, force = (
-                pinching(law_parameters, i, side, 0),
-                pinching(law_parameters, i, side, 1),
-            )
-            unloading = pinching(law_parameters, i, side, 2)
-            if not (unloading < force - _NO_PINCHING and force <= drift):
-                return False
-            if unloading * point_force(law_parameters, i, side, 3) >= force * point_force(
-                law_parameters, i, side, 1
+            # Fractions of the maximum drift and of its force at the end of the pinched part, and of
+            # the force at the third point at the end of unloading
+            drift_fraction = pinching(law_parameters, i, side, 0)
+            force_fraction = pinching(law_parameters, i, side, 1)
+            unloading_fraction = pinching(law_parameters, i, side, 2)
+            if not (
+                unloading_fraction < force_fraction - _NO_PINCHING
+                and force_fraction <= drift_fraction
             ):
+                return False
+            if unloading_fraction * point_force(
+                law_parameters, i, side, 3
+            ) >= force_fraction * point_force(law_parameters, i, side, 1):
                 return False
         return True
 
@@ -822,16 +817,22 @@ def _functions() -> LawFunctions:
 
 
 def _slopes(side: Sequence[float]) -> list[float]:
-    """Return the slopes of the backbone curve of one side, N/m."""
+    """Return the slopes of the four lines of the backbone curve of one side, N/m.
+
+    `side` contains drift and force of the four points, one after the other.
+    """
     points = [(0.0, 0.0), *zip(side[::2], side[1::2], strict=True)]
-    return [(force - f) / (drift - d) for (d, f), (drift, force) in pairwise(points)]
+    return [
+        (force_1 - force_0) / (drift_1 - drift_0)
+        for (drift_0, force_0), (drift_1, force_1) in pairwise(points)
+    ]
 
 
 def _stiffens(values: Sequence[float]) -> bool:
     """Return True if a line of the backbone curve is stiffer than the first line of the positive
     side."""
-    first = values[1] / values[0]
-    return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first * (
+    first_slope = values[1] / values[0]  # force and drift of the first point
+    return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first_slope * (
         1.0 + _EQUAL
     )
 
@@ -842,7 +843,7 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
         (values[0:_SIDE:2], "backbone"),
         (values[_SIDE : 2 * _SIDE : 2], "negative.backbone"),
     ):
-        if any(later <= drift for drift, later in pairwise(drifts)):
+        if any(next_drift <= drift for drift, next_drift in pairwise(drifts)):
             return (
                 f"the drifts of {name} must rise from point to point, got "
                 f"{', '.join(f'{d:.6g}' for d in drifts)} m"

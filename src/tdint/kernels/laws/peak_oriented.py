@@ -59,7 +59,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
@@ -72,6 +72,8 @@ def _functions() -> LawFunctions:
             if side > 0.0
             else -min(law_state[block + rows.LOW_DRIFT, i], drift)
         )
+        # Yield drift / maximum drift, and the stiffness of the line from the point of maximum drift
+        # to the origin, divided by k
         drift_ratio = strength / (k * max_drift)
         to_origin = hardening + (1.0 - hardening) * drift_ratio
         return k * max(
@@ -80,7 +82,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force releases."""
+        """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force releases.
+
+        The unloading stiffness ku is that of the side of the force F.
+        """
         force = law_state[rows.FORCE, i]
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, force)
 
@@ -123,6 +128,7 @@ def _functions() -> LawFunctions:
         drift = law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
         if event == rows.REVERSED:
+            # A reversal on the backbone curve is the new point of maximum drift of its side.
             side = law_state[block + rows.RATE_SIGN, i]
             if abs(branch_type) == _YIELDING:
                 if side > 0.0:
@@ -152,6 +158,7 @@ def _functions() -> LawFunctions:
             else law_state[block + rows.LOW_FORCE, i]
         )
         law_state[block + rows.RATE_SIGN, i] = event
+        # Reload towards the point of maximum drift, or yield if this point is reached.
         if event * (target - drift) > 1e-12 * abs(target):
             law_state[block + rows.INTERNAL, i] = event * _RELOADING
             law_state[block + rows.SLOPE, i] = (target_force - force) / (target - drift)

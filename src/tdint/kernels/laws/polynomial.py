@@ -32,7 +32,7 @@ def _functions() -> LawFunctions:
         drift : float
             Drift, m.
         """
-        secant = 0.0
+        secant = 0.0  # secant stiffness c1 + c2 d + ..., N/m
         slope = 0.0  # derivative of the secant stiffness, N/m^2
         for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):
             slope = slope * drift + secant
@@ -67,6 +67,7 @@ def _functions() -> LawFunctions:
         way : float
             Change of drift along the path, m.
         """
+        # The table can have more rows than this story has coefficients; they are zero.
         degree = law_parameters.shape[0] - rows.FIRST_PARAMETER
         while degree > 1 and law_parameters[rows.FIRST_PARAMETER + degree - 1, i] == 0.0:
             degree -= 1
@@ -81,6 +82,8 @@ LAW = DriftLaw(
     _functions,
     parameters=(LawParameter("coefficients", many=True),),
     curved=True,
+    # A positive coefficient of d^(j + 1) stiffens the story for positive drifts, a negative
+    # coefficient of an even power for negative drifts.
     stiffens=lambda values: any(
         c > 0.0 or (j % 2 == 1 and c < 0.0) for j, c in enumerate(values[1:], start=1)
     ),

@@ -33,21 +33,21 @@ class _Codes:
     The property is evaluated for each test with `in`, because plug-ins can register laws later.
     """
 
-    def __init__(self, has: Callable[[DriftLaw], bool]) -> None:
-        """Store the function `has`, which returns True for a law with the property."""
-        self.has = has
+    def __init__(self, has_property: Callable[[DriftLaw], bool]) -> None:
+        """Store the function `has_property`, which returns True for a law with the property."""
+        self.has_property = has_property
 
     def __contains__(self, code: Any) -> bool:
         """Return True if the law with number `code` has the property."""
-        return self.has(LAWS[int(code)])
+        return self.has_property(LAWS[int(code)])
 
 
-def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
-    """Return a container of the numbers of the laws for which `has` is True, for tests with
-    `in`."""
-    return (
-        tuple(float(code) for code, law in enumerate(LAWS) if has(law)) if COMPILES else _Codes(has)
-    )
+def _codes(has_property: Callable[[DriftLaw], bool]) -> Container[float]:
+    """Return a container of the numbers of the laws for which `has_property` is True, for tests
+    with `in`."""
+    if not COMPILES:
+        return _Codes(has_property)
+    return tuple(float(code) for code, law in enumerate(LAWS) if has_property(law))
 
 
 _VARIANT_LAWS = {name.partition("@")[0] for name in VARIANT.laws}
@@ -121,37 +121,33 @@ def select_function(
         (law_parameters, law_state, i, ...), as the selected functions.
     """
     if not COMPILES:
-        return lambda law_parameters, law_state, i, *arguments: (
-            getattr(_functions(LAWS[int(law_parameters[rows.CODE, i])]), hook) or otherwise
-        )(law_parameters, law_state, i, *arguments)
+
+        def call(law_parameters, law_state, i, *arguments):
+            """Call the function of the law of story `i`, or `otherwise` if the law has none."""
+            functions = _functions(LAWS[int(law_parameters[rows.CODE, i])])
+            function = getattr(functions, hook) or otherwise
+            return function(law_parameters, law_state, i, *arguments)
+
+        return call
     order = _selection_order()
-    candidates = [
-        (
-            code,
-            getattr(SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code]), hook),
-        )
-        for code in order
-    ]
-    implementations = [
-        (code, implementation or (otherwise if code < _FREQUENT else None))
-        for code, implementation in candidates
-    ]
-    implementations = [
-        (code, implementation)
-        for code, implementation in implementations
-        if implementation is not None
-    ]
+    # Pairs of the number of a law and its function. _SEPARATE is below _FREQUENT, too.
+    implementations = []
+    for code in order:
+        functions = SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code])
+        implementation = getattr(functions, hook) or (otherwise if code < _FREQUENT else None)
+        if implementation is not None:
+            implementations.append((code, implementation))
     first_rare = next((code for code, _ in implementations if code >= _FREQUENT), None)
     # The chain is built from its end. If each law has its own function, the function of the last
     # law needs no condition, because other numbers do not occur.
-    function = otherwise if len(implementations) < len(candidates) or not implementations else None
+    has_other_laws = len(implementations) < len(order) or not implementations
+    function = otherwise if has_other_laws else None
     for code, implementation in reversed(implementations):
         decorate = specialized if code == first_rare else inline
-        function = (
-            implementation
-            if function is None
-            else case(decorate, _test(code), implementation, function)
-        )
+        if function is None:
+            function = implementation
+        else:
+            function = case(decorate, _test(code), implementation, function)
     return function
 
 
@@ -183,23 +179,23 @@ def _test(code: int) -> Any:
         return _is_separate
 
     @inline
-    def has(law_parameters, law_state, i):
+    def has_law(law_parameters, law_state, i):
         return law_parameters[rows.CODE, i] == code
 
-    return has
+    return has_law
 
 
-def case_with_3_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+def case_with_3_arguments(decorate: Any, has_law: Any, implementation: Any, other: Any) -> Any:
     """Return a compiled function that calls one of two functions, depending on the law of a story.
 
-    It calls `implementation` if `has` returns True for the story, and otherwise `other`.
+    It calls `implementation` if `has_law` returns True for the story, and otherwise `other`.
     The functions have the three arguments (law_parameters, law_state, i).
 
     Parameters
     ----------
     decorate : callable
         Decorator of the result: `inline` or `specialized`.
-    has : function
+    has_law : function
         (law_parameters, law_state, i) -> bool.
     implementation, other : function
         Functions of three arguments (law_parameters, law_state, i).
@@ -207,17 +203,17 @@ def case_with_3_arguments(decorate: Any, has: Any, implementation: Any, other: A
 
     @decorate
     def choose(law_parameters, law_state, i):
-        if has(law_parameters, law_state, i):
+        if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i)
         return other(law_parameters, law_state, i)
 
     return choose
 
 
-def case_with_4_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+def case_with_4_arguments(decorate: Any, has_law: Any, implementation: Any, other: Any) -> Any:
     """Return a compiled function that calls one of two functions, depending on the law of a story.
 
-    It calls `implementation` if `has` returns True for the story, and otherwise `other`, as
+    It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
     `case_with_3_arguments` does. The functions have four arguments: (law_parameters, law_state, i)
     and one more argument. A separate function for each number of arguments is
     necessary because compiled functions cannot have a variable number of arguments.
@@ -226,7 +222,7 @@ def case_with_4_arguments(decorate: Any, has: Any, implementation: Any, other: A
     ----------
     decorate : callable
         Decorator of the result: `inline` or `specialized`.
-    has : function
+    has_law : function
         (law_parameters, law_state, i) -> bool.
     implementation, other : function
         Functions of four arguments.
@@ -234,17 +230,17 @@ def case_with_4_arguments(decorate: Any, has: Any, implementation: Any, other: A
 
     @decorate
     def choose(law_parameters, law_state, i, argument):
-        if has(law_parameters, law_state, i):
+        if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, argument)
         return other(law_parameters, law_state, i, argument)
 
     return choose
 
 
-def case_with_5_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+def case_with_5_arguments(decorate: Any, has_law: Any, implementation: Any, other: Any) -> Any:
     """Return a compiled function that calls one of two functions, depending on the law of a story.
 
-    It calls `implementation` if `has` returns True for the story, and otherwise `other`, as
+    It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
     `case_with_3_arguments` does. The functions have five arguments: (law_parameters, law_state, i)
     and two more arguments. A separate function for each number of arguments is
     necessary because compiled functions cannot have a variable number of arguments.
@@ -253,7 +249,7 @@ def case_with_5_arguments(decorate: Any, has: Any, implementation: Any, other: A
     ----------
     decorate : callable
         Decorator of the result: `inline` or `specialized`.
-    has : function
+    has_law : function
         (law_parameters, law_state, i) -> bool.
     implementation, other : function
         Functions of five arguments.
@@ -261,17 +257,17 @@ def case_with_5_arguments(decorate: Any, has: Any, implementation: Any, other: A
 
     @decorate
     def choose(law_parameters, law_state, i, block, argument):
-        if has(law_parameters, law_state, i):
+        if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument)
         return other(law_parameters, law_state, i, block, argument)
 
     return choose
 
 
-def case_with_6_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+def case_with_6_arguments(decorate: Any, has_law: Any, implementation: Any, other: Any) -> Any:
     """Return a compiled function that calls one of two functions, depending on the law of a story.
 
-    It calls `implementation` if `has` returns True for the story, and otherwise `other`, as
+    It calls `implementation` if `has_law` returns True for the story, and otherwise `other`, as
     `case_with_3_arguments` does. The functions have six arguments: (law_parameters, law_state, i)
     and three more arguments. A separate function for each number of arguments is
     necessary because compiled functions cannot have a variable number of arguments.
@@ -280,7 +276,7 @@ def case_with_6_arguments(decorate: Any, has: Any, implementation: Any, other: A
     ----------
     decorate : callable
         Decorator of the result: `inline` or `specialized`.
-    has : function
+    has_law : function
         (law_parameters, law_state, i) -> bool.
     implementation, other : function
         Functions of six arguments.
@@ -288,7 +284,7 @@ def case_with_6_arguments(decorate: Any, has: Any, implementation: Any, other: A
 
     @decorate
     def choose(law_parameters, law_state, i, block, argument, last):
-        if has(law_parameters, law_state, i):
+        if has_law(law_parameters, law_state, i):
             return implementation(law_parameters, law_state, i, block, argument, last)
         return other(law_parameters, law_state, i, block, argument, last)
 

@@ -47,7 +47,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def hardening(law_parameters, i):
-        """Return the slope of the backbone curve between yield and ultimate point, N/m."""
+        """Return the slope of the backbone curve between yield and ultimate point of a side,
+        N/m."""
         strength = law_parameters[_YIELD_FORCE, i]
         return (law_parameters[_ULTIMATE_FORCE, i] - strength) / (
             law_parameters[_ULTIMATE_DRIFT, i] - strength / law_parameters[rows.STIFFNESS, i]
@@ -55,7 +56,10 @@ def _functions() -> LawFunctions:
 
     @inline
     def backbone(law_parameters, i, drift):
-        """Return the force of the backbone curve, N, at a drift (m) above the yield drift."""
+        """Return the force of the backbone curve, N, at a drift (m) above the yield drift.
+
+        It is the hardening line up to the ultimate drift, and the ultimate force beyond it.
+        """
         strength = law_parameters[_YIELD_FORCE, i]
         if drift >= law_parameters[_ULTIMATE_DRIFT, i]:
             return law_parameters[_ULTIMATE_FORCE, i]
@@ -71,13 +75,13 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_state : ndarray
-            Table of law states, one column per story.
+            States of the hysteretic laws: one row for each quantity, one column for each story.
         i : int
             Index of the story.
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         reached = (
             law_state[block + rows.HIGH_DRIFT, i]
@@ -102,7 +106,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         k = law_parameters[rows.STIFFNESS, i]
         return (
@@ -118,15 +122,15 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_state : ndarray
-            Table of law states, one column per story.
+            States of the hysteretic laws: one row for each quantity, one column for each story.
         i : int
             Index of the story.
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         branch_type : float
-            Type of the branch.
+            Type of the branch for row INTERNAL, a positive constant of this module.
         slope : float
             Stiffness of the branch, N/m.
         end : float
@@ -156,7 +160,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         slope : float
             Unloading stiffness, N/m.
         end : float
@@ -187,7 +191,7 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         target, force : float
             Maximum drift (m) and its force (N) on this side.
         slope : float
@@ -215,22 +219,24 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         drift = side * law_state[block + rows.DRIFT, i]
-        force_now = side * law_state[block + rows.FORCE, i]
+        current_force = side * law_state[block + rows.FORCE, i]
         target = max_drift(law_state, i, block, side)
         if drift < target * (1.0 - _REACHED_TOLERANCE):
-            force = backbone(law_parameters, i, target)
+            target_force = backbone(law_parameters, i, target)
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
             pinching_end = drift_at_pinching_end(
-                law_parameters, law_state, i, block, side, target, force, slope
+                law_parameters, law_state, i, block, side, target, target_force, slope
             )
             if drift < pinching_end - _REACHED_TOLERANCE * target:
-                to_bend = (law_parameters[_PINCHING, i] * force - force_now) / (
+                pinched_slope = (law_parameters[_PINCHING, i] * target_force - current_force) / (
                     pinching_end - drift
                 )
-                set_loading_branch(law_state, i, block, side, _PINCHED, to_bend, pinching_end, side)
+                set_loading_branch(
+                    law_state, i, block, side, _PINCHED, pinched_slope, pinching_end, side
+                )
             else:
                 set_loading_branch(
                     law_state,
@@ -238,7 +244,7 @@ def _functions() -> LawFunctions:
                     block,
                     side,
                     _RELOADING,
-                    (force - force_now) / (target - drift),
+                    (target_force - current_force) / (target - drift),
                     target,
                     side,
                 )
@@ -277,18 +283,19 @@ def _functions() -> LawFunctions:
         block : int
             First row of the block of `law_state` that contains the state.
         side : float
-            Direction of loading, 1 or -1.
+            1 for the positive side of the story, -1 for the negative side.
         """
         zero_drift = side * law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] = 0.0
         law_state[block + _ZERO, i] = law_state[block + rows.DRIFT, i]
         target = max_drift(law_state, i, block, side)
-        force = backbone(law_parameters, i, target)
+        target_force = backbone(law_parameters, i, target)
         slope = unloading_stiffness(law_parameters, law_state, i, block, side)
         pinching_end = drift_at_pinching_end(
-            law_parameters, law_state, i, block, side, target, force, slope
+            law_parameters, law_state, i, block, side, target, target_force, slope
         )
-        pinched_force = law_parameters[_PINCHING, i] * force
+        pinched_force = law_parameters[_PINCHING, i] * target_force
+        # The first part of reloading exists and is not stiffer than unloading.
         if (
             pinching_end > zero_drift + _REACHED_TOLERANCE * target
             and pinched_force <= slope * (pinching_end - zero_drift)
@@ -299,27 +306,27 @@ def _functions() -> LawFunctions:
         # The story is loaded with the unloading stiffness up to the intersection with the second
         # part of the reloading, or otherwise with the backbone curve.
         end_drift = math.inf
+        # Intersection of the unloading line with the line of the second part
         if target > pinching_end:
-            second_slope = (force - pinched_force) / (target - pinching_end)
+            second_slope = (target_force - pinched_force) / (target - pinching_end)
             if slope > second_slope:
                 end_drift = (pinched_force - second_slope * pinching_end + slope * zero_drift) / (
                     slope - second_slope
                 )
+        # If this intersection is not on the second part: intersection with the hardening line of
+        # the backbone curve, or beyond the ultimate drift with its constant part
         if end_drift > target or end_drift < max(pinching_end, zero_drift):
             hardening_slope = hardening(law_parameters, i)
             end_drift = zero_drift + law_parameters[_ULTIMATE_FORCE, i] / slope
             if slope > hardening_slope:
                 strength = law_parameters[_YIELD_FORCE, i]
-                hardening_meeting = (
+                meeting_drift = (
                     strength
                     - hardening_slope * strength / law_parameters[rows.STIFFNESS, i]
                     + slope * zero_drift
                 ) / (slope - hardening_slope)
-                end_drift = (
-                    min(hardening_meeting, end_drift)
-                    if hardening_meeting < law_parameters[_ULTIMATE_DRIFT, i]
-                    else end_drift
-                )
+                if meeting_drift < law_parameters[_ULTIMATE_DRIFT, i]:
+                    end_drift = min(meeting_drift, end_drift)
         set_unloading_line(law_parameters, law_state, i, block, side, slope, end_drift)
 
     @outlined
@@ -342,11 +349,12 @@ def _functions() -> LawFunctions:
             Reason for the end of the branch: ABOVE or BELOW (the drift exceeds the upper limit or
             falls below the lower limit) or REVERSED (the drift rate changes its sign).
         """
-        branch_type = law_state[block + rows.INTERNAL, i]
-        if branch_type == 0.0:
+        branch_type = law_state[block + rows.INTERNAL, i]  # with the sign of its side
+        if branch_type == 0.0:  # first yielding
             continue_loading(law_parameters, law_state, i, block, event)
         elif event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]
+            # Store the maximum drift, which includes the current drift during yielding.
             if side > 0.0:
                 law_state[block + rows.HIGH_DRIFT, i] = max_drift(law_state, i, block, side)
             else:
@@ -396,21 +404,21 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     values : sequence of float
         Parameters in SI units.
     """
-    strength, ultimate, drift = values[:3]
-    if ultimate < strength:
+    strength, ultimate_force, ultimate_drift = values[:3]
+    if ultimate_force < strength:
         return (
-            f"ultimate_force must be at least yield_force, got {ultimate:.10g} N under "
+            f"ultimate_force must be at least yield_force, got {ultimate_force:.10g} N under "
             f"{strength:.10g} N"
         )
-    if drift <= strength / stiffness:
+    if ultimate_drift <= strength / stiffness:
         return (
             f"ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} m, got "
-            f"{drift:.10g} m"
+            f"{ultimate_drift:.10g} m"
         )
-    if ultimate >= stiffness * drift:
+    if ultimate_force >= stiffness * ultimate_drift:
         return (
             "the ultimate point must lie below the line of the initial stiffness: ultimate_drift "
-            f"beyond {ultimate / stiffness:.6g} m, got {drift:.10g} m"
+            f"beyond {ultimate_force / stiffness:.6g} m, got {ultimate_drift:.10g} m"
         )
     return None
 
