@@ -100,14 +100,17 @@ def step(
     # The matrix of a substep depends only on the weight of the acceleration at its end. If both
     # weights are equal, the substeps share one factorization.
     has_equal_matrices = coefficients[Q2] == 0.5 * coefficients[GAMMA]
+    # Otherwise, the rows after _FACTORS contain two factorizations of equal size.
     second_factors = _FACTORS if has_equal_matrices else (_FACTORS + scratch.shape[0]) // 2
     if step_status[rows.FACTORED_STEP] != h:
         invalidate(scratch, _FACTORS, n)
         invalidate(scratch, second_factors, n)
         step_status[rows.FACTORED_STEP] = h
     iterations = 0
-    for second in range(2):
-        if second == 0:
+    for substep in range(2):
+        if substep == 0:
+            # `fraction` is the time of equilibrium as a fraction of the step; `by_v` is the change
+            # of the velocity for a unit change of the acceleration, s.
             fraction = coefficients[GAMMA]
             by_v = 0.5 * fraction * h
             factors = _FACTORS
@@ -207,8 +210,9 @@ def gamma_with_equal_matrices(rho_inf: float) -> float:
 def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
     """Return the coefficients gamma, q0, q1 and q2 of Noh and Bathe (2019).
 
-    If q2 equals gamma / 2 up to rounding, it is set to exactly this value, by which `step`
-    recognizes that both substeps have the same matrix.
+    gamma is the length of the first substep as a fraction of the step, and rho_inf the spectral
+    radius at infinite frequency. If q2 equals gamma / 2 up to rounding, it is set to exactly this
+    value, by which `step` recognizes that both substeps have the same matrix.
     """
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
     q0 = 0.5 - (1.0 - gamma) * q1

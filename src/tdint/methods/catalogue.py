@@ -52,6 +52,7 @@ FAMILIES = (
 DEFAULT_METHOD = "impulse4"
 """Default method."""
 
+# Field of a BibTeX entry (name and value), and the line with its keywords
 _FIELD = re.compile(r"  (\w+) = \{+(.*?)\}+,\n")
 _KEYWORDS = re.compile(r"  keywords = .*\n")
 
@@ -75,8 +76,8 @@ def _built_in(name: str) -> Method | None:
     The file with the same name as the method is searched first. A run with the default method
     therefore imports only one family, which saves start time.
     """
-    own = name.replace("-", "_")
-    for family in sorted(FAMILIES, key=lambda family: family != own):
+    likely_family = name.replace("-", "_")
+    for family in sorted(FAMILIES, key=lambda family: family != likely_family):
         for method in _methods_of(family):
             if method.name == name:
                 return method
@@ -91,6 +92,7 @@ def catalogue() -> dict[str, Method]:
     """
 
     def register_methods(module: Any, origin: Origin) -> None:
+        """Register the methods in the tuple METHODS of a module."""
         for method in declared(module, "METHODS", Method, origin.where):
             register_method(method, origin)
 
@@ -144,19 +146,19 @@ def register_method(method: Method, where: str | Origin = "") -> None:
             "signature tdint.plugin.STEP"
         )
     # Evaluate the declared properties with default parameters; a method that fails is removed.
-    kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
+    property_types = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
     try:
         with faults_of(where):
             integrator = parse(method.name)
-            for name, kind in kinds.items():
-                declaration = getattr(integrator, name)
-                if not isinstance(declaration, kind) and not (
-                    kind is float and isinstance(declaration, int)
+            for name, property_type in property_types.items():
+                value = getattr(integrator, name)
+                if not isinstance(value, property_type) and not (
+                    property_type is float and isinstance(value, int)
                 ):
                     raise UsageError(
                         f"{where}: {integrator.label}: {name} must be of type "
-                        f"{kind.__name__}, got {declaration!r}"
+                        f"{property_type.__name__}, got {value!r}"
                     )
             if integrator.family.prepare is None:
                 np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
@@ -195,18 +197,17 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
     if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS", "MEASURES")):
         raise UsageError(f"{file}: a plug-in must define a tuple METHODS, LAWS, PEERS or MEASURES")
     with faults_of(file):
-        laws, methods = (
-            list(declared(module, "LAWS", DriftLaw, file)),
-            list(declared(module, "METHODS", Method, file)),
-        )
+        laws = list(declared(module, "LAWS", DriftLaw, file))
+        methods = list(declared(module, "METHODS", Method, file))
         if hasattr(module, "MEASURES"):
-            # imported here because `tdint methods` does not need this module
+            # The module is imported here because `tdint methods` does not need it.
             from tdint.ground_motion.measures import MEASURES, Measure
 
             for measure in declared(module, "MEASURES", Measure, file):
                 if MEASURES.get(measure.name) is not measure:
                     check_name(measure.name, {*MEASURES, "sa", "sa-avg", "sdi"}, "measure", file)
                     MEASURES[measure.name] = measure
+    # Laws and methods of a file that was loaded before are not registered again.
     for law in laws:
         if LAWS.get(law.name) is None or LAWS[law.name].functions is not law.functions:
             register_law(law, Origin(file, module.__name__))
@@ -230,42 +231,42 @@ def parse(text: str) -> Integrator:
     """
     if not isinstance(text, str):
         raise UsageError(f"a method must be a text such as 'impulse4', got {text!r}")
-    name, _, rest = text.strip().partition(":")
+    name, _, parameter_text = text.strip().partition(":")
     method = _built_in(name) or _known().get(name) or catalogue().get(name)
     if method is None:
         hint = did_you_mean(name, catalogue())
         raise UsageError(f"unknown method {name!r}{hint} (known: {', '.join(catalogue())})")
     # Read the parameters of the specification: numbers, or fractions such as 1/144.
     allowed = {parameter.name: parameter for parameter in method.parameters}
-    given: dict[str, float] = {}
-    items = rest.replace(",", ":").split(":") if rest or ":" in text else []
+    specified: dict[str, float] = {}
+    items = parameter_text.replace(",", ":").split(":") if parameter_text or ":" in text else []
     for item in items:
         key, equals, number = (part.strip() for part in item.partition("="))
         if key not in allowed:
-            has = (
+            available = (
                 ", ".join(
                     f"{parameter.name} in {parameter.range}" for parameter in method.parameters
                 )
                 or "none"
             )
             raise UsageError(
-                f"method {text!r}: {method.name} has no parameter {key!r}; it has {has}"
+                f"method {text!r}: {method.name} has no parameter {key!r}; it has {available}"
             )
-        if key in given:
+        if key in specified:
             raise UsageError(f"method {text!r}: {key} is specified twice; keep one value")
-        above, slash, below = number.partition("/")
+        numerator, slash, denominator = number.partition("/")
         try:
-            given[key] = float(above) / float(below) if slash else float(number)
+            specified[key] = float(numerator) / float(denominator) if slash else float(number)
         except (ValueError, ZeroDivisionError):
-            got = f"got {number!r}" if equals else "got nothing"
+            received = f"got {number!r}" if equals else "got nothing"
             raise UsageError(
-                f"method {text!r}: {key} must be a number in {allowed[key].range}, {got}"
+                f"method {text!r}: {key} must be a number in {allowed[key].range}, {received}"
             ) from None
     # Set all parameters in their order, because a default may depend on the preceding values.
     values: list[float] = []
     for parameter in method.parameters:
         default = parameter.default
-        value = given.get(parameter.name, default if isinstance(default, float) else None)
+        value = specified.get(parameter.name, default if isinstance(default, float) else None)
         if value is None:
             assert callable(default)
             value = default(*values)
@@ -275,7 +276,7 @@ def parse(text: str) -> Integrator:
             )
         values.append(value)
     typed = ":".join([name, *("".join(item.split()) for item in items)])
-    if "," in rest:
+    if "," in parameter_text:
         _deprecate(text, typed)
     return Integrator(method, tuple(values), typed)
 
@@ -300,6 +301,7 @@ def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[st
 
     Compiled functions cannot be pickled.
     """
+    # File and hash of the plug-in; empty for a built-in method
     home = home_of(integrator.method.name, "METHODS")
     return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
 
@@ -318,18 +320,28 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
 class _Unknown:
     """Method whose plug-in could not be loaded: each access to an attribute raises UsageError.
 
-    An error during unpickling would make a process pool wait forever.
+    An error during unpickling would make a process pool wait forever. The error is therefore
+    raised later, when the method is used.
+
+    Attributes
+    ----------
+    text : str
+        Specification of the method.
+    file, digest : str
+        File of the plug-in and its hash.
+    message : str
+        Reason why the plug-in could not be loaded.
     """
 
     text: str
     file: str
     digest: str
-    why: str
+    message: str
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        raise UsageError(self.why)
+        raise UsageError(self.message)
 
 
 copyreg.pickle(Integrator, _reduce)
@@ -345,8 +357,9 @@ def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
     UsageError
         An unknown method or parameter, or a value out of range.
     """
-    given = [specifications] if isinstance(specifications, str) else specifications
-    return list(dict.fromkeys(map(parse, catalogue() if given is None else given)))
+    # None requests the complete catalogue.
+    requested = [specifications] if isinstance(specifications, str) else specifications
+    return list(dict.fromkeys(map(parse, catalogue() if requested is None else requested)))
 
 
 def list_methods(specifications: str | Iterable[str] | None = None) -> ResultList[Integrator]:
@@ -378,6 +391,8 @@ class Publication:
     ----------
     bibtex : str
         BibTeX entry.
+    year, title : str
+        Year and title of the publication.
     author : str
         Authors in BibTeX format, separated by `and`; empty if unknown.
     howpublished : str
@@ -397,9 +412,9 @@ class Publication:
     def text(self) -> str:
         """Citation in one line."""
         authors = self.author.replace(" and ", "; ")
-        head = (
-            f"{authors} ({self.year}). {self.title}" if authors else f"{self.title} ({self.year})"
-        )
+        head = f"{self.title} ({self.year})"
+        if authors:
+            head = f"{authors} ({self.year}). {self.title}"
         return f"{head}. {self.howpublished}." + (f" doi:{self.doi}" if self.doi else "")
 
 
@@ -412,14 +427,14 @@ def references() -> dict[str, tuple[Publication, ...]]:
     from importlib.resources import files  # imported here because the import is slow
 
     publications: dict[str, tuple[Publication, ...]] = {}
-    _, *entries = (
-        (files("tdint.methods") / "publications.bib").read_text(encoding="utf-8").split("\n\n")
-    )
+    text = (files("tdint.methods") / "publications.bib").read_text(encoding="utf-8")
+    _, *entries = text.split("\n\n")  # the first paragraph is a comment
     for entry in entries:
         fields = dict(_FIELD.findall(entry))
         methods = fields.pop("keywords").split(", ")
         publication = Publication(_KEYWORDS.sub("", entry).rstrip() + "\n", **fields)
-        publications |= {method: (*publications.get(method, ()), publication) for method in methods}
+        for method in methods:
+            publications[method] = (*publications.get(method, ()), publication)
     return publications
 
 

@@ -100,12 +100,12 @@ def step(
             factor = load[rows.GROUND_1]
         else:
             factor = force_value(forces, j - 2 * n - loads - 1, load[rows.TIME] + h)
-        start = 2 * n * j
+        column_start = 2 * n * j
         for i in range(n):
-            scratch[0, i] += factor * coefficients[start + i]
+            scratch[0, i] += factor * coefficients[column_start + i]
         for i in range(n):
-            scratch[1, i] += factor * coefficients[start + n + i]
-    below = 0.0
+            scratch[1, i] += factor * coefficients[column_start + n + i]
+    u_below = 0.0
     for i in range(n):
         u = scratch[0, i]
         state[rows.DISPLACEMENT, i] = u
@@ -116,15 +116,16 @@ def step(
             i,
             0,
             rows.FIRST_TRIAL,
-            u - linear_terms[rows.LINK, i] * below,
+            u - linear_terms[rows.LINK, i] * u_below,
         )
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
-        below = u
+        u_below = u
     return 1 if finite(state, n) else rows.NOT_FINITE
 
 
 def oscillator(omega_h: Array, damping: Array) -> Array:
-    """Exact step of oscillators u'' + 2 xi omega u' + omega^2 u = p with p linear over the step.
+    """Return the exact step of oscillators u'' + 2 xi omega u' + omega^2 u = p, with a load p that
+    is linear within the step.
 
     Parameters
     ----------
@@ -144,6 +145,7 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     use_closed_form = ~use_series & (damping < 1.0)
     if use_series.any():
         # Taylor series of the impulse response and its first two integrals; exact at omega = 0.
+        # terms[n] / n! is the coefficient of t^n of the impulse response, with t = 1 at the end.
         w, xi = omega_h[use_series], damping[use_series]
         count = _SERIES_TERMS[0] + math.ceil(_SERIES_TERMS[1] * np.max(np.maximum(w, 2.0 * xi * w)))
         terms = np.empty((count, *w.shape))
@@ -157,6 +159,7 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     if use_closed_form.any():
         w, xi = omega_h[use_closed_form], damping[use_closed_form]
         damped, decay = w * np.sqrt((1.0 - xi) * (1.0 + xi)), np.exp(-xi * w)
+        # c: decaying cosine; g: impulse response; i1, i2: its first and second integral
         c, g = decay * np.cos(damped), decay * np.sin(damped) / damped
         a11 = c + xi * w * g
         i1 = (1.0 - a11) / w**2
@@ -242,7 +245,7 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     """
     n = building.stories
     patterns = np.zeros((n, 1 + len(forces)))
-    patterns[:, 0] = -1.0
+    patterns[:, 0] = -1.0  # the ground acceleration acts on each floor with -M ag
     for j, floor in enumerate(forces[:, rows.FLOOR].astype(int)):
         patterns[floor, 1 + j] = 1.0 / building.mass[floor]
     modes = building.modes()
@@ -254,6 +257,8 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     else:
         # The damping is classical: superpose the steps of the modes. The columns of `shapes` are
         # mass-normalized mode shapes, so that their transpose times the mass projects on the modes.
+        # Each of the 2 x 4 blocks (u1, v1; u0, v0, p0, p1) is shapes * (steps of the modes) *
+        # projection.
         steps, shapes = oscillator(modes.omega * h, classical), modes.shapes
         modal_projection = shapes.T * building.mass
         modal_load = modal_projection @ patterns

@@ -165,11 +165,10 @@ def step(
     _store_load(linear_terms, forces, h, load, scratch)
     store_first_guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
     iterations = 0
-    is_last = False
+    is_last = False  # True if the last correction has been applied
     while True:
-        is_stale = _evaluate_laws(
-            coefficients, linear_terms, law_parameters, h, memory
-        )  # eqs. 14 and 46
+        # Story forces and their impulses, eqs. 14 and 46
+        is_stale = _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory)
         # Residuals of eqs. 11 and 12 (kinematics) and 13 (momentum); acceleration from equilibrium
         # at the end
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
@@ -277,8 +276,8 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
         drift = u - link * u_below
         rate = v - link * v_below
-        increment = du - link * du_below
-        q_drift = q - link * q_below
+        drift_change = du - link * du_below
+        q_of_drift = q - link * q_below
         u_below = u
         v_below = v
         du_below = du
@@ -302,8 +301,8 @@ def _evaluate_laws(coefficients, linear_terms, law_parameters, h, memory):
         )
         scratch[momentum.FORCE_S, i] = (
             h * (law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i])
-            + (tangent + geometric) * q_drift
-            + damper * increment
+            + (tangent + geometric) * q_of_drift
+            + damper * drift_change
         )
     return is_stale
 

@@ -130,6 +130,9 @@ def _take_substeps(coefficients, scene, h, load, memory):
     continues from its end. If the drift is far beyond the limit, the search is repeated on the
     interpolant of the substep.
 
+    The conditions with HAS_NONLINEAR_FORCE, HAS_CURVED_FORCE and HAS_CURVED_LAW are constants of
+    the compiled variant. The compiler omits the code that the laws of the building do not need.
+
     Parameters
     ----------
     coefficients : ndarray
@@ -156,13 +159,13 @@ def _take_substeps(coefficients, scene, h, load, memory):
     is_piecewise_linear = flags[rows.BRANCHES] == rows.ALL_BRANCHES
     ground_rate = (load[rows.GROUND_1] - load[rows.GROUND_0]) / h
     max_substeps = 20 + 4 * n
-    elapsed = 0.0
-    substep = h
+    elapsed = 0.0  # completed part of the time step, s
+    substep = h  # length of the present substep, s
     substep_count = 0
     branch_changes = 0
     solves = 0
-    has_guess = False  # DU and DV contain the first estimate of the next substep
-    is_shortened = False  # REMAINING contains the motion to the end of the step
+    has_guess = False  # True if DU and DV contain the first estimate of the next substep
+    is_shortened = False  # True if REMAINING contains the motion to the end of the time step
     ends_at_event = False  # True if the substep ends at the located branch change of `story`
     story = -1
     event = rows.REVERSED
@@ -221,6 +224,7 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         _restore_start(state, law_state, scratch, n)
                         return rows.NOT_CONVERGED
                     if fraction * substep > _IMMEDIATE * h:
+                        # Repeat the solution for a substep that ends at the branch change.
                         if HAS_CURVED_FORCE and not is_piecewise_linear:
                             # Newton's method starts from the part of the present solution.
                             if not is_shortened:
@@ -230,6 +234,8 @@ def _take_substeps(coefficients, scene, h, load, memory):
                         substep *= fraction
                         ends_at_event = True
                     else:
+                        # The branch changes at the start of the substep: change it, and solve
+                        # again for the remaining step.
                         _change_branch(linear_terms, law_parameters, state, law_state, story, event)
                         branch_changes += 1
                         substep = h - elapsed
@@ -303,6 +309,7 @@ def _shorten_increments(fraction, h, state, scratch, n):
         Number of floors.
     """
     remaining = 1.0 - fraction
+    # Cubic Hermite polynomial at `fraction`, and its derivative with respect to time
     for i in range(n):
         du = scratch[momentum.DU, i]
         v0 = state[rows.VELOCITY, i]
@@ -339,6 +346,7 @@ def _change_branch(linear_terms, law_parameters, state, law_state, story, event)
     """
     drift = law_state[rows.DRIFT, story]
     force = law_state[rows.FORCE, story]
+    # A reversal has no limit, and the state of a curved branch is not moved.
     if event == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
         switch(law_parameters, law_state, story, 0, event)
     else:
@@ -388,21 +396,21 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
         otherwise _BEFORE_EVENT if `story` has not reached the limit of its branch; otherwise 0.
     """
     outcome = 0.0
-    u_below = 0.0
-    v_below = 0.0
+    u1_below = 0.0
+    v0_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i]  # 0 for a story on the ground, otherwise 1
-        drift = scratch[momentum.U1, i] - link * u_below
+        drift = scratch[momentum.U1, i] - link * u1_below
         drift_change = drift - law_state[rows.DRIFT, i]
         # The path is longer than the change if the drift reverses.
         path_length = h * max(
-            abs(state[rows.VELOCITY, i] - link * v_below),
+            abs(state[rows.VELOCITY, i] - link * v0_below),
             abs(scratch[momentum.V1, i] - link * v1_below),
         )
         tolerance = _LOCATION_TOLERANCE * max(path_length, abs(drift_change))
-        u_below = scratch[momentum.U1, i]
-        v_below = state[rows.VELOCITY, i]
+        u1_below = scratch[momentum.U1, i]
+        v0_below = state[rows.VELOCITY, i]
         v1_below = scratch[momentum.V1, i]
         is_reversed = law_state[rows.RATE_SIGN, i] * drift_change < -_REVERSAL_TOLERANCE * (
             abs(drift) + abs(law_state[rows.DRIFT, i])
@@ -435,14 +443,14 @@ def _advance_on_branches(linear_terms, law_parameters, state, law_state, scratch
     scratch : ndarray
         Rows DU (m), DV (m/s) and A1 (m/s^2) contain the solution of the substep.
     """
-    below = 0.0
+    u_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         u = state[rows.DISPLACEMENT, i] + scratch[momentum.DU, i]
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
-        advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * below)
-        below = u
+        advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
+        u_below = u
 
 
 @outlined
@@ -464,26 +472,27 @@ def _update_state(keep_branches, linear_terms, law_parameters, state, law_state,
     scratch : ndarray
         Rows DU (m), DV (m/s) and A1 (m/s^2) contain the solution.
     """
-    below = 0.0
+    u_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         u = state[rows.DISPLACEMENT, i] + scratch[momentum.DU, i]
         state[rows.DISPLACEMENT, i] = u
         state[rows.VELOCITY, i] += scratch[momentum.DV, i]
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
         if keep_branches and law_state[rows.SLOPE, i] < math.inf:
-            advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * below)
+            advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * u_below)
         elif HAS_CURVED_LAW and keep_branches and scratch[ROW.KINK, i] != 0.0:
             # The story has a reversal within the substep. Accumulate the dissipated energy over the
             # inner point and the reversal in the order in which they occur.
-            second = int(scratch[ROW.PREVIOUS_BLOCK, i])
-            first = rows.THIRD_TRIAL if second == rows.FIRST_TRIAL else rows.FIRST_TRIAL
-            accumulate_dissipation(law_parameters, law_state, i, 0, first)
-            accumulate_dissipation(law_parameters, law_state, i, first, second)
-            commit(law_parameters, law_state, i, second, rows.SECOND_TRIAL)
+            second_block = int(scratch[ROW.PREVIOUS_BLOCK, i])
+            first_block = rows.THIRD_TRIAL if second_block == rows.FIRST_TRIAL else rows.FIRST_TRIAL
+            accumulate_dissipation(law_parameters, law_state, i, 0, first_block)
+            accumulate_dissipation(law_parameters, law_state, i, first_block, second_block)
+            commit(law_parameters, law_state, i, second_block, rows.SECOND_TRIAL)
         else:
+            # The law was evaluated at the inner point (FIRST_TRIAL) and at the end (SECOND_TRIAL).
             accumulate_dissipation(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
             commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
-        below = u
+        u_below = u
 
 
 @outlined
@@ -620,6 +629,7 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
         coefficients of its velocity; real and imaginary part of the root l / h of
         l^2 - theta h l + beta h^2 = 0 (`tdint.kernels.equations.impulse4.solve_linear`).
     """
+    # The first three coefficients determine the linear step, the others the quadrature.
     theta = (2.0 + rho_inf) / (3.0 * (1.0 + rho_inf))
     alpha = 1.0 / 3.0 - theta / 2.0
     beta = theta / 2.0 - 1.0 / 6.0

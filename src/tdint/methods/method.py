@@ -50,16 +50,16 @@ class Parameter:
         value : float
             Value of the parameter.
         """
-        above = value >= self.low if self.low_allowed else value > self.low
-        below = value <= self.high if self.high_allowed else value < self.high
-        return math.isfinite(value) and above and below
+        is_above_low = value >= self.low if self.low_allowed else value > self.low
+        is_below_high = value <= self.high if self.high_allowed else value < self.high
+        return math.isfinite(value) and is_above_low and is_below_high
 
     @property
     def range(self) -> str:
         """Allowed range as text, such as [0, 1); a round bracket excludes the end."""
-        left = "[" if self.low_allowed else "("
-        right = "]" if self.high_allowed else ")"
-        return f"{left}{self.low:g}, {self.high:g}{right}"
+        opening = "[" if self.low_allowed else "("
+        closing = "]" if self.high_allowed else ")"
+        return f"{opening}{self.low:g}, {self.high:g}{closing}"
 
 
 @dataclass(frozen=True)
@@ -75,21 +75,21 @@ class Family:
     scratch_rows : callable
         Number of modally damped modes -> number of scratch rows that the step needs.
     memory : tuple of int
-        Rows of the state that are independent; the acceleration row follows from equilibrium where
-        it is not one of them.
+        Rows of the state that are independent. If the row of the acceleration is not included, it
+        follows from equilibrium.
     state_rows : int
         Rows of the state.
     derivatives : tuple of int
         Order of the displacement derivative that has the same unit as each row of the state.
     halvable : bool
-        True if a step that does not converge may be divided, because the coefficients hold for
-        any h.
+        True if a step that does not converge may be divided into shorter steps, because the
+        coefficients are valid for any h.
     power_dampers : bool
         True if the step supports power-law dashpots.
     linear_only : bool
         True if the step is valid for linear buildings only.
     limited_by_stiffening : bool
-        True if the step is only conditionally stable where a story is stiffer than at rest.
+        True if the step is only conditionally stable if a story becomes stiffer than at rest.
     own_work : bool
         True if the step computes the work of the load and of the dampers; otherwise the work is
         computed from the power at both ends of the step.
@@ -144,8 +144,8 @@ class Method:
     implicit : callable
         Parameter values -> True (default) if the step solves for the restoring force at its end.
     stability_limit : callable
-        Parameter values -> largest stable omega dt without damping; inf if there is none. Where a
-        parameter opens an unstable band, the lower end of the band.
+        Parameter values -> largest stable omega dt without damping; inf if the method is always
+        stable. If the method is unstable in a band of omega dt, the lower end of the band.
     """
 
     name: str
@@ -180,8 +180,8 @@ class Integrator:
     @property
     def label(self) -> str:
         """Label in tables, figures and JSON: the specification, in the form that `parse` reads."""
-        full = (f"{name}={value!r}" for name, value in self.resolved.items())
-        return self.typed or ":".join([self.method.name, *full])
+        assignments = (f"{name}={value!r}" for name, value in self.resolved.items())
+        return self.typed or ":".join([self.method.name, *assignments])
 
     @property
     def resolved(self) -> dict[str, float]:
@@ -219,7 +219,9 @@ class Integrator:
     def coefficients(
         self, building: Building, forces: NDArray[np.float64], h: float
     ) -> NDArray[np.float64]:
-        """Coefficients of the compiled step for one building and step h (s).
+        """Return the coefficients of the compiled step for one building and the time step h.
+
+        They depend on the building only if the family has the function `prepare`.
 
         Parameters
         ----------

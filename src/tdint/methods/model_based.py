@@ -129,7 +129,7 @@ def step(
     end_weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h
     by_k = coefficients[BETA] * h * h
-    if step_status[rows.STEPS_DONE] == 0.0:
+    if step_status[rows.STEPS_DONE] == 0.0:  # first step of a run
         _initialize_q(linear_terms, law_parameters, by_k, state, factors, n)
         step_status[rows.FACTORED_STEP] = 0.0
     if step_status[rows.FACTORED_STEP] != h:
@@ -142,12 +142,14 @@ def step(
     _weighted_load(linear_terms, forces, end_weight, h, load, scratch, n)
     _advance_displacements(linear_terms, law_parameters, end_weight, by_k, h, memory)
     for i in range(n):
-        inner = scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
+        floor_force = (
+            scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
+        )
         scratch[_ROW.X, i] = (
             scratch[_ROW.LOAD, i]
             - linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i]
             - linear_terms[rows.FLOOR_DAMPER, i] * scratch[_ROW.V, i]
-            - inner
+            - floor_force
         )
     add_modal_force(modal, scratch, _ROW.V, -1.0, scratch, _ROW.X, n)
     solve_damped(factors, modal, _ROW.X, n)
@@ -317,9 +319,9 @@ def chang_step(
         1, or NOT_FINITE if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
-    half = 0.5 * h
-    first = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
-    second = Factors(
+    half_h = 0.5 * h
+    displacement_factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
+    acceleration_factors = Factors(
         scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
     )
     if step_status[rows.FACTORED_STEP] != h:
@@ -328,8 +330,8 @@ def chang_step(
             modal,
             law_parameters,
             rows.STIFFNESS,
-            Combination(1.0, half, half * half),
-            first,
+            Combination(1.0, half_h, half_h * half_h),
+            displacement_factors,
             n,
         )
         factor_combination(
@@ -337,48 +339,52 @@ def chang_step(
             modal,
             law_parameters,
             rows.STIFFNESS,
-            Combination(1.0, half, 0.0),
-            second,
+            Combination(1.0, half_h, 0.0),
+            acceleration_factors,
             n,
         )
         step_status[rows.FACTORED_STEP] = h
+    # Right side M a0 - h/2 K0 v0 of the displacement: forces of the stories, then of the floors
     v_below = 0.0
     for i in range(n):
         v = state[rows.VELOCITY, i]
         scratch[_ROW.SUM, i] = (
-            half
+            half_h
             * (law_parameters[rows.STIFFNESS, i] + linear_terms[rows.GEOMETRIC, i])
             * (v - linear_terms[rows.LINK, i] * v_below)
         )
         v_below = v
     for i in range(n):
-        inner = scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
-        scratch[_ROW.X, i] = linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i] - inner
+        floor_force = (
+            scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
+        )
+        scratch[_ROW.X, i] = linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i] - floor_force
     # Solve for the displacement at the end of the step, and move the laws to it.
-    solve_damped(first, modal, _ROW.X, n)
-    below = 0.0
+    solve_damped(displacement_factors, modal, _ROW.X, n)
+    u_below = 0.0
     for i in range(n):
         v = state[rows.VELOCITY, i]
-        u = state[rows.DISPLACEMENT, i] + h * v + half * h * scratch[_ROW.X, i]
+        u = state[rows.DISPLACEMENT, i] + h * v + half_h * h * scratch[_ROW.X, i]
         restoring_force(
             law_parameters,
             law_state,
             i,
             0,
             rows.FIRST_TRIAL,
-            u - linear_terms[rows.LINK, i] * below,
+            u - linear_terms[rows.LINK, i] * u_below,
         )
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
-        below = u
+        u_below = u
         state[rows.DISPLACEMENT, i] = u
-        scratch[_ROW.V, i] = v + half * state[rows.ACCELERATION, i]
+        scratch[_ROW.V, i] = v + half_h * state[rows.ACCELERATION, i]
+    # Solve for the acceleration at the end, from equilibrium with the predicted velocity.
     floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     internal_forces(linear_terms, modal, law_state, 0, scratch, _ROW.V, _ROW.X, _ROW.SUM)
     for i in range(n):
         scratch[_ROW.X, i] = scratch[_ROW.LOAD, i] - scratch[_ROW.X, i]
-    solve_damped(second, modal, _ROW.X, n)
+    solve_damped(acceleration_factors, modal, _ROW.X, n)
     for i in range(n):
-        state[rows.VELOCITY, i] = scratch[_ROW.V, i] + half * scratch[_ROW.X, i]
+        state[rows.VELOCITY, i] = scratch[_ROW.V, i] + half_h * scratch[_ROW.X, i]
         state[rows.ACCELERATION, i] = scratch[_ROW.X, i]
     return 1 if finite(state, n) else rows.NOT_FINITE
 
@@ -437,7 +443,7 @@ METHODS = (
         coefficients=kr_alpha,
         rho_inf=lambda rho_inf: rho_inf,
         source=f"Kolay and Ricles (2014); {_LIMITED}",
-        # the default of generalized-alpha, which has the same eigenvalues
+        # This is the default of generalized-alpha, which has the same eigenvalues.
         parameters=(Parameter("rho_inf", 0.8, 0.0, 1.0),),
         implicit=lambda rho_inf: False,
     ),

@@ -78,7 +78,7 @@ def step(
     Parameters
     ----------
     coefficients : ndarray
-        r and 12 / (1 + 6 r), see `coefficients`.
+        r and 12 / (1 + 6 r), with r = (1 - rho_inf) / (6 (1 + rho_inf)).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.

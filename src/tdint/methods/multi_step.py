@@ -118,7 +118,7 @@ def step(
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
-    c = coefficients
+    weights = coefficients
     # by_w, by_v, by_a: change of mean velocity, velocity and acceleration per unit of x
     if step_status[rows.STEPS_DONE] < START:
         by_w = 0.25 * h
@@ -127,9 +127,9 @@ def step(
         _guess_average_acceleration(h, state, scratch, n)
     else:
         by_w = h
-        by_v = c[V_BY_W] * h
-        by_a = c[A_BY_W] + c[A_BY_B] * c[V_BY_W]
-        _guess_multi_step(c, h, state, scratch, n)
+        by_v = weights[V_BY_W] * h
+        by_a = weights[A_BY_W] + weights[A_BY_B] * weights[V_BY_W]
+        _guess_multi_step(weights, h, state, scratch, n)
     if step_status[rows.FACTORED_STEP] != by_v:
         # by_v identifies the matrix: it differs between time steps, and between the first steps
         # and the multi-step formulas.
@@ -181,7 +181,7 @@ def _guess_average_acceleration(h, state, scratch, n):
 
 
 @inline
-def _guess_multi_step(c, h, state, scratch, n):
+def _guess_multi_step(coefficients, h, state, scratch, n):
     """Store the first guess of a multi-step method: the mean velocity w is extrapolated linearly.
 
     The guess is w1 = 2 w0 - w_, with the mean velocities w0 and w_ of the last two steps. Velocity
@@ -190,7 +190,7 @@ def _guess_multi_step(c, h, state, scratch, n):
 
     Parameters
     ----------
-    c : ndarray
+    coefficients : ndarray
         Coefficients of the method: V, W and B.
     h : float
         Time step, s.
@@ -204,23 +204,33 @@ def _guess_multi_step(c, h, state, scratch, n):
     """
     for i in range(n):
         w0 = state[MEAN_VELOCITY, i]
-        older = state[OLDER_MEAN_VELOCITY, i]
-        w = 2.0 * w0 - older
-        v = c[V_BY_W] * w + c[V_BY_W + 1] * w0 + c[V_BY_W + 2] * older
+        older_w = state[OLDER_MEAN_VELOCITY, i]
+        w = 2.0 * w0 - older_w
+        v = (
+            coefficients[V_BY_W] * w
+            + coefficients[V_BY_W + 1] * w0
+            + coefficients[V_BY_W + 2] * older_w
+        )
         b = (v - state[rows.VELOCITY, i]) / h
         scratch[_GUESSED_MEAN_VELOCITY, i] = w
         scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * w
         scratch[ROW.V, i] = v
         scratch[ROW.A, i] = (
-            (c[A_BY_W] * w + c[A_BY_W + 1] * w0 + c[A_BY_W + 2] * older) / h
-            + c[A_BY_B] * b
-            + c[A_BY_B + 1] * state[MEAN_ACCELERATION, i]
-            + c[A_BY_B + 2] * state[OLDER_MEAN_ACCELERATION, i]
+            (
+                coefficients[A_BY_W] * w
+                + coefficients[A_BY_W + 1] * w0
+                + coefficients[A_BY_W + 2] * older_w
+            )
+            / h
+            + coefficients[A_BY_B] * b
+            + coefficients[A_BY_B + 1] * state[MEAN_ACCELERATION, i]
+            + coefficients[A_BY_B + 2] * state[OLDER_MEAN_ACCELERATION, i]
         )
 
 
 def _family(*memory: int) -> Family:
-    """Return the family with `memory` as the independent rows of the state.
+    """Return the family of the multi-step methods with `memory` as the independent rows of the
+    state.
 
     `shifts` are the changes of the state for a unit jump of the ground acceleration: a motion
     t^2 / 2 has the mean velocities -h/2 and -3 h/2 over the last two steps.

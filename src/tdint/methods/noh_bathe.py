@@ -161,7 +161,8 @@ def step(
 
 @inline
 def _accelerate(linear_terms, modal, law_state, trial, scratch):
-    """Compute the accelerations M^-1 (p - C v - f) into the row INNER_FORCE.
+    """Compute the accelerations M^-1 (p - C v - f) of all floors; they replace the internal forces
+    C v + f in row INNER_FORCE.
 
     Parameters
     ----------
@@ -174,11 +175,13 @@ def _accelerate(linear_terms, modal, law_state, trial, scratch):
     scratch : ndarray
         Rows LOAD and V are read, row INNER_FORCE receives the accelerations, m/s^2.
     """
-    inner = _ROW.INNER_FORCE
-    internal_forces(linear_terms, modal, law_state, trial, scratch, _ROW.V, inner, _ROW.STORY_FORCE)
+    force_row = _ROW.INNER_FORCE
+    internal_forces(
+        linear_terms, modal, law_state, trial, scratch, _ROW.V, force_row, _ROW.STORY_FORCE
+    )
     for i in range(linear_terms.shape[1] - 1):
-        unbalanced = scratch[_ROW.LOAD, i] - scratch[inner, i]
-        scratch[inner, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
+        unbalanced = scratch[_ROW.LOAD, i] - scratch[force_row, i]
+        scratch[force_row, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
 
 
 def coefficients_of(p: float) -> tuple[float, ...]:

@@ -145,11 +145,12 @@ def explicit_step(
         for i in range(n):
             scratch[_EXPLICIT.U, i] = state[rows.DISPLACEMENT, i]
             scratch[_EXPLICIT.V + stage, i] = state[rows.VELOCITY, i]
-        for earlier in range(stage):
-            weight = h * coefficients[node_index + 1 + earlier]
+        # Row `stage` of the Butcher matrix follows its node in `coefficients`.
+        for previous_stage in range(stage):
+            weight = h * coefficients[node_index + 1 + previous_stage]
             for i in range(n):
-                scratch[_EXPLICIT.U, i] += weight * scratch[_EXPLICIT.V + earlier, i]
-                scratch[_EXPLICIT.V + stage, i] += weight * scratch[_EXPLICIT.A + earlier, i]
+                scratch[_EXPLICIT.U, i] += weight * scratch[_EXPLICIT.V + previous_stage, i]
+                scratch[_EXPLICIT.V + stage, i] += weight * scratch[_EXPLICIT.A + previous_stage, i]
         u_below = 0.0
         for i in range(n):
             drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
@@ -351,24 +352,24 @@ def implicit_step(
     damping = ModalBlocks(modal, a_11, a_12, h * coefficients[_A + 2], h * coefficients[_A + 3])
     _predict_stages(coefficients, scene, h, load, memory)
     iterations = 0
-    fraction = 1.0  # of the last correction that is applied
+    applied_fraction = 1.0  # of the last correction that is applied
     previous_norm = math.inf
     while True:
         is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
-        is_last = iterations == MAX_ITERATIONS
-        if _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
+        is_final = iterations == MAX_ITERATIONS
+        if _compute_residuals(is_final, linear_terms, modal, scratch, step_status):
             break
         if iterations >= UNDAMPED_ITERATIONS:
             norm = squared_norm(linear_terms, scratch, _IMPLICIT.RESIDUAL, n) + squared_norm(
                 linear_terms, scratch, _IMPLICIT.RESIDUAL + 1, n
             )
-            if must_halve(norm, previous_norm, fraction):
+            if must_halve(norm, previous_norm, applied_fraction):
                 # Subtract half of the part of the correction that is currently applied.
-                fraction *= 0.5
-                add_rows(-fraction, scratch, _IMPLICIT.CORRECTION, _IMPLICIT.STAGE_A, 2, n)
+                applied_fraction *= 0.5
+                add_rows(-applied_fraction, scratch, _IMPLICIT.CORRECTION, _IMPLICIT.STAGE_A, 2, n)
                 continue
             previous_norm = norm
-            fraction = 1.0
+            applied_fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
         if is_stale:
@@ -661,8 +662,8 @@ def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[flo
         c, A, A^2, b and b A in this order; matrices row by row (14 values).
     """
     a, b = np.array(table), np.array(weights)
-    parts = (a.sum(axis=1), a, a @ a, b, b @ a)
-    return tuple(float(number) for part in parts for number in part.ravel())
+    groups = (a.sum(axis=1), a, a @ a, b, b @ a)
+    return tuple(float(number) for group in groups for number in group.ravel())
 
 
 # Gauss method with two stages: nodes 1/2 -+ sqrt(3) / 6, weights 1/2

@@ -120,7 +120,7 @@ def step(
     code = solve_equilibrium(effective, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
-    below = 0.0
+    u_below = 0.0
     for i in range(n):
         da = scratch[ROW.X, i]
         v = state[rows.VELOCITY, i]
@@ -135,10 +135,10 @@ def step(
             i,
             0,
             rows.FIRST_TRIAL,
-            u - linear_terms[rows.LINK, i] * below,
+            u - linear_terms[rows.LINK, i] * u_below,
         )
         commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
-        below = u
+        u_below = u
     return code if finite(state, n) else rows.NOT_FINITE
 
 
@@ -231,6 +231,7 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
     r1, r2, r3 : float
         Absolute values of the three eigenvalues of the amplification matrix at infinite frequency.
     """
+    # The published coefficients, with abbreviations for their common parts
     d = (1.0 + r1) * (1.0 + r2)
     e = d * (1.0 + r3)
     n = 3.0 + r1 + r2 - r1 * r2
@@ -242,11 +243,13 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
 def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
     """Return the amplification matrix of (u, h v, h^2 a) for omega h to infinity.
 
-    The restoring force dominates at infinite frequency, so that da follows from a weighted
-    displacement of zero: u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da = 0. `row` contains the
-    coefficients of the method.
+    The restoring force dominates at infinite frequency. The increment da of the acceleration
+    therefore follows from a weighted displacement of zero:
+    u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da = 0. `row` contains the seven coefficients of the
+    method, from W1 to L5.
     """
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
+    # Response at the end of the step for da = 0, then the effect of da
     free = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     return np.asarray(free + np.outer([row[L3], row[L5], 1.0], da))
 
@@ -336,7 +339,11 @@ def _family_member(
     """
 
     def rho_inf(*values: float) -> float:
-        return _rho_inf(row(*values)) if method.stability_limit(*values) == math.inf else math.nan
+        """Return the spectral radius at infinite frequency; nan if the method is not stable
+        there."""
+        if method.stability_limit(*values) != math.inf:
+            return math.nan
+        return _rho_inf(row(*values))
 
     declared = {
         "rho_inf": rho_inf,

@@ -37,11 +37,9 @@ def faults_of_step(integrator: Integrator) -> list[str]:
     """
     try:
         integrate_in_python("linear", integrator, 1)
-        return (
-            []
-            if integrator.family.linear_only
-            else list(faults_with_yielding(integrator, ["bilinear"]).values())
-        )
+        if integrator.family.linear_only:
+            return []
+        return list(faults_with_yielding(integrator, ["bilinear"]).values())
     except AnalysisError as error:
         return [str(error)]
 
@@ -89,8 +87,8 @@ class GuardedArray(np.ndarray):
 _YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
 """Parameters of three hysteresis models: piecewise linear, curved, and deteriorating."""
 
-# Largest time step and duration of the check, s. The building has periods of 0.35 and 0.13 s and
-# yields from 0.1 s on.
+# Largest time step (_H) and duration (_SECONDS) of the check, s. The building has periods of 0.35
+# and 0.13 s and yields from 0.1 s on.
 _H, _SECONDS = 0.01, 1.2
 # Order of convergence of methods that do not locate the kinks of the forces within their steps
 _KINK_ORDER = 2
@@ -146,11 +144,13 @@ def integrate_in_python(
     scene = Scene(
         building.linear_terms, building.modal, building.law_parameters, forces, arrays.flags
     )
+    # Accesses outside of these arrays raise an error.
     scene = Scene(*(GuardedArray.of(array, name) for name, array in scene._asdict().items()))
     plugin_module = sys.modules.get(integrator.family.step.function.__module__)
     calls = 0
 
     def step(*arguments: Any) -> int:
+        """Execute the step of the method in plain Python, or report that it does not converge."""
         nonlocal calls
         calls += 1
         if calls == halve_at:
@@ -159,39 +159,34 @@ def integrate_in_python(
 
     # A continued integration keeps the state and, of the step status, only the number of steps
     # done and the ground state.
-    parts_of_run = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
-    for first, last in parts_of_run:
-        if first:
+    step_ranges = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
+    for first_step, last_step in step_ranges:
+        if first_step:
             kept_status = arrays.step_status[rows.STEPS_DONE], arrays.step_status[rows.STATE_GROUND]
             arrays.step_status[:], arrays.scratch[:] = 0.0, 0.0
             arrays.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = kept_status
         with np.errstate(all="ignore"), faults_in(plugin_module, integrator.label):
             code = integrate.function(
-                *(
-                    step,
-                    initialize_laws.function,
-                    sum_law_energies.function,
-                    update_shear_peaks.function,
-                ),
-                *(
-                    count,
-                    first,
-                    last,
-                    1,
-                    0,
-                    parts,
-                    1,
-                    HALVINGS if integrator.family.halvable else 0,
-                    h,
-                ),
-                *(
-                    ground,
-                    integrator.coefficients(building, forces, h),
-                    state_jumps(integrator, h),
-                    *scene,
-                    *guarded.values(),
-                ),
-                *(np.zeros(rows.LOAD_SIZE), *arrays.seen),
+                step,
+                initialize_laws.function,
+                sum_law_energies.function,
+                update_shear_peaks.function,
+                count,
+                first_step,
+                last_step,
+                1,  # steps per row of the history
+                0,  # rows of the history before those of the array
+                parts,  # steps per sampling interval
+                1,  # sampling intervals of these steps
+                HALVINGS if integrator.family.halvable else 0,
+                h,
+                ground,
+                integrator.coefficients(building, forces, h),
+                state_jumps(integrator, h),
+                *scene,
+                *guarded.values(),
+                np.zeros(rows.LOAD_SIZE),
+                *arrays.seen,
             )
         if code < 0:
             failure = (
@@ -268,13 +263,15 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
             for parts, arrays in integrations.items()
         }
         # The results must converge to the motion of impulse4 with the order of the method, or with
-        # the order that the kinks permit.
+        # the order that the kinks permit. The law tanh has no kinks; the reference has order 4.
         expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-        observed_orders = (
-            (0.5 * math.log2(errors[1] / errors[4]), math.log2(errors[2] / errors[4]))
-            if errors[4]
-            else (math.inf,)
-        )
+        # Order from the errors of the time steps _H and _H / 4, and of _H / 2 and _H / 4
+        observed_orders = [math.inf]
+        if errors[4]:
+            observed_orders = [
+                0.5 * math.log2(errors[1] / errors[4]),
+                math.log2(errors[2] / errors[4]),
+            ]
         if not (
             max(observed_orders) >= expected_order - _ORDER_TOLERANCE or errors[4] <= _NEGLIGIBLE
         ):
@@ -306,13 +303,8 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
                 "values that a later step needs must be stored in the state",
             )
         if integrator.family.halvable:
-            halved = (
-                _distance(
-                    _displacements(integrate_in_python(law, integrator, 1, halve_at=60), 1),
-                    reference,
-                )
-                / maximum
-            )
+            arrays = integrate_in_python(law, integrator, 1, halve_at=60)
+            halved = _distance(_displacements(arrays, 1), reference) / maximum
             if not halved <= 2.0 * errors[1] + _NEGLIGIBLE:
                 faults.setdefault(
                     "halved",
@@ -325,7 +317,10 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
 
 
 def _imbalance(totals: Array) -> float:
-    """Return the imbalance of the energies at the end, divided by the maximum input energy."""
+    """Return the imbalance of the energies at the end, divided by the maximum input energy.
+
+    It is positive if energy is missing at the end.
+    """
     spent = float(np.sum(totals[rows.ENERGY_INPUT + 1 : rows.ENERGY_TERMS]))
     received = float(totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT])
     return (received - spent) / float(totals[rows.ENERGY_REFERENCE])

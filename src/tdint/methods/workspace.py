@@ -35,9 +35,29 @@ class Workspace:
 
     Attributes
     ----------
-    every : int
-        Step interval of the rows of the history: 1 to store every step.
-    before : int
+    state : ndarray
+        Displacements, velocities and accelerations of the floors, and further memory of the method.
+    law_state : ndarray
+        States of the hysteretic laws of the stories.
+    scratch : ndarray
+        Scratch array of the step; it can contain factorizations for the next step.
+    flags : ndarray
+        Properties of building and method that are constant during the run.
+    step_status : ndarray
+        Values that a step passes to the next step and to the time loop.
+    observer_state : ndarray
+        Memory of the observer of the response.
+    peaks : ndarray
+        Peaks of the response, then possible peaks between the time steps.
+    limits : ndarray
+        Collapse limits of the stories.
+    totals : ndarray
+        Energies and other values of the complete run.
+    history : ndarray
+        Response history, one row for each stored time; no rows if no history is stored.
+    steps_per_row : int
+        Number of time steps between two rows of the history: 1 to store every step.
+    rows_before : int
         Number of rows of the complete history that precede the first row of `history`, if the
         history is written to a file in chunks.
     """
@@ -52,8 +72,8 @@ class Workspace:
     limits: Array
     totals: Array
     history: Array
-    every: int = 1
-    before: int = 0
+    steps_per_row: int = 1
+    rows_before: int = 0
 
     @property
     def memory(self) -> Memory:
@@ -92,8 +112,10 @@ def workspace(
     family = integrator.family
     flags = np.zeros(rows.FLAGS_SIZE)
     flags[rows.LINEAR] = building.linear
-    # ALL_BRANCHES: the equations of a step without branch changes are linear, and a single linear
-    # solution is sufficient. Power-law dashpots and curved laws exclude this.
+    # NO_BRANCHES: no law has branches, and no branch change is located. SOME_BRANCHES: branch
+    # changes are located, but a step without branch changes is nonlinear, because some laws are
+    # curved or there are power-law dashpots. ALL_BRANCHES: a step without branch changes is linear,
+    # and a single linear solution is sufficient.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
     if building.piecewise_linear and not building.power_damped:
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
@@ -104,7 +126,8 @@ def workspace(
     width = history_width(building)
     if row_count:
         # The complete history and its results are in memory simultaneously.
-        needed, free = _WITH_RESULTS * 8.0 * row_count * width, available_memory()
+        needed = _WITH_RESULTS * 8.0 * row_count * width  # bytes; a number has 8 bytes
+        free = available_memory()
         if needed > free:
             raise AnalysisError(
                 f"a response history of {row_count} rows needs {needed / 1000000000.0:.3g} GB "
@@ -120,6 +143,7 @@ def workspace(
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
         law_state=law_state_table(building.law_parameters),
+        # The matrix of the Woodbury formula for modal damping has 2 modes columns.
         scratch=np.zeros((family.scratch_rows(modes), max(n + 1, 2 * modes + 1))),
         flags=flags,
         step_status=np.zeros(rows.STEP_STATUS_SIZE),
@@ -133,13 +157,19 @@ def workspace(
 
 
 def history_width(building: Building) -> int:
-    """Return the number of values in a row of the history."""
+    """Return the number of values in a row of the history.
+
+    They are the ground acceleration, HISTORY_FIELDS values of each floor or story, and the
+    energies.
+    """
     return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS
 
 
 def state_jumps(integrator: Integrator, h: float) -> Array:
-    """Return the change of each row of the state at a jump of the ground acceleration between two
-    time steps of h (s).
+    """Return the change of each row of the state for a unit jump of the ground acceleration between
+    two time steps of length h (s).
+
+    Such jumps occur if a time step is longer than the sampling interval of the ground motion.
     """
     family = integrator.family
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))

@@ -336,7 +336,7 @@ class PreparedBuilding:
                 f"{steps.count} steps are not a multiple of {history_rows} rows of history"
             )
         space = self._loaded_arrays(integrator, steps.h, history_rows + 1 if history_rows else 0)
-        space.every = steps.count // history_rows if history_rows else 1
+        space.steps_per_row = steps.count // history_rows if history_rows else 1
         loop = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
         code = self._integrate_interruptibly(loop, steps)
@@ -378,7 +378,7 @@ class PreparedBuilding:
             # `first_row` is the number of rows in the previous chunks.
             first_row = done // every + 1 if done else 0
             last = min((first_row + row_count) * every - 1, steps.count)
-            space.every, space.before = every, first_row
+            space.steps_per_row, space.rows_before = every, first_row
             space.history = np.zeros((min(row_count, total - first_row), width))
             loop = self.loop(integrator, steps.h, ground, space)
             if self._integrate_interruptibly(loop, replace(steps, count=last, done=done)) < 0:
@@ -633,7 +633,7 @@ class PreparedBuilding:
             for array in (*space.memory, space.observer_state, space.peaks, space.totals)
         ]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
-        space.every = every
+        space.steps_per_row = every
         loop = self.loop(integrator, h, ground, space)
         result = BatchResult.empty(len(motions), self.building.stories)
         for i, (acceleration, scale, steps) in enumerate(motions):
@@ -708,8 +708,8 @@ class PreparedBuilding:
                     steps.count,
                     first,
                     last,
-                    space.every,
-                    space.before,
+                    space.steps_per_row,
+                    space.rows_before,
                     steps.per_sample,
                     steps.stride,
                     halvings,
