@@ -179,7 +179,10 @@ def history_of(
     """
     n = building.stories
     table = space.history
-    time = h * (space.steps_per_row * np.arange(space.rows_before, space.rows_before + len(table), dtype=np.float64))
+    time = h * (
+        space.steps_per_row
+        * np.arange(space.rows_before, space.rows_before + len(table), dtype=np.float64)
+    )
     # In each row, the energies are stored after the motion. The first term is the input energy; the
     # imbalance is the part of the input and the initial energy that no other term contains.
     first_energy = 1 + rows.HISTORY_FIELDS * n
