@@ -37,7 +37,7 @@ def main() -> None:
     from tdint.kernels.building.store import identity
     from tdint.kernels.building.target import named
 
-    # Internals of numba can change. Without the shortcuts the compilation takes longer.
+    # Internals of numba can change. Without the shortcuts the compilation is slower.
     with suppress(ImportError, AttributeError):
         _take_shortcuts()
     targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
@@ -51,7 +51,7 @@ def main() -> None:
         kernel = getattr(
             _module(module_name, file) if file else importlib.import_module(module_name), attribute
         )
-        # One object file for each target; `symbol` is the name of the function in all of them.
+        # One object file for each target; all contain the function with the name `symbol`.
         codes, symbol = objects_of(kernel.function, kernel.signature, targets)
         for code, target in zip(codes, targets, strict=True):
             data = pack(code, {**identity(name, variant, target), "symbol": symbol})

@@ -20,7 +20,7 @@ def force_value(forces, j, t):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     j : int
         Index of the force.
@@ -38,7 +38,7 @@ def force_rate(forces, j, t):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     j : int
         Index of the force.
@@ -62,7 +62,7 @@ def force_impulse(forces, j, t, h):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     j : int
         Index of the force.
@@ -93,7 +93,7 @@ def force_moment(forces, j, t, h):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     j : int
         Index of the force.
@@ -122,17 +122,16 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
     ground : float
         Ground acceleration, m/s^2.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the load.
     """
@@ -149,12 +148,12 @@ def _add_forces(forces, t, scratch, row):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the load.
     """
@@ -171,10 +170,9 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
@@ -183,7 +181,7 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
     ground_0, ground_1 : float
         Ground acceleration at both endpoints, m/s^2.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the impulse.
     """
@@ -200,14 +198,14 @@ def _add_impulses(forces, t, h, scratch, row):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
     h : float
         Time step, s.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the impulse.
     """
@@ -231,10 +229,9 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     load : ndarray
         Start time and ground accelerations of the step.
@@ -243,7 +240,7 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
     r : float
         Coefficient of the method (see `tdint.kernels.equations.moment4`); 0 for the first moment.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the mean; the moment is stored in the next row.
     """
@@ -269,7 +266,7 @@ def _add_means(forces, t, h, r, scratch, row):
     Parameters
     ----------
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
@@ -278,7 +275,7 @@ def _add_means(forces, t, h, r, scratch, row):
     r : float
         Coefficient of numerical dissipation of moment4; 0 for the exact first moment.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the mean.
     """
@@ -303,7 +300,7 @@ def add_modal_force(modal, table, x, factor, scratch, row, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     table : ndarray
         Table that contains x.
     x : int
@@ -328,7 +325,7 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
     Parameters
     ----------
     modal : ndarray
-        W, one row for each damped mode.
+        W, one row per damped mode.
     table : ndarray
         Table that contains x in row `x`.
     x : int
@@ -397,16 +394,15 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     block : int
         Block of the law states with the story forces and drifts.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     velocity : int
         Row of the velocities, m/s.
     row : int

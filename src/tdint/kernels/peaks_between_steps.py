@@ -479,8 +479,7 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     i : int
         Floor.
     floor : Ends

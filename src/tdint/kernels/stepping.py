@@ -44,11 +44,11 @@ class Scene(NamedTuple):
     linear_terms : ndarray
         Properties of the building that act linearly.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     law_parameters : ndarray
         Parameters of the hysteresis models.
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     flags : ndarray
         Properties of building and method that are set before the time integration.
@@ -89,7 +89,7 @@ class Seen(NamedTuple):
     Attributes
     ----------
     observer_state : ndarray
-        Memory of the observer between two steps: one column for each floor or story.
+        Memory of the observer between two steps: one column per floor or story.
     peaks : ndarray
         Maximum absolute values of the response, then possible peaks between the time steps.
     limits : ndarray

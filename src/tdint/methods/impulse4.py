@@ -375,8 +375,7 @@ def _compare_with_event(linear_terms, h, state, law_state, scratch, story, event
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
         Length of the substep, s.
     state, law_state : ndarray

@@ -228,8 +228,8 @@ class Integrator:
         building : Building
             Assembled building.
         forces : ndarray
-            Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE
-            and OMEGA.
+            Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
+            OMEGA.
         h : float
             Time step, s.
         """

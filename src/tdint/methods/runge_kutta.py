@@ -566,8 +566,7 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     coefficients : ndarray
         Coefficients of `implicit_step`.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
         Time step, s.
     factors : Factors

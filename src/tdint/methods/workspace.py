@@ -54,7 +54,7 @@ class Workspace:
     totals : ndarray
         Energies and other values of the complete run.
     history : ndarray
-        Response history, one row for each stored time; no rows if no history is stored.
+        Response history, one row per stored time; no rows if no history is stored.
     steps_per_row : int
         Number of time steps between two rows of the history: 1 to store every step.
     rows_before : int

@@ -73,7 +73,7 @@ class Variant:
     def text(self) -> str:
         """Text that identifies the variant in a file name, for example `linear,bilinear+modal`.
 
-        The names of the laws (`all` if there is none) are followed by the features. `parse` reads
+        The names of the laws (`all` without names) are followed by the features. `parse` reads
         this text.
         """
         features = "".join(f"+{name}" for name in FEATURES if getattr(self, name))

@@ -166,7 +166,7 @@ def indirect_caller(signature: Signature) -> Any:
         """Return the type of the call, and the function that generates its code.
 
         `argument_types` are the types of the values that the caller passes. They can differ from
-        those of the signature, for example an integer for a floating-point number.
+        the types of the signature, for example an integer for a floating-point number.
         """
 
         def generate(context, builder, _, values):

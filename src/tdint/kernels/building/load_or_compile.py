@@ -81,9 +81,9 @@ def _load_missing(
     progress: Callable[[float], None],
     own_loops: bool,
 ) -> None:
-    """Load the kernels that are not loaded, and compile those without an object file.
+    """Load the kernels that are not loaded, and compile kernels without an object file.
 
-    The arguments are those of `load_or_compile`. The caller holds the lock `_ONE_AT_A_TIME`.
+    The arguments are described in `load_or_compile`. The caller holds the lock `_ONE_AT_A_TIME`.
     """
     requested = [
         (kernel, kernel.required_variant(variant))
@@ -208,7 +208,7 @@ def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
     """Return the approximate compile time of kernels, s, measured on processors of 2024.
 
     The kernels are compiled in parallel by all processors. A kernel that does not depend on the
-    laws takes as long as a kernel with one law.
+    laws is compiled as fast as a kernel with a single law.
     """
     durations = [
         _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]

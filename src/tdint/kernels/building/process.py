@@ -312,7 +312,7 @@ class _ProcessPool:
         """Compile the waiting kernels with one process at a time, until no kernel is left.
 
         Each thread of `run_all` calls this function. A kernel with other settings requires a new
-        process. After an error the function ends; the error is put into the queue `done`.
+        process. After an error the function ends; the error is added to the queue `done`.
         """
         process, compilation = None, None
         while compilation := self._next(compilation):
@@ -335,7 +335,8 @@ class _ProcessPool:
             self._end(process)
 
     def _next(self, previous: Compilation | None) -> Compilation | None:
-        """Return the next compilation, the longest of the suitable ones; None if none is waiting.
+        """Return the next compilation, the longest of the suitable ones; None if the list of
+        waiting compilations is empty.
 
         A compilation of the same module as the last compilation is preferred, then a compilation
         with the same settings and of a module that no other process is compiling.
@@ -343,7 +344,7 @@ class _ProcessPool:
         with self._lock:
             if previous:
                 self._modules_in_progress.remove(previous.module)
-            # `_waiting` and the lists selected from it are sorted from the longest to the shortest.
+            # `_waiting` and the selected lists are sorted from the longest to the shortest.
             same_settings = [
                 waiting
                 for waiting in self._waiting

@@ -102,7 +102,7 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
         files[name] = file
         imports = _read(file)[1] if name.startswith("tdint.") else _imported(file, name)
         for imported in imports:
-            # The package of the laws imports all laws; those that are not needed are ignored.
+            # The package of the laws imports all laws; laws that are not needed are ignored.
             is_other_law = laws and name == _LAWS and imported.rpartition(".")[2] not in law_modules
             if not imported.startswith(_BUILDING) and not is_other_law:
                 queue.append(imported)

@@ -139,7 +139,7 @@ def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
 def _find_in(
     directory: Path, check: bool, name: str, variant: str, targets: tuple[Target, ...]
 ) -> tuple[Path, bytes, str] | None:
-    """Return path, code and function name of the object file of a kernel in one directory, or None.
+    """Return path, code and function name of the object file of a kernel in a directory, or None.
 
     Parameters
     ----------

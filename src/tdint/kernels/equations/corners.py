@@ -42,10 +42,9 @@ def _story_value(linear_terms, scratch, row, i):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     row : int
         Row of the table.
     i : int
@@ -61,12 +60,11 @@ def _story_path(linear_terms, law_state, scratch, i):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     i : int
         Index of the story.
     """
@@ -85,7 +83,7 @@ def _skip_branch(law_state, i, block, segment, results):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -181,8 +179,7 @@ def _find_corners(law_parameters, law_state, i, complete, no_reversal, corners):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     complete : PathSegment
@@ -338,7 +335,7 @@ def _store_accelerations(scene, h, load, scratch, k):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     k : int
         Index of the node.
     """
@@ -383,8 +380,8 @@ def _integrate_accelerations(h, load, memory, i, count):
     Between two corners the acceleration is the parabola through three nodes: both corners and their
     midpoint. Integrated once and twice, it gives the velocities (times h) and the displacements,
     both relative to the start of the step and in m. Displacement and velocity at the end then
-    differ slightly from those of the step. Therefore, a linear function of time is added to the
-    acceleration.
+    differ slightly from the results of the step. Therefore, a linear function of time is added to
+    the acceleration.
 
     Parameters
     ----------
@@ -450,7 +447,7 @@ def _relative_acceleration(h, load, scratch, k, i, n):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     k, i, n : int
         Node, floor and number of floors.
     """
@@ -476,7 +473,7 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     scratch : ndarray
         Scratch array with the peaks.
     i : int
@@ -559,7 +556,7 @@ def update_peaks_at_corners(scene, h, load, memory):
     state at its end is committed.
 
     In most steps no story leaves its branch. The last column of row LEAVES_BRANCH is then 0, and
-    nothing is done.
+    the function returns.
 
     Parameters
     ----------

@@ -374,7 +374,7 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
         Masses, dampers and geometric stiffnesses of the building; rows w of the modal damping
         matrix C = sum of w w^T.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     n : int
         Number of floors.
     """
@@ -791,8 +791,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     i : int
         Index of the story.
     h : float
@@ -870,7 +869,7 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     factors : int
         First scratch row of the factorization.
     """

@@ -92,7 +92,7 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     n = linear_terms.shape[1] - 1
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
-        # Net force and net impulse on the floor: of the story below minus those of the story above
+        # Net force and net impulse on the floor: difference between the stories below and above
         force = scratch[FORCE_1, i] - link * scratch[FORCE_1, i + 1]
         scratch[A1, i] = (
             scratch[LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * scratch[V1, i] - force
@@ -134,8 +134,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     beta : float
         Coefficient of the kinematic equation.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
         Length of the step, s.
     state : ndarray
@@ -178,7 +177,7 @@ def correct(beta, modal, h, factors, n):
     beta : float
         Coefficient of the kinematic equation.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     h : float
         Length of the step, s.
     factors : Factors

@@ -55,7 +55,7 @@ def squared_norm(linear_terms, scratch, row, n):
     linear_terms : ndarray
         Linear terms of the building; row INVERSE_MASS is used, 1/kg.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     row : int
         Row of the residuals in `scratch`.
     n : int
@@ -95,7 +95,7 @@ def copy_rows(scratch, source, target, row_count, n):
     Parameters
     ----------
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     source, target : int
         First row of the source and of the target.
     row_count : int
@@ -119,7 +119,7 @@ def add_rows(factor, scratch, source, target, row_count, n):
     factor : float
         Factor of the source rows, of either sign.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     source, target : int
         First row of the source and of the target.
     row_count : int

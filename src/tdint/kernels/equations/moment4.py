@@ -402,7 +402,7 @@ def _has_no_reversal(coefficients, scene, h, memory, i):
     """
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory
-    # Values of the story are those of floor `i` minus those of the floor below. For a story on the
+    # Values of the story are differences between floor `i` and the floor below. For a story on the
     # ground there is only floor `i`. All rates are multiplied by h.
     rise = first_rate = last_rate = 0.0
     floor_count = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
@@ -473,10 +473,9 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     h : float
         Length of the step, s.
     state : ndarray
@@ -535,15 +534,14 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
         Length of the step, s.
     state : ndarray
         Displacement (m), velocity (m/s) and acceleration (m/s^2) of each floor at the start of the
         step.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
@@ -639,16 +637,15 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     coefficients : ndarray
         Coefficients of the method.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     law_parameters : ndarray
-        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
+        Parameters of the hysteretic laws: one row per parameter, one column per story.
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     """
     n = linear_terms.shape[1] - 1
     h_squared = h * h
@@ -696,7 +693,7 @@ def solve(modal, h, scratch, x, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     h : float
         Length of the step, s.
     scratch : ndarray
@@ -752,7 +749,7 @@ def update_state(coefficients, scene, h, memory):
         state[rows.DISPLACEMENT, i] += rise
         state[rows.VELOCITY, i] += inverse_h * a0
         state[rows.ACCELERATION, i] = inverse_h * inverse_h * (a0 + 0.5 * a1)
-        # From here on, rise and bend are those of the drift of story `i`.
+        # From here on, rise and bend describe the drift of story `i`.
         rise -= linear_terms[rows.LINK, i] * rise_below
         bend -= linear_terms[rows.LINK, i] * bend_below
         rise_below = scratch[ROW.RISE, i]
@@ -779,7 +776,7 @@ def _modal_work(modal, h, scratch, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     h : float
         Length of the step, s.
     scratch : ndarray
@@ -805,8 +802,7 @@ def _dashpot_work(linear_terms, scratch, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     scratch : ndarray
         Rows RISE, BEND (m) and DASHPOT (N) are used.
     n : int

@@ -85,7 +85,7 @@ def invalidate(scratch, factors, n):
     Parameters
     ----------
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     factors : int
         First row of the factorization.
     n : int
@@ -259,12 +259,11 @@ def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
         True if no further iteration is allowed. The largest residual is then stored in
         `step_status`.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
@@ -333,7 +332,7 @@ def _correct(fraction, row, effective, scratch, n):
     effective : EffectiveCoefficients
         Change of displacement, velocity and acceleration for a unit change of x.
     scratch : ndarray
-        Scratch array: one row for each quantity, one column for each floor or story.
+        Scratch array: one row per quantity, one column per floor or story.
     n : int
         Number of floors.
 

@@ -53,7 +53,7 @@ class ModalBlocks(NamedTuple):
     Attributes
     ----------
     modal : ndarray
-        W, one row for each damped mode.
+        W, one row per damped mode.
     xx, xy, yx, yy : float
         Coefficients.
     """
@@ -152,7 +152,7 @@ def factor_damped(factors, modal, scale, n):
         They receive the factorization. The rows from `store` on receive the terms of the Woodbury
         formula (`_store_woodbury`).
     modal : ndarray
-        W, one row for each damped mode.
+        W, one row per damped mode.
     scale : float
         Factor of the modal damping matrix.
     n : int
@@ -179,7 +179,7 @@ def _store_woodbury(factors, modal, scale, n):
     factors : Factors
         Scratch array, factorization of T, and row number `store`.
     modal : ndarray
-        W, one row for each damped mode.
+        W, one row per damped mode.
     scale : float
         Factor of the modal damping matrix.
     n : int
@@ -214,7 +214,7 @@ def solve_damped(factors, modal, x, n):
     factors : Factors
         Factorization.
     modal : ndarray
-        W, one row for each damped mode.
+        W, one row per damped mode.
     x : int
         Row of the right side in the same table; it receives the solution.
     n : int
@@ -238,7 +238,7 @@ def _apply_woodbury(scratch, modal, store, x, n):
     scratch : ndarray
         Scratch array with T^-1 W^T and the matrix in brackets (`_store_woodbury`).
     modal : ndarray
-        W, one row for each damped mode.
+        W, one row per damped mode.
     store : int
         First row of T^-1 W^T; the matrix in brackets and one temporary row follow.
     x : int
@@ -272,8 +272,7 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     law_state : ndarray
         Table with the tangent stiffness of each story.
     row : int
@@ -308,10 +307,9 @@ def factor_combination(linear_terms, modal, law_state, row, combination, factors
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     law_state : ndarray
         Table with the tangent stiffness of each story.
     row : int
@@ -338,8 +336,7 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     factors : Factors
         The first four rows from `coupling` on contain the 2 x 2 block of each story (restoring
         force and dampers), entry by entry. The four rows from `pivot` on receive the diagonal
@@ -515,8 +512,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     law_state : ndarray
         Row SLOPE of the committed states is used.
     root : tuple of float

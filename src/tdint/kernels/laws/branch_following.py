@@ -27,8 +27,7 @@ def no_operation(law_parameters, law_state, i, block, step, mean_force):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -68,7 +67,7 @@ def extra_rows(law_state, block):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     block : int
         First row of the block of `law_state` that contains the state.
     """
@@ -86,7 +85,7 @@ def copy_extra_rows(law_state, i, previous, trial):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -138,7 +137,7 @@ def fail(law_state, i, block, failed):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -216,8 +215,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int
@@ -263,8 +262,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int
@@ -309,8 +308,8 @@ def advancing(move: Any) -> Any:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -362,8 +361,8 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int
@@ -424,8 +423,8 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int

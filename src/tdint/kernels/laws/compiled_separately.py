@@ -58,8 +58,8 @@ if COMPILES:
         hook : int
             Number of the function, see `_all_hooks`.
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int
@@ -85,8 +85,8 @@ else:
         hook : int
             Number of the function, see `_all_hooks`.
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int
@@ -110,8 +110,7 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -151,8 +150,7 @@ def _keep(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -176,8 +174,7 @@ def _switch(law_parameters, law_state, i, block, event):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -227,8 +224,7 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
     hook : int
         Number of the function.
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for
-        each story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous, trial : int

@@ -31,8 +31,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int
@@ -73,8 +73,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -111,8 +111,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int

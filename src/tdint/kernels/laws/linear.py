@@ -20,8 +20,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         previous : int

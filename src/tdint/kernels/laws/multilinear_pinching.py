@@ -91,8 +91,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the hysteretic laws: one row for each parameter, one column for each
-            story.
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
         i : int
             Index of the story.
         side : float
@@ -109,8 +108,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the hysteretic laws: one row for each parameter, one column for each
-            story.
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
         i : int
             Index of the story.
         side : float
@@ -131,8 +129,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the hysteretic laws: one row for each parameter, one column for each
-            story.
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
         i : int
             Index of the story.
         side : float
@@ -162,8 +159,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the hysteretic laws: one row for each parameter, one column for each
-            story.
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
         i : int
             Index of the story.
         side : float
@@ -214,8 +210,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the hysteretic laws: one row for each parameter, one column for each
-            story.
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
         i : int
             Index of the story.
         row : int
@@ -245,8 +240,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -275,8 +270,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -383,8 +378,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the hysteretic laws: one row for each parameter, one column for each
-            story.
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
         i : int
             Index of the story.
         side : float
@@ -429,8 +423,7 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters : ndarray
-            Parameters of the hysteretic laws: one row for each parameter, one column for each
-            story.
+            Parameters of the hysteretic laws: one row per parameter, one column per story.
         i : int
             Index of the story.
         side : float
@@ -465,7 +458,7 @@ def _functions() -> LawFunctions:
         )
         unloading_drift = start_drift + (unloading_force - start_force) / unloading_stiffness
         if unloading_drift < start_drift:
-            # Unloading would go backwards: it ends in the middle of the way to the pinched point.
+            # Unloading would lead backwards: it ends midway to the pinched point.
             unloading_drift = 0.5 * (start_drift + pinched_drift)
             unloading_force = 0.5 * (start_force + pinched_force)
         elif (
@@ -475,7 +468,7 @@ def _functions() -> LawFunctions:
         ) or (pinched_drift == unloading_drift and pinched_force > unloading_force):
             return end_drift, end_force, end_drift, end_force, end_drift, end_force
         elif pinched_drift < unloading_drift or pinched_force < unloading_force:
-            # The pinched part would go backwards or fall.
+            # The pinched part would lead backwards or fall.
             if unloading_drift > 0.0:
                 unloading_drift = 0.5 * (start_drift + pinched_drift)
                 unloading_force = 0.5 * (start_force + pinched_force)
@@ -508,8 +501,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -544,8 +537,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -595,8 +588,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -626,8 +619,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -672,8 +665,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -819,7 +812,7 @@ def _functions() -> LawFunctions:
 def _slopes(side: Sequence[float]) -> list[float]:
     """Return the slopes of the four lines of the backbone curve of one side, N/m.
 
-    `side` contains drift and force of the four points, one after the other.
+    `side` contains drift and force of each of the four points in succession.
     """
     points = [(0.0, 0.0), *zip(side[::2], side[1::2], strict=True)]
     return [

@@ -52,8 +52,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int
@@ -84,7 +84,7 @@ def _functions() -> LawFunctions:
     def strain_energy(law_parameters, law_state, i):
         """Return the stored energy, J: F^2 / (2 ku), which unloading to zero force releases.
 
-        The unloading stiffness ku is that of the side of the force F.
+        The unloading stiffness ku belongs to the side of the force F.
         """
         force = law_state[rows.FORCE, i]
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, force)
@@ -114,8 +114,8 @@ def _functions() -> LawFunctions:
         Parameters
         ----------
         law_parameters, law_state : ndarray
-            Parameters and states of the hysteretic laws: one row for each quantity, one column for
-            each story.
+            Parameters and states of the hysteretic laws: one row per quantity, one column per
+            story.
         i : int
             Index of the story.
         block : int

@@ -123,14 +123,15 @@ def select_function(
     if not COMPILES:
 
         def call(law_parameters, law_state, i, *arguments):
-            """Call the function of the law of story `i`, or `otherwise` if the law has none."""
+            """Call the function of the law of story `i`, or `otherwise` if the law has no such
+            function."""
             functions = _functions(LAWS[int(law_parameters[rows.CODE, i])])
             function = getattr(functions, hook) or otherwise
             return function(law_parameters, law_state, i, *arguments)
 
         return call
     order = _selection_order()
-    # Pairs of the number of a law and its function. _SEPARATE is below _FREQUENT, too.
+    # Pairs of the number of a law and its function. _SEPARATE is also below _FREQUENT.
     implementations = []
     for code in order:
         functions = SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code])

@@ -277,8 +277,8 @@ def _search(oscillator, maxima, ground_maxima):
     oscillator : _TableOscillator
         Oscillator; `best` is updated.
     maxima : ndarray
-        Maximum displacement, velocity and acceleration at the steps of each interval (one row for
-        each interval).
+        Maximum displacement, velocity and acceleration at the steps of each interval (one row per
+        interval).
     ground_maxima : ndarray
         Maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in each interval.
     """

@@ -80,11 +80,11 @@ class _Steps(NamedTuple):
     Attributes
     ----------
     q, rate : ndarray
-        Modal coordinates and their rates; one column for each mode.
+        Modal coordinates and their rates; one column per mode.
     motion : ndarray
         Ground acceleration at the steps, m/s^2.
     drift : ndarray
-        Drift ratios; one column for each story, and a last column for the roof.
+        Drift ratios; one column per story, and a last column for the roof.
     rows : int
         Number of steps.
     """
@@ -302,7 +302,7 @@ def _maximum_after(sums, steps, row, c, size):
     """Return the maximum absolute drift ratio of column `c` between step `row` and the next step.
 
     If the rate changes its sign between both steps, its zero is located by regula falsi
-    (`narrow_bracket`). All values computed on the way are considered.
+    (`narrow_bracket`). All values of the iteration are considered.
 
     Parameters
     ----------

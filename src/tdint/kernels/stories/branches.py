@@ -45,8 +45,7 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -70,8 +69,7 @@ def _keep_branch_after(law_parameters, law_state, i, block, event):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -113,8 +111,7 @@ def switch(law_parameters, law_state, i, block, event):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -140,8 +137,7 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     h : float
         Length of the step, s.
     state : ndarray
@@ -149,7 +145,7 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     law_state : ndarray
         Committed states of the laws at the start of the step.
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     u1, v1 : int
         Rows of `scratch` with displacements (m) and velocities (m/s) at the end of the step.
     ignored : int

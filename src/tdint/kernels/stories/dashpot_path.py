@@ -35,7 +35,7 @@ class _DashpotPath(NamedTuple):
     h : float
         Length of the step, s.
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     story_rows : int
         First row of the integrals and tangents of the story.
     dashpot_rows : int
@@ -77,7 +77,8 @@ def split_at_zero_rate(integrate_part):
         first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend
         last_rate = dashpot_path.rise + 0.5 * dashpot_path.bend
         if first_rate * last_rate < 0.0:
-            # The rate is zero at s_zero. Both parts start there, at their smaller absolute rate.
+            # The rate is zero at s_zero. Both parts start at this point, with their smaller
+            # absolute rate.
             s_zero = -dashpot_path.rise / dashpot_path.bend
             integrate_part(linear_terms, i, dashpot_path, s_zero, -0.5)
             integrate_part(linear_terms, i, dashpot_path, s_zero, 0.5)
@@ -96,8 +97,7 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     i : int
         Index of the story.
     dashpot_path : _DashpotPath
@@ -131,8 +131,7 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     i : int
         Index of the story.
     dashpot_path : _DashpotPath
@@ -181,8 +180,7 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     i : int
         Index of the story.
     h : float
@@ -190,7 +188,7 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
     rise, bend : float
         Coefficients of the parabola, m (see `tdint.kernels.stories.path`).
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     story_rows : int
         First row of the integrals of the story. The integrals and tangents of the dashpot are
         added.

@@ -44,8 +44,7 @@ def _copy_dissipation(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -63,8 +62,7 @@ def _no_rows(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -89,8 +87,7 @@ def strain_energy(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
 
@@ -109,8 +106,7 @@ def hysteretic_energy(law_parameters, law_state, i):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
 
@@ -130,8 +126,7 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -149,8 +144,7 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -177,8 +171,7 @@ def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drif
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -204,8 +197,7 @@ def commit(law_parameters, law_state, i, previous, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -227,8 +219,7 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     trial : int
@@ -247,13 +238,12 @@ def resume(law_parameters, law_state, i):
     failed) commits drift and force, but not the rows of the branch: stiffness, limits and
     direction. The step must therefore call this function at its end, before another step follows
     the branches. For laws that store their branch in every state, the branch is already correct and
-    nothing is done.
+    is not changed.
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     """
@@ -269,8 +259,7 @@ def start(law_parameters, law_state, i, drift):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     drift : float
@@ -303,7 +292,7 @@ def follow(law_parameters, i, drifts, law_state, result):
     Parameters
     ----------
     law_parameters : ndarray
-        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
+        Parameters of the hysteretic laws: one row per parameter, one column per story.
     i : int
         Index of the story.
     drifts : ndarray
@@ -311,7 +300,7 @@ def follow(law_parameters, i, drifts, law_state, result):
     law_state : ndarray
         States of the laws; receives the state at the end of the path.
     result : ndarray, shape (drifts, RESULT_COLUMNS)
-        Result, one row for each drift.
+        Result, one row per drift.
 
     Returns
     -------

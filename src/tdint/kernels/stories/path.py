@@ -110,8 +110,7 @@ def _default_points(law_parameters, law_state, i, drift_change):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     drift_change : float
@@ -130,8 +129,7 @@ def required_points(law_parameters, law_state, i, drift_change):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     drift_change : float
@@ -147,8 +145,7 @@ def _no_sharp_bend(law_parameters, law_state, i, block, side):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -171,7 +168,7 @@ def remains_on_branch(law_state, i, rise, bend):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     rise, bend : float
@@ -238,7 +235,7 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     tolerance = _RATE_ROUNDING * (abs(rise) + abs(last_rate))
     if abs(first_rate) <= tolerance and abs(initial_slope) <= tolerance and rise * last_rate > 0.0:
         # Initial rate and slope are zero, and the story moves in one direction. Upper stories of a
-        # building at rest start in this way: their rate is proportional to the third or a higher
+        # building at rest start so: their rate is proportional to the third or a higher
         # power of time, which the cubic does not represent.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
     rate_change = last_rate - first_rate - initial_slope
@@ -356,13 +353,13 @@ def integrate_on_branch(law_state, i, rise, bend, scratch, out):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     rise, bend : float
         Coefficients of the parabola, m.
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     out : int
         First row of the results.
     """
@@ -386,8 +383,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     rise, bend : float
@@ -397,7 +393,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
         does not change to an unloading branch. The force on each branch is nevertheless the force
         at the drift of the parabola.
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     out : int
         First row of the results.
     """
@@ -427,8 +423,7 @@ def commit_path_end(law_parameters, law_state, i, rise):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     rise : float
@@ -474,7 +469,7 @@ def copy(law_state, i, source, target):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     source : int
@@ -674,7 +669,7 @@ def _add_on_branch(law_state, i, block, segment, results):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -722,8 +717,7 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     block : int
@@ -750,8 +744,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     story_path : PathSegment
@@ -875,8 +868,7 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     previous : int
@@ -949,8 +941,7 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
     Parameters
     ----------
     law_parameters, law_state : ndarray
-        Parameters and states of the hysteretic laws: one row for each quantity, one column for each
-        story.
+        Parameters and states of the hysteretic laws: one row per quantity, one column per story.
     i : int
         Index of the story.
     story_path : PathSegment

@@ -221,7 +221,7 @@ def observe(scene, span, slope, memory, seen):
             _PowerValues(power, rate, momentum, viscous_power, 2.0 * viscous_rate),
             totals,
         )
-    elif span.h > 0.0:  # the step has computed the work itself
+    elif span.h > 0.0:  # the kernel of the step has computed the work
         totals[rows.ENERGY_INPUT] += memory.step_status[rows.WORK_INPUT]
         totals[rows.ENERGY_VISCOUS] += memory.step_status[rows.WORK_VISCOUS]
     totals[rows.ENERGY_REFERENCE] = max(
@@ -246,8 +246,7 @@ def _observe_dashpots(span, linear_terms, state, seen):
     span : Span
         Observed time step or substep.
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     state : ndarray
         State of the method.
     seen : Seen
@@ -314,7 +313,7 @@ def _update_peaks(ground, state, law_state, seen):
     state : ndarray
         State of the method.
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     seen : Seen
         Arrays of the observer.
     """
@@ -337,9 +336,9 @@ def _additional_powers(modal, forces, t, state, observer_state, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
@@ -389,9 +388,9 @@ def _change_per_acceleration(modal, forces, t, state, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
@@ -480,7 +479,7 @@ def _merge_step_peaks(first, scratch, peaks, n):
     first : int
         First scratch row of the peaks.
     scratch : ndarray
-        Scratch array of the step: one row for each quantity, one column for each floor or story.
+        Scratch array of the step: one row per quantity, one column per floor or story.
     peaks : ndarray
         Peaks of the run.
     n : int
@@ -571,9 +570,9 @@ def _store_additional_forces(modal, forces, t, state, observer_state, n):
     Parameters
     ----------
     modal : ndarray
-        Rows w of the modal damping matrix C = sum of w w^T: one row for each damped mode.
+        Rows w of the modal damping matrix C = sum of w w^T: one row per damped mode.
     forces : ndarray
-        Harmonic forces on floors: one row for each force, with the columns FLOOR, COSINE, SINE and
+        Harmonic forces on floors: one row per force, with the columns FLOOR, COSINE, SINE and
         OMEGA.
     t : float
         Time, s.
@@ -721,7 +720,7 @@ def record_collapse(law_state, steps, seen):
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     steps : int
         Number of complete steps.
     seen : Seen
@@ -824,14 +823,13 @@ def initialize_laws(linear_terms, law_parameters, state, law_state):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     law_parameters : ndarray
-        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
+        Parameters of the hysteretic laws: one row per parameter, one column per story.
     state : ndarray
         State of the method with the initial displacements.
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
 
     Returns
     -------
@@ -857,14 +855,13 @@ def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     Parameters
     ----------
     linear_terms : ndarray
-        Masses, dampers and geometric stiffnesses: one row for each property, one column for each
-        floor.
+        Masses, dampers and geometric stiffnesses: one row per property, one column per floor.
     law_parameters : ndarray
-        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
+        Parameters of the hysteretic laws: one row per parameter, one column per story.
     state : ndarray
         State of the method.
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     totals : ndarray
         Totals of the run.
 
@@ -902,9 +899,9 @@ def update_shear_peaks(law_parameters, law_state, reversal_drifts, row, peaks):
     Parameters
     ----------
     law_parameters : ndarray
-        Parameters of the hysteretic laws: one row for each parameter, one column for each story.
+        Parameters of the hysteretic laws: one row per parameter, one column per story.
     law_state : ndarray
-        States of the hysteretic laws: one row for each quantity, one column for each story.
+        States of the hysteretic laws: one row per quantity, one column per story.
     reversal_drifts : ndarray
         Table with the drifts of the reversals.
     row : int
