@@ -270,9 +270,9 @@ def building_step(
     """Return the maximum time step (s) at which the estimated errors of the peak drifts of a
     building stay below a tolerance.
 
-    The errors are estimated for 4 to 8 of the runs (a quarter of them in between). The minimum of
-    their time steps is used for all runs of the building. None is returned if none of the tried
-    runs provides a time step.
+    The errors are estimated for a quarter of the runs, but for at least 4 and at most 8 runs. The
+    minimum of their time steps is used for all runs of the building. The result is None if no run
+    that was tried provides a time step.
 
     Parameters
     ----------

@@ -366,13 +366,13 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
         assert fitted.target.zero is not None
         peaks = fitted.factors * suite_peaks(fitted.motions, fitted.pair)
         peak_factor = fitted.target.zero / float(np.mean(peaks))
-    average, period = _minimum_average(fitted)
-    common_factor = max(1.0, peak_factor, MIN_AVERAGE_RATIO / average)
+    minimum_ratio, period = _minimum_average(fitted)
+    common_factor = max(1.0, peak_factor, MIN_AVERAGE_RATIO / minimum_ratio)
     return replace(
         fitted,
         factors=common_factor * fitted.factors,
         rule=rule,
-        least=(common_factor * average, period),
+        least=(common_factor * minimum_ratio, period),
     )
 
 

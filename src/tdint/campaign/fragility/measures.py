@@ -383,6 +383,7 @@ class RunIntensities:
             sorted(settings["levels"], key=abs) if _has_levels_of(settings, measure) else []
         )
         self.unit = measure.unit
+        # Attribute of `BuildingDamage` with the intensities, if the store contains them.
         column = {"sa_t1": "sa", "pga": "pga"}.get(measure.column)
         self._stored_name = None if self._levels else column
         self._rows: Iterator[tuple[int, list[str]]] = iter(())
