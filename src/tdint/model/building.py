@@ -40,7 +40,7 @@ from tdint.number_parsing import abbreviate
 from tdint.system import memory
 from tdint.units import STANDARD_GRAVITY
 
-_TURNS = 5  # iterations towards the fastest mode
+_BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Building.fastest`)
 _MAX_NAMED = 5  # maximum number of stories named in a message
 _POSITIVE = 1e-9  # replaces zero ordinates of a mode; its largest ordinate is 1
 
@@ -114,15 +114,21 @@ class Building:
         return self.power_damped or bool(np.any(self.linear_terms[rows.DASHPOT, ..., :-1] != 0.0))
 
     def device_force(self, rate: Array) -> Array:
-        """Return the dashpot forces (N) of the stories at drift rates (m/s), shape (..., n)."""
+        """Return the dashpot forces (N) of the stories at drift rates (m/s), shape (..., n).
+
+        The force at the drift rate v is (c + c_p (v^2 + v_0^2)^p) v with the rows DASHPOT (c),
+        POWER_DAMPER (c_p), THRESHOLD (v_0^2) and POWER (p) of the linear terms.
+        """
         if not self.damped_by_devices:
             return np.zeros_like(rate)
-        secant = self.linear_terms[rows.DASHPOT, ..., :-1] * np.ones_like(rate)
-        size = rate**2 + self.linear_terms[rows.THRESHOLD, ..., :-1]
-        power = self.linear_terms[rows.POWER, ..., :-1] * np.ones_like(rate)
-        moving = (size > 0.0) & (self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0)
-        grown = np.power(size, power, out=np.zeros_like(size), where=moving)
-        return np.asarray((secant + self.linear_terms[rows.POWER_DAMPER, ..., :-1] * grown) * rate)
+        linear = self.linear_terms[rows.DASHPOT, ..., :-1] * np.ones_like(rate)
+        squared_rate = rate**2 + self.linear_terms[rows.THRESHOLD, ..., :-1]
+        exponent = self.linear_terms[rows.POWER, ..., :-1] * np.ones_like(rate)
+        # The exponent may be negative, for which the power of zero is infinite. The force of a
+        # story at rest is zero.
+        is_moving = (squared_rate > 0.0) & (self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0)
+        power = np.power(squared_rate, exponent, out=np.zeros_like(squared_rate), where=is_moving)
+        return np.asarray((linear + self.linear_terms[rows.POWER_DAMPER, ..., :-1] * power) * rate)
 
     @cached_property
     def _law_codes(self) -> set[float]:
@@ -148,20 +154,25 @@ class Building:
         frequencies. For any positive x the largest eigenvalue is at most the largest
         (M^-1 K x) / x (Collatz 1942), and the bound becomes closer as x approaches the mode.
         """
-        return float(_fastest(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass))
+        return float(
+            _frequency_bound(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass)
+        )
 
     def is_faster_than(self, limit: float, h: float) -> bool:
         """Return True if `fastest` times the time step h (s) exceeds a limit.
 
-        The bound of the first iteration, which only decreases, is sufficient for most buildings.
+        Further iterations only decrease the bound of the first iteration. If this first bound is
+        within the limit, as for most buildings, `fastest` need not be computed.
         """
-        return not self._first_bound * h <= limit and self.fastest * h > limit
+        if self._first_bound * h <= limit:
+            return False
+        return self.fastest * h > limit
 
     @cached_property
     def _first_bound(self) -> float:
-        """Result of the first iteration of `fastest`, rad/s."""
+        """Upper bound of the circular frequencies after the first iteration of `fastest`, rad/s."""
         link = self.linear_terms[rows.LINK]
-        return float(_fastest(self.initial_stiffness, link, self.mass, 1))
+        return float(_frequency_bound(self.initial_stiffness, link, self.mass, 1))
 
     def stiffness_matrix(self) -> Array:
         """Return the initial stiffness matrix, N/m, shape (n, n)."""
@@ -193,14 +204,19 @@ class Building:
 
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
-        """Result of `first_mode`."""
+        """Circular frequency (rad/s) and damping ratio phi^T C phi / (2 omega) of the first mode,
+        whose shape phi has the modal mass 1.
+
+        The damping matrix C consists of dampers in the stories, dampers from the floors to the
+        ground, and the modal damping.
+        """
         omega, shape = self.vibration.first
         drift = np.diff(shape, prepend=0.0)
-        work = np.sum(self.linear_terms[rows.STORY_DAMPER, :-1] * drift**2) + np.sum(
+        modal_damping = np.sum(self.linear_terms[rows.STORY_DAMPER, :-1] * drift**2) + np.sum(
             self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2
         )
-        work += np.sum((self.modal[:, :-1] @ shape) ** 2)
-        return omega, float(work / (2.0 * omega))
+        modal_damping += np.sum((self.modal[:, :-1] @ shape) ** 2)
+        return omega, float(modal_damping / (2.0 * omega))
 
     def modes(self) -> Modes:
         """Return the undamped modes of the initial stiffness; they are computed at the first
@@ -208,9 +224,15 @@ class Building:
         return self.vibration.modes
 
 
-def _fastest(stiffness: Array, link: Array, mass: Array, turns: int = _TURNS) -> Array:
-    """Return `Building.fastest` of one or more buildings, shape (..., n); `link` has an additional
-    column.
+def _frequency_bound(
+    stiffness: Array, link: Array, mass: Array, iterations: int = _BOUND_ITERATIONS
+) -> Array:
+    """Return an upper bound of the circular frequencies of one or more buildings, rad/s, shape
+    (...).
+
+    The matrix M^-1 K with positive signs throughout is multiplied repeatedly with a positive
+    vector x (power iteration). In each iteration, the maximum of (M^-1 K x) / x over the floors is
+    an upper bound of the squared frequencies (Collatz 1942).
 
     Parameters
     ----------
@@ -221,20 +243,21 @@ def _fastest(stiffness: Array, link: Array, mass: Array, turns: int = _TURNS) ->
         element.
     mass : array, shape (..., n)
         Mass of each floor, kg.
-    turns : int
-        Number of iterations.
+    iterations : int
+        Number of iterations of the power iteration.
     """
+    # The last column is the story above the roof, which has no stiffness.
     springs = np.concatenate([np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1)
     below, above = link[:-1] * springs[..., :-1], link[1:] * springs[..., 1:]
     shape = np.ones(stiffness.shape)
     bound = np.full(stiffness.shape[:-1], math.inf)
-    for _ in range(turns):
-        turned = (springs[..., :-1] + above) * shape
-        turned[..., 1:] += below[..., 1:] * shape[..., :-1]
-        turned[..., :-1] += above[..., :-1] * shape[..., 1:]
-        turned /= mass
-        bound = np.minimum(bound, np.max(turned / shape, axis=-1))
-        shape = turned / np.max(turned, axis=-1, keepdims=True) + _POSITIVE
+    for _ in range(iterations):
+        product = (springs[..., :-1] + above) * shape
+        product[..., 1:] += below[..., 1:] * shape[..., :-1]
+        product[..., :-1] += above[..., :-1] * shape[..., 1:]
+        product /= mass
+        bound = np.minimum(bound, np.max(product / shape, axis=-1))
+        shape = product / np.max(product, axis=-1, keepdims=True) + _POSITIVE
     return np.asarray(np.sqrt(bound))
 
 
@@ -257,7 +280,7 @@ def assemble(model: Model) -> Building:
     """
     stories = model.stories
     n = len(stories)
-    # The last column belongs to a fictitious story above the roof and remains zero.
+    # The last column is a fictitious story above the roof and remains zero.
     linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
     linear_terms[rows.MASS, :n] = [story.mass for story in stories]
     linear_terms[rows.INVERSE_MASS, :n] = 1.0 / linear_terms[rows.MASS, :n]
@@ -265,13 +288,14 @@ def assemble(model: Model) -> Building:
         story.dashpot for story in stories
     ]
     for i, story in enumerate(stories):
-        # Dashpot force c v (v^2 + v0^2)^POWER with the drift rate v: the power applies to a squared
-        # rate, which is never negative, so POWER is half of the exponent minus 1.
+        # Dashpot force = c v (v^2 + v0^2)^POWER with the drift rate v: POWER = (exponent - 1) / 2.
+        # The base is a squared rate and never negative.
         if (dashpot := story.power_dashpot) is not None:
             linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
             linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
             linear_terms[rows.THRESHOLD, i] = dashpot.linear_below**2
-    # The first story is on the ground: its force acts on no floor below.
+    # The link of the first story remains 0: it is on the ground, so its force acts on no floor
+    # below.
     linear_terms[rows.LINK, 1:n] = 1.0
     heights = np.array(
         [math.nan if story.drift_height is None else story.drift_height for story in stories]
@@ -283,12 +307,13 @@ def assemble(model: Model) -> Building:
     law_parameters = np.zeros((rows.FIRST_PARAMETER + table_rows, n + 1))
     yield_drift = np.empty(n)
     for i, story in enumerate(stories):
-        values = story.law.parameters
+        parameters = story.law.parameters
         law = LAWS[story.law.name]
         law_parameters[rows.CODE, i] = CODES[story.law.name]
         law_parameters[rows.STIFFNESS, i] = story.stiffness
-        law_parameters[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + len(values), i] = values
-        yield_drift[i] = law.yield_drift(story.stiffness, values)
+        end = rows.FIRST_PARAMETER + len(parameters)
+        law_parameters[rows.FIRST_PARAMETER : end, i] = parameters
+        yield_drift[i] = law.yield_drift(story.stiffness, parameters)
     # The vibration includes P-delta, which reduces the stiffness.
     vibration = FreeVibration(
         linear_terms[rows.MASS, :n],
@@ -336,10 +361,11 @@ class DrawnBuildings:
         stiffness = (
             self.law_parameters[:, rows.STIFFNESS, :-1] + self.linear_terms[:, rows.GEOMETRIC, :-1]
         )
-        return _fastest(stiffness, self.base.linear_terms[rows.LINK], self.mass)
+        return _frequency_bound(stiffness, self.base.linear_terms[rows.LINK], self.mass)
 
     def of_runs(self, draws: Sequence[int]) -> Building:
-        """Return the building arrays of runs, selected by the sample of each run.
+        """Return the building arrays of several runs; `draws` contains the index of the sample of
+        each run.
 
         The shape of the linear terms and law parameters is (rows, runs, n + 1); heights and yield
         drifts have the shape (runs, n).
@@ -355,8 +381,8 @@ class DrawnBuildings:
     @property
     def with_devices(self) -> NDArray[np.bool_]:
         """`Building.damped_by_devices` of each sample, shape (draws,)."""
-        both = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER], :-1]
-        return np.asarray(np.any(both != 0.0, axis=(1, 2)))
+        coefficients = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER], :-1]
+        return np.asarray(np.any(coefficients != 0.0, axis=(1, 2)))
 
 
 def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) -> DrawnBuildings:
@@ -380,95 +406,121 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         P-delta exceeds the stiffness of a story.
     """
     draws, n = len(next(iter(values.values()))), base.stories
-    # Store the changed numbers by story and column; all other columns are those of the base.
-    numbers = [list(story_numbers(story)) for story in model.stories]
-    drawn: dict[tuple[int, int], Array] = {}
-    set_laws = set()
-    for name, given in values.items():
-        for change in changes_of(model, name):
-            place = change.story, change.column
-            before = drawn.get(place, numbers[change.story][change.column])
-            # nan marks samples that do not change the number.
-            drawn[place] = np.where(
-                np.isnan(given), before, before * given if change.factor else given
-            )
-            set_laws |= {change.story} if change.of_law else set()
-    # Some laws define the initial stiffness by their parameters: compute it again.
-    for i in set_laws:
-        if stiffness_of := LAWS[model.stories[i].law.name].initial_stiffness:
-            columns = [drawn.get((i, c), numbers[i][c]) for c in range(OF_LAW, len(numbers[i]))]
-            table_rows = np.stack([np.broadcast_to(column, draws) for column in columns], axis=1)
-            drawn[i, STIFFNESS] = np.array([stiffness_of(row) for row in table_rows.tolist()])
+    changed = _changed_numbers(model, values, draws)
 
     # Copy the tables of the base and insert the changed numbers.
     linear_terms = np.repeat(base.linear_terms[None], draws, axis=0)
     law_parameters = np.repeat(base.law_parameters[None], draws, axis=0)
     heights = np.repeat(base.heights[None], draws, axis=0)
     yield_drift = np.repeat(base.yield_drift[None], draws, axis=0)
-    for (i, column), row in drawn.items():
+    for (i, column), numbers in changed.items():
         if column >= OF_LAW:
-            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = row
+            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = numbers
         elif column == STIFFNESS:
-            law_parameters[:, rows.STIFFNESS, i] = row
+            law_parameters[:, rows.STIFFNESS, i] = numbers
         elif column == HEIGHT and not model.stories[i].isolator:
-            heights[:, i] = row
-        elif column in _TERMS:
-            linear_terms[:, _TERMS[column], i] = row
-        elif column == POWER.start + 1:
-            linear_terms[:, rows.POWER, i] = 0.5 * (row - 1.0)
-        elif column == POWER.start + 2:
-            linear_terms[:, rows.THRESHOLD, i] = [
-                speed**2 for speed in row.tolist()
-            ]  # the square of NumPy can differ in the last bit
+            heights[:, i] = numbers
+        elif column in _TABLE_ROW_OF_COLUMN:
+            linear_terms[:, _TABLE_ROW_OF_COLUMN[column], i] = numbers
+        elif column == POWER.start + 1:  # exponent of the power-law dashpot
+            linear_terms[:, rows.POWER, i] = 0.5 * (numbers - 1.0)
+        elif column == POWER.start + 2:  # drift rate below which the dashpot is linear
+            # Squared in Python as in `assemble`: the square of NumPy can differ in the last bit.
+            linear_terms[:, rows.THRESHOLD, i] = [rate**2 for rate in numbers.tolist()]
     linear_terms[:, rows.INVERSE_MASS, :n] = 1.0 / linear_terms[:, rows.MASS, :n]
     linear_terms[:, rows.STORY_DAMPER, :n] = linear_terms[:, rows.DASHPOT, :n]
     linear_terms[:, rows.FLOOR_DAMPER, :n] = 0.0
     if model.p_delta:
-        tall = [
-            np.broadcast_to(drawn.get((i, HEIGHT), numbers[i][HEIGHT]), draws) for i in range(n)
+        story_heights = [
+            np.broadcast_to(changed.get((i, HEIGHT), story_numbers(story)[HEIGHT]), draws)
+            for i, story in enumerate(model.stories)
         ]
-        weight = (
+        weight_above = (
             STANDARD_GRAVITY * np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
         )
-        linear_terms[:, rows.GEOMETRIC, :n] = -(weight / np.stack(tall, axis=1))
-    for i in {i for i, column in drawn if column == STIFFNESS or column >= OF_LAW}:
-        law, parameters = LAWS[model.stories[i].law.name], len(model.stories[i].law.parameters)
-        table_rows = law_parameters[
-            :, [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, rows.FIRST_PARAMETER + parameters)], i
-        ]
-        for d, (stiffness, *of_law) in enumerate(table_rows.tolist()):
-            if fault := law.fault(stiffness, of_law):
-                raise UsageError(
-                    f"{model.name}: invalid variation of story {i + 1}: {fault} (draw {d + 1})"
-                )
-            yield_drift[d, i] = law.yield_drift(stiffness, of_law)
+        linear_terms[:, rows.GEOMETRIC, :n] = -(weight_above / np.stack(story_heights, axis=1))
 
-    # Damping depends on masses and stiffnesses; if neither changes, the vibration of the base
-    # applies.
-    moved = any(
-        column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in drawn
+    # Verify the changed laws, and compute their yield drifts.
+    for i in {i for i, column in changed if column == STIFFNESS or column >= OF_LAW}:
+        law = LAWS[model.stories[i].law.name]
+        end = rows.FIRST_PARAMETER + len(model.stories[i].law.parameters)
+        table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
+        for draw, (stiffness, *parameters) in enumerate(law_parameters[:, table_rows, i].tolist()):
+            if fault := law.fault(stiffness, parameters):
+                raise UsageError(
+                    f"{model.name}: invalid variation of story {i + 1}: {fault} (draw {draw + 1})"
+                )
+            yield_drift[draw, i] = law.yield_drift(stiffness, parameters)
+
+    # If no sample changes a mass or a stiffness, all samples vibrate like the base.
+    is_vibration_changed = any(
+        column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in changed
     )
-    damped = [model.damping] * draws
-    if "damping" in values:
-        ratios = values["damping"].tolist()
-        damped = [
-            model.damping if math.isnan(ratio) else damped_by(model, ratio) for ratio in ratios
-        ]
+    ratios = values["damping"].tolist() if "damping" in values else [math.nan] * draws
+    # A nan keeps the damping of the model.
+    damped_models = [
+        model if math.isnan(ratio) else replace(model, damping=damped_by(model, ratio))
+        for ratio in ratios
+    ]
     modal, vibration = [], base.vibration
-    for d in range(draws):
-        if moved:
-            springs = law_parameters[d, rows.STIFFNESS, :n] + linear_terms[d, rows.GEOMETRIC, :n]
+    for draw, damped_model in enumerate(damped_models):
+        stiffness = law_parameters[draw, rows.STIFFNESS, :n]
+        if is_vibration_changed:
             vibration = FreeVibration(
-                linear_terms[d, rows.MASS, :n], springs, linear_terms[d, rows.LINK, :n]
+                linear_terms[draw, rows.MASS, :n],
+                stiffness + linear_terms[draw, rows.GEOMETRIC, :n],
+                linear_terms[draw, rows.LINK, :n],
             )
-        stiffness = law_parameters[d, rows.STIFFNESS, :n]
-        of_draw = replace(model, damping=damped[d]) if "damping" in values else model
-        modal.append(add_damping(linear_terms[d], stiffness, of_draw, vibration))
+        modal.append(add_damping(linear_terms[draw], stiffness, damped_model, vibration))
     return DrawnBuildings(base, linear_terms, law_parameters, modal, heights, yield_drift)
 
 
-_TERMS = {MASS: rows.MASS, DASHPOT: rows.DASHPOT, POWER.start: rows.POWER_DAMPER}
-"""Rows of the linear terms by column of the story numbers."""
+def _changed_numbers(
+    model: Model, values: Mapping[str, Array], draws: int
+) -> dict[tuple[int, int], Array]:
+    """Return the numbers of the stories that the samples change.
+
+    Parameters
+    ----------
+    model : Model
+        The model that is varied.
+    values : mapping of str to ndarray, shape (draws,)
+        Values of parameters by name; nan if a sample does not change the parameter.
+    draws : int
+        Number of samples.
+
+    Returns
+    -------
+    dict
+        Array of shape (draws,) for each changed number. The key is the index of the story and the
+        index of the number in `story_numbers`.
+    """
+    base_numbers = [list(story_numbers(story)) for story in model.stories]
+    changed: dict[tuple[int, int], Array] = {}
+    stories_with_set_law = set()
+    for name, samples in values.items():
+        for change in changes_of(model, name):
+            key = change.story, change.column
+            # Several parameters can change the same number, one after another.
+            current = changed.get(key, base_numbers[change.story][change.column])
+            new = current * samples if change.factor else samples
+            changed[key] = np.where(np.isnan(samples), current, new)
+            if change.of_law:
+                stories_with_set_law.add(change.story)
+    # Some laws define the initial stiffness by their parameters: compute it again.
+    for i in stories_with_set_law:
+        if stiffness_of := LAWS[model.stories[i].law.name].initial_stiffness:
+            columns = [
+                np.broadcast_to(changed.get((i, column), base_numbers[i][column]), draws)
+                for column in range(OF_LAW, len(base_numbers[i]))
+            ]
+            parameters_of_draws = np.stack(columns, axis=1).tolist()
+            changed[i, STIFFNESS] = np.array([stiffness_of(p) for p in parameters_of_draws])
+    return changed
+
+
+_TABLE_ROW_OF_COLUMN = {MASS: rows.MASS, DASHPOT: rows.DASHPOT, POWER.start: rows.POWER_DAMPER}
+"""Rows of the linear terms by the index of a number in `story_numbers`."""
 
 
 def weight_over_height(model: Model) -> Array:
@@ -484,35 +536,39 @@ def weight_over_height(model: Model) -> Array:
 
 
 def falling_stories(model: Model) -> tuple[str, ...]:
-    """Return the message on stories that P-delta makes unstable after yield.
+    """Return a message that lists the stories which P-delta makes unstable after yield; an empty
+    tuple if there are no such stories.
 
-    The weight over height of such a story exceeds the post-yield stiffness of its law.
+    P-delta reduces the stiffness of a story by the weight above it divided by its height. The
+    story is unstable if this value exceeds the post-yield stiffness of its law.
     """
     if not model.p_delta:
         return ()
-    # Story stiffnesses are easiest to read in MN/m.
-    unit, size = model.output_units.unit("N/m")
-    unit, size = ("MN/m", 1e6) if unit == "N/m" else (unit, size)
-    places = []
-    for i, (story, taken) in enumerate(
+    # Story stiffnesses in SI units are easiest to read in MN/m.
+    unit, unit_value = model.output_units.unit("N/m")
+    unit, unit_value = ("MN/m", 1e6) if unit == "N/m" else (unit, unit_value)
+    listed = []
+    for i, (story, reduction) in enumerate(
         zip(model.stories, weight_over_height(model), strict=True), start=1
     ):
-        left = stiffness_after_yield(story)
-        if taken > left:
-            places.append(f"story {i}: {taken / size:.4g} of {left / size:.4g}")
-    if not places:
+        after_yield = stiffness_after_yield(story)
+        if reduction > after_yield:
+            listed.append(
+                f"story {i}: {reduction / unit_value:.4g} of {after_yield / unit_value:.4g}"
+            )
+    if not listed:
         return ()
     return (
         "P-delta reduces the stiffness after yield below zero, so that a story that yields may "
         f"collapse; weight over height, and stiffness after yield, {unit}: "
-        f"{abbreviate(places, _MAX_NAMED)}",
+        f"{abbreviate(listed, _MAX_NAMED)}",
     )
 
 
 def stiffness_after_yield(story: Story) -> float:
     """Return the post-yield stiffness of a story before softening, N/m; infinite for a law that
     does not yield."""
-    rule = _AFTER_YIELD.get(story.law.name)
+    rule = _STIFFNESS_AFTER_YIELD.get(story.law.name)
     if rule is None:
         return math.inf
     names = [parameter.name for parameter in LAWS[story.law.name].parameters]
@@ -520,22 +576,24 @@ def stiffness_after_yield(story: Story) -> float:
 
 
 def _hardening(stiffness: float, law: Mapping[str, float]) -> float:
+    """Return the stiffness after yield of a law with the parameter `hardening`, N/m."""
     return law["hardening"] * stiffness
 
 
 def _to_ultimate(stiffness: float, law: Mapping[str, float]) -> float:
-    rise, way = (
-        law["ultimate_force"] - law["yield_force"],
-        law["ultimate_drift"] - law["yield_force"] / stiffness,
-    )
-    return rise / way if way > 0.0 else 0.0
+    """Return the stiffness from the yield point to the ultimate point, N/m; 0 if the ultimate drift
+    does not exceed the yield drift."""
+    force = law["ultimate_force"] - law["yield_force"]
+    drift = law["ultimate_drift"] - law["yield_force"] / stiffness
+    return force / drift if drift > 0.0 else 0.0
 
 
 def _to_capping(stiffness: float, law: Mapping[str, float]) -> float:
+    """Return the stiffness from the yield point to the capping point, N/m."""
     return (law["capping_ratio"] - 1.0) * law["yield_force"] / law["plastic_drift"]
 
 
-_AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
+_STIFFNESS_AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
     "bilinear": _hardening,
     "bouc-wen": _hardening,
     "peak-oriented": _hardening,
@@ -543,6 +601,8 @@ _AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
     "imk": _to_capping,
     "tanh": lambda stiffness, law: 0.0,
 }
+"""Functions of the initial stiffness (N/m) and the parameters by name, which return the stiffness
+after yield (N/m), for each law that yields."""
 
 
 def oscillators(omega: Array, damping: Array) -> Building:
@@ -581,6 +641,7 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """Return the kernel variant for a building; `forces` is the force table, default no forces."""
     codes = {CODES["linear"], *building.law_parameters[rows.CODE, :-1].tolist()}
+    # The number of a plug-in law distinguishes it from laws of other plug-ins with the same name.
     names = (
         name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
     )
@@ -592,7 +653,8 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     )
 
 
-_TABLES = 4  # matrices of shape (stories, stories) in memory during the solution for all modes
+_MATRICES_OF_ALL_MODES = 4
+"""Number of matrices of shape (stories, stories) in memory while all modes are computed."""
 
 
 def add_damping(
@@ -624,8 +686,9 @@ def add_damping(
     n = linear_terms.shape[1] - 1
     damping = model.damping
     if isinstance(damping, ModalDamping):
-        # All modes are computed at once; check that the memory is sufficient.
-        needed, available = _TABLES * 8 * n**2, memory()
+        # All modes are computed at once; check that the memory is sufficient for their matrices of
+        # 8-byte numbers.
+        needed, available = _MATRICES_OF_ALL_MODES * 8 * n**2, memory()
         if available is not None and needed > available:
             raise ModelError(
                 f"modal damping of {n} stories requires {needed / 2**30:.0f} GiB of memory, "
@@ -636,13 +699,13 @@ def add_damping(
         # first modes.
         if ratios.size == 1:
             ratios = np.full(n, ratios[0])
-        damped = np.flatnonzero(ratios)
-        factors = np.sqrt(2.0 * ratios[damped] * modes.omega[damped])
-        table_rows = np.zeros((damped.size, n + 1))
-        table_rows[:, :-1] = (
-            linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped] * factors
+        damped_modes = np.flatnonzero(ratios)
+        factors = np.sqrt(2.0 * ratios[damped_modes] * modes.omega[damped_modes])
+        modal = np.zeros((damped_modes.size, n + 1))
+        modal[:, :-1] = (
+            linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped_modes] * factors
         ).T
-        return table_rows
+        return modal
     # Convert ratios to coefficients with the frequencies of this building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
@@ -657,40 +720,48 @@ def add_damping(
 def _without_isolators(
     linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
 ) -> Array:
-    """Add Rayleigh damping that excludes isolators; return the rows w of C = sum w w^T, shape
-    (rows, n + 1).
+    """Add Rayleigh damping that excludes isolators.
 
     Stiffness-proportional dampers act only in the other stories. Mass-proportional dampers act on
-    the motion relative to the floor on top of the isolator below. Dampers to the ground would also
-    damp the isolators.
+    the velocity of a floor relative to the floor on top of the nearest isolator below. Dampers to
+    the ground would also damp the isolators.
 
     Parameters
     ----------
     linear_terms : array, shape (rows, n + 1)
-        Linear terms of the building; its dampers are changed by this function.
+        Linear terms of the building; its dampers in stories and to the ground are changed by this
+        function.
     stiffness : array, shape (n,)
         Initial stiffness of each story, N/m.
     model : Model
         Model, which specifies the stories with Rayleigh damping.
     damping : RayleighCoefficients
         Coefficients of the mass and of the stiffness.
+
+    Returns
+    -------
+    ndarray, shape (dampers, n + 1)
+        Rows w, one for each damper between two floors, which contributes w w^T to the damping
+        matrix.
     """
     n = linear_terms.shape[1] - 1
-    reached = np.array([story.rayleigh for story in model.stories])
-    linear_terms[rows.STORY_DAMPER, :n] += np.where(reached, damping.stiffness * stiffness, 0.0)
+    has_rayleigh = np.array([story.rayleigh for story in model.stories])
+    linear_terms[rows.STORY_DAMPER, :n] += np.where(
+        has_rayleigh, damping.stiffness * stiffness, 0.0
+    )
     mass = linear_terms[rows.MASS, :n]
-    on_ground = np.cumsum(~reached) == 0
-    linear_terms[rows.FLOOR_DAMPER, :n] += np.where(on_ground, damping.mass * mass, 0.0)
-    table_rows = []
-    base = 0
+    is_below_isolators = np.cumsum(~has_rayleigh) == 0
+    linear_terms[rows.FLOOR_DAMPER, :n] += np.where(is_below_isolators, damping.mass * mass, 0.0)
+    dampers = []
+    floor_on_isolator = 0
     for floor in range(n):
-        if not reached[floor]:
-            base = floor
-        elif not on_ground[floor] and damping.mass > 0.0:
+        if not has_rayleigh[floor]:
+            floor_on_isolator = floor
+        elif not is_below_isolators[floor] and damping.mass > 0.0:
             row = np.zeros(n + 1)
-            row[floor], row[base] = 1.0, -1.0
-            table_rows.append(np.sqrt(damping.mass * mass[floor]) * row)
-    return np.array(table_rows).reshape(len(table_rows), n + 1)
+            row[floor], row[floor_on_isolator] = 1.0, -1.0
+            dampers.append(np.sqrt(damping.mass * mass[floor]) * row)
+    return np.array(dampers).reshape(len(dampers), n + 1)
 
 
 def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
@@ -713,8 +784,10 @@ def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCo
     difference = omega_2**2 - omega_1**2
     if not 0.0 < abs(difference) < math.inf:
         raise ModelError(
-            "damping: the frequencies of two modes cannot be computed: masses or stiffnesses "
-            "differ by too many orders of magnitude; check their units"
+            "damping: the coefficients of Rayleigh damping cannot be computed from the frequencies "
+            f"of modes {ratio.modes[0]} and {ratio.modes[1]} ({omega_1:.4g} and {omega_2:.4g} "
+            "rad/s), because masses or stiffnesses differ by too many orders of magnitude; check "
+            "their units"
         )
     return RayleighCoefficients(
         mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,

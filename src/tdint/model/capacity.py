@@ -1,10 +1,11 @@
 """Shear buildings from capacity curves (spectral acceleration over spectral displacement), which
 global models provide for classes of buildings.
 
-The rules are those of GEM's vulnerability modellers' toolkit (oq-vmtk 1.1): floors of equal mass
-with a lighter roof, a stiffness that decreases every two stories, and story curves that follow from
-the capacity curve by the first mode. The toolkit also multiplies forces and stiffness by a factor
-that is intended to keep the period, but changes it. This factor is omitted here unless requested.
+The rules are those of the vulnerability modellers' toolkit of GEM (oq-vmtk 1.1). The floors have
+equal masses, except for a lighter roof. The stiffness decreases after every two stories. The curves
+of the stories are derived from the capacity curve with the first mode. The toolkit also multiplies
+forces and stiffness by a factor that is intended to keep the period, but changes it. This factor is
+omitted here unless requested.
 """
 
 from __future__ import annotations
@@ -28,6 +29,9 @@ UNIT_MASS = 1000.0  # kg
 
 _ROOF = 0.75  # mass of the roof over the mass of another floor
 _SOFT = 0.35  # stiffness of a soft ground story over the stiffness of an ordinary ground story
+# Parameters of the law multilinear-pinching, with the values of the toolkit: the pinching of one
+# direction (drift, force, unloading); and, without and with degradation, the degradation of
+# stiffness, drift and strength (five values each), followed by the energy capacity.
 _PINCHING = (0.5, 0.25, 0.05)
 _INTACT = (0.0, 0.0, 1.0, 1.0, 0.0) * 3 + (math.inf,)
 _DEGRADING = (0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.4, 0.0, 0.4, 0.9, 10.0)
@@ -71,7 +75,12 @@ class CapacityCurve:
     @classmethod
     def of(cls, points: Sequence[tuple[float, float]]) -> CapacityCurve:
         """Create the curve through points (Sd in m, Sa in g); a point at the origin is omitted.
-        Raises the errors of the class."""
+
+        Raises
+        ------
+        UsageError
+            The points do not form a valid curve.
+        """
         kept = [point for point in points if point != (0.0, 0.0)]
         return cls(tuple(sd for sd, _ in kept), tuple(sa for _, sa in kept))
 
@@ -82,10 +91,10 @@ class CapacityCurve:
 
     @property
     def damage_begins(self) -> float:
-        """Displacement at the onset of damage, m: the second of three or four points, the first of
-        two points.
+        """Spectral displacement at the onset of damage, m.
 
-        The stories of a model yield at the first point (`derive_capacity`).
+        It is the displacement of the second point of a curve with three or four points, and of the
+        first point of a curve with two points. The stories of a model yield at the first point.
         """
         return self.displacement[0 if len(self.displacement) == 2 else 1]
 
@@ -178,10 +187,10 @@ class CapacityBuilding:
             strict=True,
         )
         for mass, height, drifts, forces in rows:
-            # The story yields at the first point. Both directions are equal; the force is zero
-            # beyond the last point.
-            side = [number for point in zip(drifts, forces, strict=True) for number in point]
-            parameters = (*side, *side, *_PINCHING, *_PINCHING, drifts[-1], *losses)
+            # The story yields at the first point. Both directions have the same points: drift and
+            # force of each point in turn. The force is zero beyond the drift of the last point.
+            backbone = [number for point in zip(drifts, forces, strict=True) for number in point]
+            parameters = (*backbone, *backbone, *_PINCHING, *_PINCHING, drifts[-1], *losses)
             stories.append(
                 Story(
                     mass,
@@ -198,44 +207,47 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     """Derive the shear building from a capacity curve and the data of the building."""
     n, curve, ratio = facts.stories, facts.curve, facts.damping_ratio
 
-    # Compute the shape of the first mode from masses and stiffnesses that decrease with the height.
-    shares = np.ones(n)
-    shares[-1] = 1.0 if n == 1 else _ROOF
-    shares /= shares.sum()
-    relative = np.maximum(1.0 - 0.3 * (2.0 * (np.arange(n) // 2) + 0.5) / max(n - 1, 1), 0.5)
+    # Compute the shape of the first mode from the masses, divided by the mass of the building, and
+    # from relative stiffnesses, which decrease with the height.
+    mass_fractions = np.ones(n)
+    mass_fractions[-1] = 1.0 if n == 1 else _ROOF
+    mass_fractions /= mass_fractions.sum()
+    story = np.arange(n)
+    relative_stiffness = np.maximum(1.0 - 0.3 * (2.0 * (story // 2) + 0.5) / max(n - 1, 1), 0.5)
     if facts.soft_story:
-        relative[0] *= _SOFT
-    links = np.minimum(np.arange(n), 1.0)
-    shape = solve_modes(shares, relative, links).shapes[:, 0]
+        relative_stiffness[0] *= _SOFT
+    links = np.minimum(story, 1.0)
+    shape = solve_modes(mass_fractions, relative_stiffness, links).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
 
     # The first mode converts the curve of the oscillator to the stories: the shape determines the
-    # drifts, the inertia forces above determine the story forces.
-    weighted = shares * mode
+    # drifts, the inertia forces of the floors above determine the story forces.
+    weighted = mass_fractions * mode
     participation = float(weighted.sum() / (weighted * mode).sum())
-    effective = float(weighted.sum() ** 2 / (weighted * mode).sum())
-    above = np.cumsum(weighted[::-1])[::-1] / weighted.sum()
+    effective_mass_ratio = float(weighted.sum() ** 2 / (weighted * mode).sum())
+    shear_over_base_shear = np.cumsum(weighted[::-1])[::-1] / weighted.sum()
     # The law of the stories requires four points.
     points = np.array(
         four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))
     ).reshape(4, 2)
     drifts = participation * np.outer(np.diff(mode, prepend=0.0), points[:, 0])
-    forces = (
-        effective * GRAVITY * np.outer(above, points[:, 1])
-    )  # per kg of the building, as the following forces and stiffnesses
-    # The published program scales the forces to the period of the curve by an additional factor.
+    # Forces and stiffnesses are divided by the mass of the building.
+    forces = effective_mass_ratio * GRAVITY * np.outer(shear_over_base_shear, points[:, 1])
+    # The published program multiplies the forces by an additional factor: the squared frequency of
+    # the curve over the squared frequency of a building whose story stiffnesses are proportional to
+    # the story forces.
     if facts.as_published and n > 1:
-        lowest = solve_modes(shares, above, links).omega[0] ** 2
+        unscaled = solve_modes(mass_fractions, shear_over_base_shear, links).omega[0] ** 2
         frequency = 2.0 * math.pi / curve.period
-        first = (
+        ground_story_stiffness = (
             curve.acceleration[0]
             * GRAVITY
-            * effective
+            * effective_mass_ratio
             / (curve.displacement[0] * participation * mode[0])
         )
-        forces *= frequency**2 / lowest / first
+        forces *= frequency**2 / unscaled / ground_story_stiffness
     stiffness = forces[:, 0] / drifts[:, 0]
-    omega = solve_modes(shares, stiffness, links).omega
+    omega = solve_modes(mass_fractions, stiffness, links).omega
     damping: RayleighRatio | RayleighCoefficients = RayleighRatio((ratio, ratio), (1, 2))
     if n == 1:
         damping = RayleighCoefficients(mass=2.0 * ratio * float(omega[0]), stiffness=0.0)
@@ -246,7 +258,7 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
         period=2.0 * math.pi / float(omega[0]),
         participation=participation,
         mode=mode,
-        mass=facts.mass * shares,
+        mass=facts.mass * mass_fractions,
         height=np.full(n, height / n),
         drifts=drifts,
         forces=facts.mass * forces,
@@ -258,8 +270,17 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
 
 @dataclass(frozen=True)
 class CapacityClass:
-    """Class of buildings: capacity curve, flag for a soft ground story, flag for degrading
-    stories."""
+    """Class of buildings with a common capacity curve.
+
+    Attributes
+    ----------
+    curve : CapacityCurve
+        Capacity curve.
+    soft_story : bool
+        True if the ground story is soft.
+    degradation : bool
+        True if stories lose stiffness and strength.
+    """
 
     curve: CapacityCurve
     soft_story: bool = False
@@ -281,8 +302,8 @@ def read_curve(source: str) -> CapacityCurve:
 
 
 def read_classes(source: str) -> dict[str, CapacityClass]:
-    """Read classes from a CSV file with the columns class, sd_m and sa_g, with a row for each
-    point.
+    """Read classes of buildings from a CSV file with the columns class, sd_m and sa_g and a row for
+    each point; return the classes by name.
 
     The points of a class are listed in the order of the curve. The columns soft_story and
     degradation (true or false) are optional.
@@ -292,35 +313,41 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     ModelError
         The file cannot be read, or the points of a class do not form a valid curve.
     """
-    needs = (
+    requirements = (
         "classes must be a CSV file with the columns class, sd_m and sa_g, and one row for each "
         "point of the capacity curve of a class"
     )
-    table = read_table(source, needs, columns=("class", *_POINT, "soft_story", "degradation"))
+    table = read_table(
+        source, requirements, columns=("class", *_POINT, "soft_story", "degradation")
+    )
     table.need("class", *_POINT)
     names = table.texts("class", empty=False)
     points_of: dict[str, list[tuple[float, float]]] = {}
-    for name, *point in zip(names, *(table.numbers(column) for column in _POINT), strict=True):
-        points_of.setdefault(name, []).append((point[0], point[1]))
+    coordinates = (table.numbers(column) for column in _POINT)
+    for name, displacement, acceleration in zip(names, *coordinates, strict=True):
+        points_of.setdefault(name, []).append((displacement, acceleration))
     # A flag in any row of a class applies to the class.
-    flags = {
-        flag: {name for name, true in zip(names, table.truths(flag), strict=True) if true}
+    classes_with_flag = {
+        flag: {name for name, is_set in zip(names, table.truths(flag), strict=True) if is_set}
         for flag in ("soft_story", "degradation")
     }
     return {
         name: CapacityClass(
             _curve(f"{source}: class {name}", points),
-            name in flags["soft_story"],
-            name in flags["degradation"],
+            name in classes_with_flag["soft_story"],
+            name in classes_with_flag["degradation"],
         )
         for name, points in points_of.items()
     }
 
 
 _POINT = ("sd_m", "sa_g")
+"""Columns with the coordinates of a point of a capacity curve."""
 
 
 def _curve(source: str, points: list[tuple[float, float]]) -> CapacityCurve:
+    """Return the curve through points (Sd in m, Sa in g); raise ModelError, which starts with
+    `source`, if the curve is invalid."""
     try:
         return CapacityCurve.of(points)
     except UsageError as error:

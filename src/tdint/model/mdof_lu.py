@@ -44,8 +44,8 @@ class BuildingFacts:
     damping_ratio : float or None
         Damping ratio; None if the type determines the ratio.
     mass_only : bool
-        True omits the stiffness-proportional part of the damping, as programs do that lose this
-        part.
+        True omits the stiffness-proportional part of the damping, to reproduce the results of
+        programs that omit it.
     """
 
     structure: str
@@ -61,8 +61,8 @@ class BuildingFacts:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Random factors on the values of the rules: on stiffness, with unchanged strength, and on
-    damping."""
+    """Random factors on values that the rules give: on the stiffness, while the strength remains
+    unchanged, and on the damping ratio."""
 
     stiffness: float = 1.0
     damping: float = 1.0
@@ -70,7 +70,7 @@ class Scatter:
 
 @dataclass(frozen=True)
 class DerivedBuilding:
-    """A shear building by rules; arrays of shape (stories,), from the ground up.
+    """Shear building derived by the rules; arrays of shape (stories,), from the ground up.
 
     Attributes
     ----------
@@ -113,13 +113,13 @@ class DerivedBuilding:
     @property
     def stories(self) -> tuple[Story, ...]:
         """The stories of a model."""
-        strengths = self.yield_force, self.ultimate_force, self.ultimate_drift
-        columns = (self.mass, self.height, self.stiffness, *strengths)
+        backbone = self.yield_force, self.ultimate_force, self.ultimate_drift
+        columns = (self.mass, self.height, self.stiffness, *backbone)
         stories = []
-        for mass, height, stiffness, *of_law in zip(
+        for mass, height, stiffness, *parameters in zip(
             *(column.tolist() for column in columns), strict=True
         ):
-            law = Law("trilinear-pinching", (*of_law, self.pinching, self.unloading))
+            law = Law("trilinear-pinching", (*parameters, self.pinching, self.unloading))
             stories.append(Story(mass, height, stiffness, law, dashpot=0.0))
         return tuple(stories)
 
@@ -176,10 +176,10 @@ class HazusType:
 def hazus_types() -> Mapping[tuple[str, str], HazusType]:
     """Return the rows of the table by design level and type."""
     text = (files("tdint.model") / "hazus_types.csv").read_text(encoding="utf-8")
-    words = ("design_level", "type")
+    text_columns = ("design_level", "type")
     names = [field.name for field in fields(HazusType)]
     rows = (
-        HazusType(*(row[name] if name in words else float(row[name]) for name in names))  # type: ignore[arg-type]
+        HazusType(*(row[name] if name in text_columns else float(row[name]) for name in names))  # type: ignore[arg-type]
         for row in csv.DictReader(text.splitlines())
     )
     return {(row.design_level, row.type): row for row in rows}
@@ -204,20 +204,22 @@ STRUCTURES = (
     "MH",
 )
 ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
-MOST_STORIES = 50  # the rules are for regular buildings, not for towers
-YEARS = (1000, 2200)
+MOST_STORIES = 50  # maximum number of stories; the rules are for regular buildings, not for towers
+YEARS = (1000, 2200)  # allowed years of construction
 
 _NO_HEIGHT_CLASS = ("W1", "W2", "S3", "PC1", "MH")
-_HEIGHT_CLASSES = {  # the largest number of stories of each class; the last class has no end
+# Height classes of a structure type: maximum number of stories and name. The last class has no
+# maximum.
+_HEIGHT_CLASSES = {
     "RM1": ((3, "L"), (math.inf, "M")),
     "RM2": ((3, "L"), (7, "M"), (math.inf, "H")),
     "URM": ((2, "L"), (math.inf, "M")),
 }
 _USUAL_CLASSES = ((3, "L"), (7, "M"), (math.inf, "H"))
 
-# The table lists, for each zone, the first years of the design levels, the latest first. Older
-# buildings have the level "pre".
-_CODES: Mapping[str, tuple[tuple[int, str], ...]] = {
+# For each seismic zone, the design levels with the year from which they apply, the latest first.
+# Older buildings have the level "pre".
+_FIRST_YEARS: Mapping[str, tuple[tuple[int, str], ...]] = {
     "Z4": ((1976, "high"), (1941, "moderate")),
     "Z3": ((1941, "moderate"),),
     "Z2B": ((1976, "moderate"), (1941, "low")),
@@ -225,33 +227,37 @@ _CODES: Mapping[str, tuple[tuple[int, str], ...]] = {
     "Z1": ((1976, "low"),),
     "Z0": (),
 }
-_LEAST = {
+_MINIMUM_LEVEL = {
     "Z4": "moderate",
     "Z3": "moderate",
     "Z2B": "low",
     "Z2A": "low",
     "Z1": "low",
     "Z0": "low",
-}  # of W1
+}
+"""Minimum design level of light wood frames (W1) for each zone."""
 
 _FLOOR_MASS = 1000.0  # kg/m^2
-_STORY_HEIGHT = 3.6  # m, where the height of the building is not said
-_GRAVITY = 9.8  # m/s^2, as the rules have it
+_STORY_HEIGHT = 3.6  # m; used if the height of the building is unknown
+_GRAVITY = 9.8  # m/s^2; value of the rules
 
 
 def hazus_type(structure: str, stories: int) -> str:
-    """The structure type with its class of height."""
+    """Return the structure type with its height class, for example C1M for C1 with five stories.
+
+    Types without height classes are returned unchanged.
+    """
     if structure in _NO_HEIGHT_CLASS:
         return structure
     classes = _HEIGHT_CLASSES.get(structure, _USUAL_CLASSES)
-    return structure + next(name for most, name in classes if stories <= most)
+    return structure + next(name for maximum, name in classes if stories <= maximum)
 
 
 def design_level(structure: str, year: int, zone: str) -> str:
     """Return the design level of the code for a zone and year; light wood frames (W1) have a
     minimum level."""
-    level = next((name for since, name in _CODES[zone] if year >= since), "pre")
-    return max(level, _LEAST[zone], key=LEVELS.index) if structure == "W1" else level
+    level = next((name for first_year, name in _FIRST_YEARS[zone] if year >= first_year), "pre")
+    return max(level, _MINIMUM_LEVEL[zone], key=LEVELS.index) if structure == "W1" else level
 
 
 def code_of(facts: BuildingFacts) -> tuple[str, str]:
@@ -277,27 +283,29 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     scatter = scatter or Scatter()
     n = facts.stories
     row = hazus_types()[code_of(facts)]
-    # Compute the stiffness from the period of the type; the factor applies to a chain of equal
-    # floors.
+    # Compute the stiffness from the period of the type. In a chain of n equal floors and stories
+    # it is `factor` times the mass of a floor times the squared circular frequency. The polynomial
+    # approximates the exact factor (0.997 instead of 1 for one story).
     mass = _FLOOR_MASS * facts.area
     period = n * row.period_per_story_s
     factor = 0.4053 * n**2 + 0.405 * n + 0.1869
     stiffness = np.full(n, scatter.stiffness * 4.0 * math.pi**2 * factor * mass / period**2)
-    # Compute the strength from the yield acceleration of the type; it decreases like the story
-    # shear of a triangular load.
-    below = np.arange(n)
-    first_mode = 1.0 if n == 1 else 0.09117 / n**3 - 0.3037 / n**2 + 0.402 / n + 0.8106
+    # Compute the strength from the yield acceleration of the type and the effective mass of the
+    # first mode, which a polynomial approximates for n equal floors. It decreases with the number
+    # of stories below, like the story shear of a triangular load.
+    stories_below = np.arange(n)
+    effective_mass_ratio = 1.0 if n == 1 else 0.09117 / n**3 - 0.3037 / n**2 + 0.402 / n + 0.8106
     strength = (
         row.yield_acceleration_g
-        * first_mode
+        * effective_mass_ratio
         * mass
         * _GRAVITY
         * n
-        * (1.0 - below * (below + 1) / (n * (n + 1)))
+        * (1.0 - stories_below * (stories_below + 1) / (n * (n + 1)))
     )
-    over = row.overstrength - 1.0
+    force_after_yield = (row.overstrength - 1.0) * strength
     masses = np.full(n, mass)
-    modes = solve_modes(masses, stiffness, np.minimum(below, 1.0))
+    modes = solve_modes(masses, stiffness, np.minimum(stories_below, 1.0))
     ratio = (
         row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio
     ) * scatter.damping
@@ -312,7 +320,8 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
         stiffness=stiffness,
         yield_force=strength,
         ultimate_force=row.overstrength * strength,
-        ultimate_drift=strength / stiffness + over * strength / (row.post_yield_ratio * stiffness),
+        ultimate_drift=strength / stiffness
+        + force_after_yield / (row.post_yield_ratio * stiffness),
         pinching=row.pinching,
         unloading=row.unloading_exponent,
         damping=_damping(modes.omega, ratio, facts.mass_only),
@@ -322,7 +331,8 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
 def _damping(
     omega: np.ndarray, ratio: float, mass_only: bool
 ) -> RayleighRatio | RayleighCoefficients:
-    """Return Rayleigh damping for modes 1 and 3 (or the last mode).
+    """Return Rayleigh damping with the same ratio in modes 1 and 3, or 1 and 2 in a building of two
+    stories.
 
     In a building of one story, mass and stiffness contribute half of the damping each.
 
@@ -335,14 +345,14 @@ def _damping(
     mass_only : bool
         Omit the part that is proportional to the stiffness.
     """
-    last = min(omega.size, 3)
-    if last == 1:
+    second_mode = min(omega.size, 3)
+    if second_mode == 1:
         coefficients = RayleighCoefficients(
             mass=ratio * float(omega[0]), stiffness=ratio / float(omega[0])
         )
     else:
-        target = RayleighRatio((ratio, ratio), (1, last))
+        both_parts = RayleighRatio((ratio, ratio), (1, second_mode))
         if not mass_only:
-            return target
-        coefficients = rayleigh(target, float(omega[0]), float(omega[last - 1]))
+            return both_parts
+        coefficients = rayleigh(both_parts, float(omega[0]), float(omega[second_mode - 1]))
     return RayleighCoefficients(coefficients.mass, 0.0) if mass_only else coefficients

@@ -19,7 +19,9 @@ are rounding errors."""
 _MAX_STORIES_OF_ALL_MODES = 100
 """Maximum number of stories for which all modes are computed when a single mode is requested."""
 
-_MOST_ITERATIONS, _CONVERGED = 200, 1e-15  # of the inverse iteration
+# Inverse iteration for the first mode: maximum number of iterations, and relative change of the
+# frequency at which it has converged
+_MAX_ITERATIONS, _CONVERGED = 200, 1e-15
 
 
 @dataclass(frozen=True, repr=False)
@@ -70,8 +72,8 @@ class Modes(Tabular):
         return np.asarray(self.shapes.T @ damping @ self.shapes)
 
     def own_damping(self, damping: Array) -> Array:
-        """Return the damping ratio of each mode, shape (n,), without the coupling of modes by the
-        damping matrix (N s/m, shape (n, n)).
+        """Return the damping ratio of each mode, shape (n,), from the diagonal of the modal damping
+        matrix. The coupling of modes by the damping matrix is neglected.
 
         Parameters
         ----------
@@ -97,8 +99,8 @@ class Modes(Tabular):
         return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
 
     def damping_ratios(self, damping: Array) -> Array | None:
-        """Return the damping ratio of each mode for a damping matrix (N s/m, shape (n, n)); None if
-        the matrix couples the modes.
+        """Return the damping ratio of each mode, shape (n,); None if the damping matrix couples the
+        modes, that is, if its modal matrix has off-diagonal terms.
 
         Parameters
         ----------
@@ -108,10 +110,8 @@ class Modes(Tabular):
         modal = self.modal_damping(damping)
         diagonal = np.maximum(np.diagonal(modal), 0.0)
         coupling = np.abs(modal - np.diag(diagonal))
-        if np.any(
-            coupling
-            > CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)
-        ):
+        rounding = CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)
+        if np.any(coupling > rounding):
             return None
         return diagonal / (2.0 * self.omega)
 
@@ -119,8 +119,9 @@ class Modes(Tabular):
 def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     """Compute the modes of a chain with springs between neighboring floors.
 
-    The tridiagonal matrix is L L^T with a bidiagonal L. The singular values of L are the
-    frequencies, so that the lowest frequency keeps its relative accuracy in tall buildings.
+    The matrix M^(-1/2) K M^(-1/2) is L^T L with a bidiagonal L. The singular values of L are the
+    circular frequencies. Their computation without the product L^T L keeps the relative accuracy of
+    the lowest frequency in tall buildings.
 
     Parameters
     ----------
@@ -135,13 +136,16 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     _check_springs(stiffness)
     root_mass = np.sqrt(mass)
     root_spring = np.sqrt(stiffness)
-    # Springs over floors: d = B u, K = B^T diag(k) B; with y = M^(1/2) u the matrix is L^T L.
+    # The story drifts are B u with the displacements u, so K = B^T diag(k) B with the spring
+    # stiffnesses k. In the coordinates M^(1/2) u the matrix is L^T L with
+    # L = diag(k)^(1/2) B M^(-1/2). Row i of `lower` is spring i: its entries are on the diagonal
+    # and below.
     lower = np.diag(root_spring / root_mass) - np.diag(
         (root_spring * link)[1:] / root_mass[:-1], -1
     )
-    _, omega, right = np.linalg.svd(lower)
+    _, omega, right_vectors = np.linalg.svd(lower)
     omega = omega[::-1]
-    shapes = (right[::-1] / root_mass).T
+    shapes = (right_vectors[::-1] / root_mass).T
     signs = np.where(shapes[-1] < 0.0, -1.0, 1.0)
     return Modes(omega, shapes * signs, mass)
 
@@ -200,19 +204,20 @@ class FreeVibration:
         """
         _check_springs(self.stiffness, self.geometric)
         shape, omega = np.cumsum(1.0 / self.stiffness), 0.0
-        for _ in range(_MOST_ITERATIONS):
+        for _ in range(_MAX_ITERATIONS):
             force = self.mass * shape
             shear = np.add.accumulate(force[::-1])[::-1]
             displacement = np.add.accumulate(shear / self.stiffness)  # K displacement = force
-            square = float(np.add.reduce(self.mass * displacement**2))
-            if not 0.0 < square < math.inf:
+            modal_mass = float(np.add.reduce(self.mass * displacement**2))
+            if not 0.0 < modal_mass < math.inf:
                 raise ModelError(
                     "the first mode cannot be computed: masses or stiffnesses differ by too many "
                     "orders of magnitude; check their units"
                 )
-            before, omega = omega, math.sqrt(float(displacement @ force) / square)
-            shape = displacement / math.sqrt(square)
-            if abs(omega - before) <= _CONVERGED * omega:
+            # Rayleigh quotient of the new shape, u^T K u / u^T M u, with K u = force
+            previous_omega, omega = omega, math.sqrt(float(displacement @ force) / modal_mass)
+            shape = displacement / math.sqrt(modal_mass)
+            if abs(omega - previous_omega) <= _CONVERGED * omega:
                 break
         return omega, shape
 
@@ -220,11 +225,12 @@ class FreeVibration:
 def singular_value(root_spring: Array, root_mass: Array, link: Array, number: int) -> float:
     """Compute the circular frequency `number` of a chain, counted from the lowest, rad/s.
 
-    The frequencies are the singular values of the bidiagonal matrix of `solve_modes`. The singular
-    values and their negatives are the eigenvalues of a symmetric tridiagonal matrix with a zero
-    diagonal and alternating entries of the bidiagonal matrix on the off-diagonal (Golub and Kahan
-    1965). Bisection with the Sturm sequence of this matrix keeps the relative accuracy of the
-    lowest frequencies, because the matrix is not squared (Demmel and Kahan 1990).
+    The frequencies are the singular values of a bidiagonal matrix L with L^T L = M^(-1/2) K
+    M^(-1/2). The singular values and their negatives are the eigenvalues of a symmetric tridiagonal
+    matrix with a zero diagonal, whose off-diagonal contains the entries of L: diagonal and
+    subdiagonal entries alternate (Golub and Kahan 1965). Bisection with the Sturm sequence of this
+    matrix keeps the relative accuracy of the lowest frequencies, because L is not squared (Demmel
+    and Kahan 1990).
 
     Parameters
     ----------
@@ -238,32 +244,44 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
     from scipy.linalg.lapack import dstebz
 
     n = root_mass.size
-    beside = np.zeros(2 * n - 1)
-    beside[::2] = root_spring / root_mass
-    beside[1::2] = (root_spring * link)[1:] / root_mass[:-1]
-    place = n + number - 1
+    off_diagonal = np.zeros(2 * n - 1)
+    off_diagonal[::2] = root_spring / root_mass
+    off_diagonal[1::2] = (root_spring * link)[1:] / root_mass[:-1]
+    # The n negative eigenvalues come first. LAPACK counts eigenvalues from 1.
+    index = n + number
     # scipy.linalg.eigh_tridiagonal calls the same function, but takes six times as long. The
-    # arguments 2 and "E" select an eigenvalue by its index in the complete matrix.
+    # arguments 2 and "E" select an eigenvalue by its index in the complete matrix; the interval
+    # from 0.0 to 1.0 is not used.
     _, values, *_, failed = dstebz(
-        np.zeros(2 * n), beside, 2, 0.0, 1.0, place + 1, place + 1, _SMALLEST, "E"
+        np.zeros(2 * n), off_diagonal, 2, 0.0, 1.0, index, index, _SMALLEST, "E"
     )
     assert failed == 0
     return float(values[0])
 
 
 _SMALLEST = float(np.finfo(float).tiny)
-"""Tolerance of the bisection; with this value it continues to the last bit."""
+"""Absolute tolerance of the bisection; with this value the bisection continues to the last bit."""
 
 
 def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
-    weak = np.flatnonzero(stiffness <= 0.0)
-    if not weak.size:
+    """Raise ModelError if P-delta makes the stiffness of a story zero or negative.
+
+    Parameters
+    ----------
+    stiffness : array, shape (n,)
+        Spring stiffnesses with P-delta, N/m.
+    geometric : array, shape (n,), optional
+        P-delta part of the stiffnesses, N/m (negative), which the message then states.
+    """
+    unstable = np.flatnonzero(stiffness <= 0.0)
+    if not unstable.size:
         return
-    i, both = int(weak[0]), ""
+    i, values = int(unstable[0]), ""
     if geometric is not None:
-        both = f", {-geometric[i]:.4g} beside {stiffness[i] - geometric[i]:.4g} N/m"
+        reduction, without = -geometric[i], stiffness[i] - geometric[i]
+        values = f" (weight over height {reduction:.4g} N/m, initial stiffness {without:.4g} N/m)"
     raise ModelError(
-        f"story {i + 1}: P-delta exceeds the initial stiffness{both}; the building cannot stand: "
-        "are the units of mass, height and stiffness right? Else give the story more stiffness, or "
-        "p_delta: false"
+        f"story {i + 1}: P-delta exceeds the initial stiffness{values}, so that the building is "
+        "unstable; check the units of mass, height and stiffness, increase the stiffness of the "
+        "story, or use `p_delta: false`"
     )
