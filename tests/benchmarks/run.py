@@ -146,7 +146,7 @@ def work_by_tolerance(number: int, file: Path, methods: Sequence[str]) -> str:
     posed = ending_together(problem.posed, [problem.posed.interval * part for part in PARTS])
     steps = posed.steps(posed.interval)
     true = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / profiles._FINE))
-    judge = partial(profiles._off, true.stories)
+    judge = partial(profiles._peak_errors, true.stories)
     lines: list[Point] = []
     for name in (name for name in work_precision.CHOOSING if name in methods):
         lines += work_precision.by_tolerance(posed, parse(name), TOLERANCES, judge, REPEATS)

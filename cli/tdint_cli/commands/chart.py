@@ -266,7 +266,7 @@ def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
     from tdint.system import CLOCKS
 
     worst = max(timings, key=lambda timing: timing.stretch or 0.0)
-    say(f"Times are {CLOCKS[worst.clock]}, {worst.told}, {worst.processor}.")
+    say(f"Times are {CLOCKS[worst.clock]}, {worst.description}, {worst.processor}.")
     if worst.disturbed:
         warn(
             f"timing was disturbed: wall time was {worst.stretch:.3g} times the processor time "
@@ -530,7 +530,7 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
             advice.append(Advice(limit, None, None, math.nan))
             continue
         other = alternative(with_dt, request.target_error, limit, best)
-        estimated_error = problem.told(parse(best.method), problem.steps(best.dt))
+        estimated_error = problem.estimate_error(parse(best.method), problem.steps(best.dt))
         advice.append(Advice(limit, best, other, estimated_error))
     return advice
 

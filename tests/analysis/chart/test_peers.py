@@ -193,7 +193,7 @@ def test_runs_of_openseespy_that_fail_or_take_long(opensees, monkeypatch):
     assert {point.outcome for point in points} == {"not-converged"}
     monkeypatch.setattr(opensees_worker, "SECONDS", -1.0)
     points, notes = openseespy_points(problem, [0.01, 0.02], reference)
-    assert notes == ["openseespy: 6 of 6 runs were not run: larger steps used all the time"]
+    assert len(notes) == 1 and "6 of 6 runs were not run" in notes[0]
     assert {(point.outcome, point.times, point.errors) for point in points} == {
         ("not-run", (), None)
     }

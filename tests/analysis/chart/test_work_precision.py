@@ -144,9 +144,7 @@ def test_a_building_that_cannot_be_solved_has_no_reference():
         dt=0.1,
         duration=20.0,
     )
-    with pytest.raises(
-        AnalysisError, match=r"no reference: impulse4 with dt .* does not reach the end"
-    ):
+    with pytest.raises(AnalysisError, match=r"impulse4 with dt .* does not reach the end"):
         find_reference(pose(falling), 200, cached=False)
 
 
@@ -452,7 +450,7 @@ def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch)
     assert timing.stretch == pytest.approx(stretch)
     assert timing.disturbed == disturbed
     assert timing.repeats == (1, 2)
-    assert timing.told.startswith("minimum of 1 to 2 times")
+    assert timing.description.startswith("minimum of 1 to 2 times")
 
 
 # ---- Lines whose steps are chosen for a tolerance

@@ -35,7 +35,7 @@ _BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.s
 TOLERANCE = 1e-9  # residual divided by the maximum inertia force of the reference solution
 ITERATIONS = 50  # maximum Newton iterations per step; converging steps need fewer iterations
 _GROUND, _PATTERN = 0, 1  # node of the ground, and tag of the load pattern of the ground motion
-_RECORDED = ("disp", "vel", "accel")
+_RECORDED = ("disp", "vel", "accel")  # responses of the nodes that OpenSees writes to files
 _TAG_OFFSET = 100_000  # offset of the tags of parallel elements; maximum number of stories
 _FOREVER = 1e9  # s; later than the end of any run
 
@@ -43,7 +43,11 @@ Content = dict[str, Any]
 
 
 def main() -> int:
-    """Execute all runs and return the exit code."""
+    """Execute the runs of standard input, write their results, and return the exit code.
+
+    A run is not started if earlier runs of its integrator used the processor time of the problem.
+    The results of run number i are stored under the names `i_outcome`, `i_motion` and so on.
+    """
     if find_spec("openseespy") is None:
         return NOT_INSTALLED
     # Messages that OpenSees prints on standard output must not be mixed with the results.
@@ -58,16 +62,16 @@ def main() -> int:
         problem = dict(content)
     runs = json.loads(str(problem["runs"]))
     results: Content = {}
-    spent = {json.dumps(run["integrator"]): 0.0 for run in runs}
-    for number, run in enumerate(runs):
+    seconds_used = {json.dumps(run["integrator"]): 0.0 for run in runs}
+    for run_number, run in enumerate(runs):
         integrator = json.dumps(run["integrator"])
-        if spent[integrator] > SECONDS * float(problem["share"]):
-            results[f"{number}_outcome"] = np.array(NOT_RUN)
+        if seconds_used[integrator] > SECONDS * float(problem["share"]):
+            results[f"{run_number}_outcome"] = np.array(NOT_RUN)
             continue
-        began = time.process_time()
+        start_time = time.process_time()
         for name, value in _run(ops, problem, run).items():
-            results[f"{number}_{name}"] = value
-        spent[integrator] += time.process_time() - began
+            results[f"{run_number}_{name}"] = value
+        seconds_used[integrator] += time.process_time() - start_time
     stream = io.BytesIO()
     np.savez(stream, **results)
     output.write(stream.getvalue())
@@ -77,10 +81,10 @@ def main() -> int:
 
 def load() -> Any:
     """Load OpenSeesPy after its bundled libraries, which may be missing on the system."""
-    spec = find_spec("openseespylinux")
-    if spec is not None and spec.origin:
+    library_package = find_spec("openseespylinux")
+    if library_package is not None and library_package.origin:
         for name in _BUNDLED:
-            library = Path(spec.origin).parent / "lib" / name
+            library = Path(library_package.origin).parent / "lib" / name
             if library.exists():
                 ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
     import openseespy.opensees as ops
@@ -89,10 +93,10 @@ def load() -> Any:
 
 
 def _run(ops: Any, problem: Content, run: Content) -> Content:
-    """Run one integrator with one time step.
+    """Run one integrator with one time step, and return its results by name.
 
-    The motion is recorded in a run with one call per step, and times are measured in runs with a
-    single call.
+    The motion is recorded in a separate run with one call of OpenSees per step. The times (s) are
+    measured in runs with a single call for all steps. They are missing if the first run fails.
 
     Parameters
     ----------
@@ -103,41 +107,58 @@ def _run(ops: Any, problem: Content, run: Content) -> Content:
     run : dict
         Integrator, time step (s), number of steps and repetitions.
     """
-    seconds = getattr(time, run["clock"])
+    clock_seconds = getattr(time, run["clock"])
     _build(ops, problem, run)
     motion = _integrate(ops, problem, run)
     times = []
     for _ in range(run["repeats"] if motion["outcome"] == "done" else 0):
         _build(ops, problem, run)
-        begin = seconds()
-        code = ops.analyze(run["steps"], run["h"])
-        times.append(seconds() - begin)
-        if code != 0:
+        start_time = clock_seconds()
+        error_code = ops.analyze(run["steps"], run["h"])
+        times.append(clock_seconds() - start_time)
+        if error_code != 0:
             motion["outcome"] = np.array("not-converged")
     ops.wipe()
     return motion | {"times": np.array(times)}
 
 
 def _build(ops: Any, problem: Content, run: Content) -> None:
-    """Define the chain of masses, the loads, the initial state, and the analysis."""
+    """Define the chain of masses, the loads, the initial state, and the analysis in OpenSees.
+
+    Node 0 is the ground, and node i + 1 is floor i. Element i + 1 is the hysteresis model of
+    story i; its parallel elements have the same tag plus `_TAG_OFFSET` or twice that number.
+    """
     ops.wipe()
     ops.model("basic", "-ndm", 1, "-ndf", 1)
-    n, materials = problem["mass"].size, json.loads(str(problem["materials"]))
-    for node in range(n + 1):
+    story_count, materials = problem["mass"].size, json.loads(str(problem["materials"]))
+    for node in range(story_count + 1):
         ops.node(node, 0.0)
     ops.fix(_GROUND, 1)
-    for i in range(n):
+    for i in range(story_count):
         ops.mass(i + 1, float(problem["mass"][i]))
         # A story is a spring in parallel with the terms outside Rayleigh damping: a dashpot and
         # P-delta.
-        parallel = (("Viscous", problem["dashpot"][i], 1.0), ("Elastic", problem["geometric"][i]))
-        for j, (material, *values) in enumerate((materials[i], *parallel)):
-            if j == 0 or values[0] != 0.0:
-                tag = i + 1 + j * _TAG_OFFSET
+        parallel_terms = (
+            ("Viscous", problem["dashpot"][i], 1.0),
+            ("Elastic", problem["geometric"][i]),
+        )
+        for position, (material, *values) in enumerate((materials[i], *parallel_terms)):
+            # Each term needs an element of its own; a term with a coefficient of 0 is omitted.
+            if position == 0 or values[0] != 0.0:
+                tag = i + 1 + position * _TAG_OFFSET
                 arguments = (v if isinstance(v, str) else float(v) for v in values)
                 ops.uniaxialMaterial(material, tag, *arguments)
                 ops.element(
-                    "zeroLength", tag, i, i + 1, "-mat", tag, "-dir", 1, "-doRayleigh", int(j == 0)
+                    "zeroLength",
+                    tag,
+                    i,
+                    i + 1,
+                    "-mat",
+                    tag,
+                    "-dir",
+                    1,
+                    "-doRayleigh",
+                    int(position == 0),
                 )
     ops.rayleigh(float(problem["alpha_mass"]), 0.0, float(problem["beta_stiffness"]), 0.0)
     _load_floors(ops, problem)
@@ -160,7 +181,11 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
 
 
 def _load_floors(ops: Any, problem: Content) -> None:
-    """Apply forces cosine cos(omega t) + sine sin(omega t), one load pattern per term."""
+    """Apply the forces cosine cos(omega t) + sine sin(omega t), one load pattern per term.
+
+    OpenSees' series Trig is factor sin(omega t + shift). A cosine is thus a sine with the shift
+    pi / 2. A force with omega = 0 is the constant factor sin(shift), because Trig needs a period.
+    """
     tag = 2
     for floor, cosine, sine, omega in problem["forces"]:
         for factor, shift in ((cosine, 0.5 * math.pi), (sine, 0.0)):
@@ -179,47 +204,69 @@ def _load_floors(ops: Any, problem: Content) -> None:
 
 
 def _integrate(ops: Any, problem: Content, run: Content) -> Content:
-    """Integrate step by step and return the motion, the peaks over all steps, and the iterations.
+    """Integrate step by step and return the results by name.
 
-    Accelerations satisfy equilibrium at the end of each step, as ours do. They are computed from
-    OpenSees' displacements, velocities and story forces. OpenSees' own accelerations differ if the
-    integrator weights the equation of motion (HHT, generalized-alpha). Total shears are the inertia
-    forces of the masses above, without forces on floors.
+    Accelerations satisfy equilibrium at the end of each step, as those of tdint do. They are
+    computed from OpenSees' displacements, velocities and story forces. OpenSees' own accelerations
+    differ if the integrator weights the equation of motion (HHT, generalized-alpha). Total shears
+    are the inertia forces of the masses above; they are nan with forces on floors.
+
+    Returns
+    -------
+    dict
+        `outcome`; if it is `done`, also `motion` (displacement, velocity and acceleration relative
+        to the ground at the samples), the maximum absolute values over all steps of each story or
+        floor (`peak_drift`, `peak_absolute_acceleration`, `peak_total_shear`), and the number of
+        `iterations`. SI units.
     """
-    n = problem["mass"].size
+    floors = problem["mass"].size
     iterations = 0
     with TemporaryDirectory() as directory:
         # OpenSees writes the motion of the nodes to files, because queries from Python take more
         # time than the steps.
         for name in _RECORDED:
             ops.recorder(
-                "Node", "-binary", f"{directory}/{name}", "-node", *range(1, n + 1), "-dof", 1, name
+                "Node",
+                "-binary",
+                f"{directory}/{name}",
+                "-node",
+                *range(1, floors + 1),
+                "-dof",
+                1,
+                name,
             )
-        stories = range(1, n + 1)
+        stories = range(1, floors + 1)
         ops.recorder(
             "Element", "-binary", f"{directory}/force", "-ele", *stories, "material", "1", "stress"
         )
-        code = done = 0
-        while done < run["steps"] and (code := ops.analyze(1, run["h"])) == 0:
+        error_code = completed_steps = 0
+        while completed_steps < run["steps"] and (error_code := ops.analyze(1, run["h"])) == 0:
             iterations += 1 if problem["one_solve"] else ops.testIter()
-            done += 1
+            completed_steps += 1
         ops.wipe()  # closes the files
-        if code != 0:
+        if error_code != 0:
             return {"outcome": np.array("not-converged")}
         # OpenSees writes one byte after each row, also in binary files.
-        row = np.dtype([("nodes", float, (n,)), ("end", "V1")])
-        rows = {name: np.fromfile(f"{directory}/{name}", row)["nodes"] for name in _RECORDED}
-        story_force = np.fromfile(f"{directory}/force", row)["nodes"]
-    starts = (problem["u_start"], problem["v_start"], problem["a_start"])
+        row_type = np.dtype([("nodes", float, (floors,)), ("end", "V1")])
+        node_values = {
+            name: np.fromfile(f"{directory}/{name}", row_type)["nodes"] for name in _RECORDED
+        }
+        story_force = np.fromfile(f"{directory}/force", row_type)["nodes"]
+    initial_state = (problem["u_start"], problem["v_start"], problem["a_start"])
     u, v, a = (
-        np.vstack([start, values]) for start, values in zip(starts, rows.values(), strict=True)
+        np.vstack([start, values])
+        for start, values in zip(initial_state, node_values.values(), strict=True)
     )
     if not np.all(np.isfinite(u)):
         return {"outcome": np.array("diverged")}
-    times, size = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
-    ground = np.interp(times, problem["interval"] * np.arange(size + 1), [*problem["ground"], 0.0])
-    a[1:] = _equilibrium(problem, times[1:], u[1:], v[1:], story_force) - ground[1:, None]
-    absolute = a + ground[:, None]
+    times, ground_samples = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
+    ground_acceleration = np.interp(
+        times, problem["interval"] * np.arange(ground_samples + 1), [*problem["ground"], 0.0]
+    )
+    a[1:] = (
+        _equilibrium(problem, times[1:], u[1:], v[1:], story_force) - ground_acceleration[1:, None]
+    )
+    absolute = a + ground_acceleration[:, None]
     shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
     # With forces on floors, the shears do not equal the inertia forces, and are not reported.
     shear *= math.nan if problem["forces"].size else 1.0
@@ -261,8 +308,8 @@ def _equilibrium(problem: Content, times: Any, u: Any, v: Any, story_force: Any)
     force = -float(problem["alpha_mass"]) * problem["mass"] * v
     for floor, cosine, sine, omega in problem["forces"]:
         force[:, int(floor)] += cosine * np.cos(omega * times) + sine * np.sin(omega * times)
-    drift, rate = (np.diff(values, axis=1, prepend=0.0) for values in (u, v))
-    shear = story_force + problem["geometric"] * drift + problem["story_damper"] * rate
+    drift, drift_rate = (np.diff(values, axis=1, prepend=0.0) for values in (u, v))
+    shear = story_force + problem["geometric"] * drift + problem["story_damper"] * drift_rate
     force -= shear - np.hstack([shear[:, 1:], np.zeros((times.size, 1))])
     return force / problem["mass"]
 

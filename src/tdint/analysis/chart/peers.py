@@ -35,10 +35,13 @@ from tdint.model.plugins import peers
 
 _REPEATS = 3  # maximum; OpenSeesPy is up to 500 times slower than tdint
 _MINUTES = 5.0  # min; time limit of the process
-# Normalized drifts of a table for a curve; its chords deviate by 1e-6 of the force
+# A force curve is given to OpenSees as a table. These are its drifts over the maximum drift of the
+# table; linear interpolation deviates from a smooth curve by 1e-6 of the force.
 _TABLE = np.linspace(-1.0, 1.0, 8001)
-_REACH = 4.0  # range of the table over the peak drift of the reference; long steps exceed the peak
-# Numbers of steps per interval, tried until two solutions show that the hysteresis models agree
+# Maximum drift of a table over the peak drift of the reference; long steps exceed this peak
+_REACH = 4.0
+# Numbers of steps per sampling interval of OpenSees, tried in this order until the extrapolated
+# response shows that OpenSees' hysteresis models equal the models of tdint
 _CHECKED = (8, 16, 32, 64, 128)
 _SAME = 1e-9  # relative tolerance of equality; exceeds the rounding errors of a division
 
@@ -55,32 +58,49 @@ _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
         1.0 / (1.0 + rho),
     ),
 }
-"""Name and parameters of each of our methods in OpenSees, as a function of its first parameter. The
-weights of OpenSees refer to the end of the step, ours to the start."""
+"""Name and parameters of OpenSees' integrator for a method of tdint: key = method of tdint, value =
+function of the first parameter of the method (nan if it has none). The parameters differ, because
+the weights of OpenSees refer to the end of the step, and the weights of tdint to its start."""
+
+
+# The following functions return an OpenSees material with its parameters. Arguments: stiffness
+# (N/m), maximum drift of a table (m), and the parameters of the law.
 
 
 def _bouc_wen(k: float, _: float, *parameters: float) -> tuple[Any, ...]:
     strength, hardening, n, beta = parameters[:4]
-    size = (k / strength) ** n
-    return "BoucWen", hardening, k, n, (1.0 - beta) * size, beta * size, 1.0, 0.0, 0.0, 0.0
+    beta_plus_gamma = (k / strength) ** n
+    return (
+        "BoucWen",
+        hardening,
+        k,
+        n,
+        (1.0 - beta) * beta_plus_gamma,
+        beta * beta_plus_gamma,
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 def _elastic(drifts: Array, forces: Array) -> tuple[Any, ...]:
     return "ElasticMultiLinear", "-strain", *drifts.tolist(), "-stress", *forces.tolist()
 
 
-def _stops(k: float, _: float, gap: float, stop: float, *__: float) -> tuple[Any, ...]:
+def _stops(k: float, _: float, gap: float, stop_stiffness: float, *__: float) -> tuple[Any, ...]:
+    # Four points define the three lines; OpenSees extrapolates the outer two.
     drifts = gap * np.array([-2.0, -1.0, 1.0, 2.0])
-    return _elastic(drifts, k * drifts + stop * (drifts - np.clip(drifts, -gap, gap)))
+    return _elastic(drifts, k * drifts + stop_stiffness * (drifts - np.clip(drifts, -gap, gap)))
 
 
-def _tanh(k: float, reach: float, strength: float, *_: float) -> tuple[Any, ...]:
-    drifts = reach * _TABLE
+def _tanh(k: float, maximum_drift: float, strength: float, *_: float) -> tuple[Any, ...]:
+    drifts = maximum_drift * _TABLE
     return _elastic(drifts, strength * np.tanh(k * drifts / strength))
 
 
-def _polynomial(_: float, reach: float, *coefficients: float) -> tuple[Any, ...]:
-    drifts = reach * _TABLE
+def _polynomial(_: float, maximum_drift: float, *coefficients: float) -> tuple[Any, ...]:
+    drifts = maximum_drift * _TABLE
     return _elastic(
         drifts, np.asarray(np.polynomial.polynomial.polyval(drifts, (0.0, *coefficients)))
     )
@@ -88,19 +108,19 @@ def _polynomial(_: float, reach: float, *coefficients: float) -> tuple[Any, ...]
 
 _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
     "linear": lambda k, *_: ("Elastic", k),
+    # Parameters of Steel01: yield force, initial stiffness, stiffness ratio after yield.
     "bilinear": lambda k, _, strength, hardening, *__: ("Steel01", strength, k, hardening),
     "gap": _stops,
     "bouc-wen": _bouc_wen,
     "tanh": _tanh,
     "polynomial": _polynomial,
 }
-"""OpenSees material with its parameters for each of our laws, as a function of the stiffness, the
-range of drifts and the parameters of the law. Only laws with an equal material are listed. Curves
-are represented by tables."""
+"""Function that returns the OpenSees material, with its parameters, of each law of tdint (key).
+Only laws that OpenSees can represent exactly are listed; curves are represented by tables."""
 
 _OF_ORDER_1 = ("bouc-wen",)
-"""Laws with a material that uses only the rate at the end of the step: the error of a run decreases
-with order 1."""
+"""Laws whose OpenSees material uses only the drift rate at the end of the step. The discretization
+error of a run is then proportional to the time step; with other materials, to its square."""
 
 ITERATED = (
     "openseespy/generalized-alpha: from the second iteration of a step on, OpenSees balances the "
@@ -108,7 +128,7 @@ ITERATED = (
     "with order 1, and its iterations converge by (1 - alpha_m) / alpha_m (shown by "
     "tests/benchmarks/opensees_generalized_alpha.py)"
 )
-"""Note of a chart if time steps need more than one equation solution."""
+"""Note of a chart if time steps need more than one solution of the equations."""
 
 
 def openseespy_points(
@@ -122,13 +142,13 @@ def openseespy_points(
 ) -> tuple[list[Point], list[str]]:
     """Return the points of OpenSeesPy: average acceleration, HHT and generalized-alpha.
 
-    The parameters are our defaults. The building is equal: each story is a zeroLength element with
-    a material of `_MATERIALS`, in parallel with Viscous for a dashpot and Elastic for P-delta.
-    Rayleigh damping uses the initial stiffness. The record is a Path time series, and the initial
-    acceleration satisfies equilibrium. Newton's method (for linear buildings Linear, factorized
-    one time) iterates until the unbalanced forces are 1e-9 of the maximum inertia force; the
-    system of equations is BandSPD. Only `analyze` is timed. Peaks are maxima over the steps.
-    Accelerations satisfy equilibrium, as ours do.
+    The methods have the default parameters of tdint, and the building is the same: each story is
+    a zeroLength element with a material of `_MATERIALS`, in parallel with Viscous for a dashpot
+    and Elastic for P-delta. Rayleigh damping uses the initial stiffness. The record is a Path time
+    series, and the initial acceleration satisfies equilibrium. Newton's method (for linear
+    buildings Linear, factorized one time) iterates until the unbalanced forces are 1e-9 of the
+    maximum inertia force; the system of equations is BandSPD. Only `analyze` is timed. Peaks are
+    maxima over the steps. Accelerations satisfy equilibrium, as those of tdint do.
 
     Parameters
     ----------
@@ -141,8 +161,8 @@ def openseespy_points(
     repeats : int
         Number of times that each run is timed; at most 3.
     share : float
-        Fraction of the time for one problem that all runs of an integrator may use. Runs with large
-        steps are executed first; points of runs that are not executed have the outcome `not-run`.
+        Fraction of `opensees_worker.SECONDS` that all runs of one integrator together may use. Runs
+        with large steps are executed first; runs that are not executed have the outcome `not-run`.
     judge : callable, optional
         Function that returns errors from the peaks; default is the errors of the motion.
 
@@ -153,49 +173,58 @@ def openseespy_points(
     """
     if reason := _unsupported(problem):
         return [], [f"openseespy is omitted: {reason}"]
-    runs = [(parse(name), problem.steps(dt)) for name in _OPENSEES for dt in dts]
-    runs.sort(key=lambda run: run[1].count)  # if time is up, the most expensive runs are missing
-    answer, why = _ask(problem, runs, reference, min(repeats, _REPEATS), share)
-    if why:
-        return [], [f"openseespy is omitted: {why}"]
+    method_steps = [(parse(name), problem.steps(dt)) for name in _OPENSEES for dt in dts]
+    # Start with the fewest steps: if the time is used up, the most expensive runs are missing.
+    method_steps.sort(key=lambda run: run[1].count)
+    worker_results, failure_reason = _run_worker(
+        problem, method_steps, reference, min(repeats, _REPEATS), share
+    )
+    if failure_reason:
+        return [], [f"openseespy is omitted: {failure_reason}"]
     points = []
-    for number, (integrator, steps) in enumerate(runs):
-        got = {
+    for run_number, (integrator, steps) in enumerate(method_steps):
+        run_results = {
             name.partition("_")[2]: value
-            for name, value in answer.items()
-            if name.startswith(f"{number}_")
+            for name, value in worker_results.items()
+            if name.startswith(f"{run_number}_")
         }
-        label, outcome = f"openseespy/{integrator.label}", str(got["outcome"])
+        label, outcome = f"openseespy/{integrator.label}", str(run_results["outcome"])
         point = Point(label, steps.h, steps.count, outcome, line=label)
         if outcome == DONE:
-            motion = _motion(problem, steps, got["motion"], got["peak_drift"])
-            off = judge(SimpleNamespace(**got)) if judge else errors(motion, reference.motion)
+            motion = _motion(problem, steps, run_results["motion"], run_results["peak_drift"])
+            run_errors = (
+                judge(SimpleNamespace(**run_results)) if judge else errors(motion, reference.motion)
+            )
             point = replace(
                 point,
-                iterations=int(got["iterations"]),
-                errors=off,
-                times=tuple(got["times"].tolist()),
+                iterations=int(run_results["iterations"]),
+                errors=run_errors,
+                times=tuple(run_results["times"].tolist()),
             )
         points.append(point)
-    order = [f"openseespy/{name}" for name in _OPENSEES]
-    points.sort(key=lambda point: (order.index(point.line), -point.dt))
-    missing = sum(point.outcome == NOT_RUN for point in points)
+    line_order = [f"openseespy/{name}" for name in _OPENSEES]
+    points.sort(key=lambda point: (line_order.index(point.line), -point.dt))
+    not_run_count = sum(point.outcome == NOT_RUN for point in points)
     notes = (
-        [f"openseespy: {missing} of {len(runs)} runs were not run: larger steps used all the time"]
-        if missing
+        [
+            f"openseespy: {not_run_count} of {len(method_steps)} runs were not run, because runs "
+            "with larger steps used all of the time"
+        ]
+        if not_run_count
         else []
     )
-    if missing < len(points) and not _one_solve(problem):
+    if not_run_count < len(points) and not _needs_one_solution(problem):
         notes.append(ITERATED)
     return points, notes
 
 
 def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[float, str]:
-    """Return the difference between OpenSees' average acceleration and our reference.
+    """Return the relative difference between OpenSees' average acceleration and the reference.
 
-    The difference is the larger of the errors of the histories of drift and acceleration (L2).
-    Steps are halved until the extrapolated limit (Richardson) is within the goal. Our references
-    are confirmed by average acceleration in the same manner.
+    The difference is the larger of the errors of the drift and acceleration histories (L2). Time
+    steps are halved, and the histories are extrapolated to a time step of 0 (Richardson), until
+    the difference is at most `goal` or the smallest step has been used. A small difference shows
+    that OpenSees integrates the same building.
 
     Parameters
     ----------
@@ -215,30 +244,39 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     if reason := _unsupported(problem):
         return math.nan, reason
     average = parse("newmark-average")
-    codes = problem.building.law_parameters[rows.CODE, :-1]
-    powers = (2.0, 4.0) if np.isin(codes, [CODES[name] for name in _OF_ORDER_1]).any() else (4.0,)
-    gap, note, before = math.nan, "", list[Array]()
-    for parts in _CHECKED:
-        steps = problem.steps(problem.interval / parts)
-        answer, why = _ask(problem, [(average, steps)], reference, 0, math.inf)
-        if why or str(answer["0_outcome"]) != DONE:
-            return math.nan, why or f"with dt {steps.h:.3g} s it is {answer['0_outcome']}"
-        # Each entry eliminates one more error term by extrapolation from the step before.
-        limits = [answer["0_motion"]]
-        for power, coarse in zip(powers, before, strict=False):
-            limits.append(limits[-1] + (limits[-1] - coarse) / (power - 1.0))
-        before = limits
-        if len(limits) > len(powers):
-            off = errors(
+    law_codes = problem.building.law_parameters[rows.CODE, :-1]
+    error_factors = (
+        (2.0, 4.0) if np.isin(law_codes, [CODES[name] for name in _OF_ORDER_1]).any() else (4.0,)
+    )
+    gap, description, previous_limits = math.nan, "", list[Array]()
+    for steps_per_interval in _CHECKED:
+        steps = problem.steps(problem.interval / steps_per_interval)
+        worker_results, failure_reason = _run_worker(
+            problem, [(average, steps)], reference, 0, math.inf
+        )
+        if failure_reason or str(worker_results["0_outcome"]) != DONE:
+            return (
+                math.nan,
+                failure_reason or f"with dt {steps.h:.3g} s it is {worker_results['0_outcome']}",
+            )
+        # Halving the step divides an error term by its factor: 4 for a term of order 2, 2 for a
+        # term of order 1. Each further entry eliminates one more term, by extrapolation from the
+        # entry at the previous (twice as long) step.
+        limits = [worker_results["0_motion"]]
+        for error_factor, coarser_limit in zip(error_factors, previous_limits, strict=False):
+            limits.append(limits[-1] + (limits[-1] - coarser_limit) / (error_factor - 1.0))
+        previous_limits = limits
+        if len(limits) > len(error_factors):
+            limit_errors = errors(
                 _motion(problem, steps, limits[-1], reference.motion.peak_drift), reference.motion
             )
-            gap, note = (
-                max(off.drift, off.acceleration),
+            gap, description = (
+                max(limit_errors.drift, limit_errors.acceleration),
                 f"extrapolated to dt 0 from {steps.h:.3g} s and larger",
             )
             if gap <= goal:
                 break
-    return gap, note
+    return gap, description
 
 
 def _unsupported(problem: Problem) -> str:
@@ -257,17 +295,18 @@ def _unsupported(problem: Problem) -> str:
     return ""
 
 
-def _proportion(values: Array, other: Array) -> float | None:
-    """Return the ratio values / other if it is equal for all entries, otherwise None."""
-    ratios = values / other
+def _proportion(numerators: Array, denominators: Array) -> float | None:
+    """Return the ratio of two arrays if it is equal for all entries, otherwise None."""
+    ratios = numerators / denominators
     return float(ratios[0]) if np.ptp(ratios) <= _SAME * np.max(np.abs(ratios)) else None
 
 
-def _one_solve(problem: Problem) -> bool:
-    """Return True if a time step needs one equation solution.
+def _needs_one_solution(problem: Problem) -> bool:
+    """Return True if OpenSees needs a single solution of the equations per time step.
 
-    The tangent of Viscous differs from the tangent of a dashpot, so that a single solution is not
-    sufficient for dashpots.
+    This is the case for a linear building whose dampers are Rayleigh damping (in proportion to the
+    stiffness). Other dampers are the material Viscous. Its tangent is not exact, so that a single
+    solution is not sufficient.
     """
     building = problem.building
     dampers, stiffness = (
@@ -277,14 +316,14 @@ def _one_solve(problem: Problem) -> bool:
     return building.linear and _proportion(dampers, stiffness) is not None
 
 
-def _ask(
+def _run_worker(
     problem: Problem,
     runs: Sequence[tuple[Integrator, Steps]],
     reference: Reference,
     repeats: int,
     share: float,
 ) -> tuple[dict[str, Any], str]:
-    """Run OpenSeesPy in a separate process.
+    """Run OpenSeesPy in a separate process, because its libraries would stay loaded and may crash.
 
     Parameters
     ----------
@@ -302,9 +341,10 @@ def _ask(
     Returns
     -------
     tuple
-        Arrays of the worker by name, and an empty text; or an empty dict and the reason.
+        Arrays of the worker by name (number of the run, underscore, quantity), and an empty text.
+        If the process fails: an empty dict, and the reason.
     """
-    jobs = [
+    run_descriptions = [
         {
             "integrator": _OPENSEES[integrator.method.name](
                 next(iter(integrator.values), math.nan)
@@ -317,44 +357,48 @@ def _ask(
         }
         for integrator, steps in runs
     ]
-    # A separate process is used because OpenSees' libraries would stay loaded and may crash.
     stream = io.BytesIO()
     np.savez(
         stream,
-        runs=np.array(json.dumps(jobs)),
+        runs=np.array(json.dumps(run_descriptions)),
         share=np.array(share),
         **_arrays(problem, reference),
     )
     command = [sys.executable, "-P", "-m", opensees_worker.__name__]
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES
         )
     except (OSError, subprocess.TimeoutExpired):
         return {}, NO_PROCESS
-    if done.returncode == opensees_worker.NOT_INSTALLED:
+    if process.returncode == opensees_worker.NOT_INSTALLED:
         return {}, "it is not installed (pip install 'tdint[peers]')"
-    if done.returncode == opensees_worker.NOT_LOADED:
-        why = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
-        return {}, f"it cannot be loaded ({' '.join(why)})"
+    if process.returncode == opensees_worker.NOT_LOADED:
+        last_error_line = process.stderr.decode(errors="replace").strip().splitlines()[-1:]
+        return {}, f"it cannot be loaded ({' '.join(last_error_line)})"
     try:
-        with np.load(io.BytesIO(done.stdout), allow_pickle=False) as content:
+        with np.load(io.BytesIO(process.stdout), allow_pickle=False) as content:
             return dict(content), ""
     except (ValueError, OSError, EOFError):
-        return {}, f"its process ended with code {done.returncode}"
+        return {}, f"its process ended with code {process.returncode}"
 
 
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
+    """Return the arrays of a problem that `opensees_worker` reads, by name; SI units.
+
+    Dampers in proportion to the stiffness are passed as the Rayleigh coefficient `beta_stiffness`,
+    other dampers as separate `dashpot` elements. `largest` is the maximum inertia force, N.
+    """
     building = problem.building
     stiffness = building.law_parameters[rows.STIFFNESS, :-1]
-    names = {CODES[name]: name for name in _MATERIALS}
-    stories = building.law_parameters[:, :-1].T.tolist()
-    reaches = _REACH * reference.motion.peak_drift
+    law_names = {CODES[name]: name for name in _MATERIALS}
+    story_parameters = building.law_parameters[:, :-1].T.tolist()
+    maximum_drifts = _REACH * reference.motion.peak_drift
     materials = [
-        _MATERIALS[names[story[rows.CODE]]](
-            story[rows.STIFFNESS], reach, *story[rows.FIRST_PARAMETER :]
+        _MATERIALS[law_names[parameters[rows.CODE]]](
+            parameters[rows.STIFFNESS], maximum_drift, *parameters[rows.FIRST_PARAMETER :]
         )
-        for story, reach in zip(stories, reaches.tolist(), strict=True)
+        for parameters, maximum_drift in zip(story_parameters, maximum_drifts.tolist(), strict=True)
     ]
     dampers = building.linear_terms[rows.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
@@ -378,7 +422,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         "forces": problem.forces,
         "ground": problem.ground,
         "interval": np.array(problem.interval),
-        "one_solve": np.array(_one_solve(problem)),
+        "one_solve": np.array(_needs_one_solution(problem)),
         "u_start": problem.displacement,
         "v_start": problem.velocity,
         "a_start": np.asarray(start_force / building.mass - problem.ground[0]),
@@ -387,7 +431,19 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
 
 
 def _motion(problem: Problem, steps: Steps, motion_rows: Array, peak_drift: Array) -> FloorMotion:
-    """Return the rows of the worker (u, v, a relative to the ground) as a motion."""
+    """Return a motion of the worker with absolute instead of relative accelerations.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    steps : Steps
+        Time steps of the run.
+    motion_rows : ndarray, shape (3, rows, floors)
+        Displacement (m), velocity (m/s) and acceleration (m/s^2) relative to the ground.
+    peak_drift : ndarray
+        Maximum absolute drift of each story, m.
+    """
     ground = np.interp(
         problem.interval * steps.stride * np.arange(motion_rows.shape[1]),
         problem.interval * np.arange(problem.ground.size + 1),
@@ -411,15 +467,18 @@ _SCIPY_SETTINGS = (
 )
 
 Rate = Callable[[float, Array], Array]
+"""Right-hand side of a system of ordinary differential equations: rate(t, state)."""
 
 METHODS = ("RK45", "Radau", "LSODA")
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+"""Relative tolerances of solve_ivp, from cheap to expensive."""
+
 SECONDS = 8.0
-"""Time limit of a run, s. If a run exceeds it, the run is stopped, and smaller tolerances of the
-method are omitted."""
+"""Time limit of a run of solve_ivp, s. A run that exceeds it is stopped, and smaller tolerances of
+its method are omitted."""
 
 
-class _TooLong(Exception):
+class _TimeExceeded(Exception):
     """A run takes longer than `SECONDS`."""
 
 
@@ -428,11 +487,11 @@ def solve_ivp_points(
 ) -> tuple[list[Point], list[str]]:
     """Return the points of solve_ivp: one line per method, one point per relative tolerance.
 
-    Each point is one run. Only linear and bilinear stories are supported. The hysteretic part z of
-    a bilinear story is a state variable. Its rate is (1 - a) k times the drift rate, and zero
-    during yielding; events are not used. The absolute tolerance is the relative tolerance times
-    the maximum value of the reference. The motion is computed at the samples, and its peaks are
-    the maxima over the samples.
+    Each point is one run. Only linear and bilinear stories are supported. The hysteretic force z
+    of a bilinear story is a state variable. Its rate is (1 - a) k times the drift rate (stiffness
+    k, stiffness ratio after yield a), and zero during yielding; the events of solve_ivp are not
+    used. The absolute tolerance is the relative tolerance times the maximum value of the
+    reference. The motion is computed at the samples, and its peaks are the maxima over the samples.
 
     Parameters
     ----------
@@ -448,7 +507,7 @@ def solve_ivp_points(
     tuple
         List of points, and list of notes on omitted points.
     """
-    law = _stories(problem)
+    law = _bilinear_parts(problem)
     if law is None:
         return [], ["scipy's solve_ivp is omitted: a story's law is neither linear nor bilinear"]
     points: list[Point] = []
@@ -466,45 +525,52 @@ def solve_ivp_points(
     return points, notes
 
 
-def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
-    """Return elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
+def _bilinear_parts(problem: Problem) -> tuple[Array, Array, Array] | None:
+    """Return elastic stiffness (N/m), hysteretic stiffness (N/m) and strength (N) of each story.
 
-    The elastic stiffness is the total stiffness of a linear story, and the stiffness after yield
-    of a bilinear story. The result is None for other laws.
+    A bilinear story is the sum of an elastic spring with the stiffness after yield, and of an
+    elastic-perfectly plastic spring (hysteretic stiffness and strength). A linear story has only
+    the elastic spring. P-delta is included in the elastic stiffness. The result is None if a story
+    has another law.
     """
-    laws = problem.building.law_parameters
-    bilinear = laws[rows.CODE, :-1] == CODES["bilinear"]
-    if not np.all(bilinear | (laws[rows.CODE, :-1] == CODES["linear"])):
+    law_parameters = problem.building.law_parameters
+    is_bilinear = law_parameters[rows.CODE, :-1] == CODES["bilinear"]
+    if not np.all(is_bilinear | (law_parameters[rows.CODE, :-1] == CODES["linear"])):
         return None
-    yields, after = (
-        laws[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + 2, :-1] if bilinear.any() else (0.0, 1.0)
+    yield_force, ratio_after_yield = (
+        law_parameters[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + 2, :-1]
+        if is_bilinear.any()
+        else (0.0, 1.0)
     )
-    hardening = np.where(bilinear, after, 1.0)
-    stiffness, soft = laws[rows.STIFFNESS, :-1], 1.0 - hardening
-    strength = np.where(bilinear, soft * yields, math.inf)
+    elastic_fraction = np.where(is_bilinear, ratio_after_yield, 1.0)
+    stiffness, hysteretic_fraction = law_parameters[rows.STIFFNESS, :-1], 1.0 - elastic_fraction
+    strength = np.where(is_bilinear, hysteretic_fraction * yield_force, math.inf)
     return (
-        hardening * stiffness + problem.building.linear_terms[rows.GEOMETRIC, :-1],
-        soft * stiffness,
+        elastic_fraction * stiffness + problem.building.linear_terms[rows.GEOMETRIC, :-1],
+        hysteretic_fraction * stiffness,
         strength,
     )
 
 
-def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:
+def _rate_function(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:
     """Return the function that computes the rate of the state (u, v, z).
+
+    u and v are the displacements and velocities of the floors relative to the ground, and z the
+    hysteretic forces of the stories. Without bilinear stories, z is omitted.
 
     Parameters
     ----------
     problem : Problem
         Building with its excitation.
     law : tuple of ndarray
-        Result of `_stories`.
+        Elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
     deadline : float
-        Time by `tdint.system.seconds` after which the function raises `_TooLong`, s.
+        Reading of `tdint.system.seconds` after which the function raises `_TimeExceeded`, s.
     """
     building = problem.building
-    n = building.stories
+    floor_count = building.stories
     elastic, hysteretic, strength = law
-    hysteresis = bool(hysteretic.any())
+    has_hysteresis = bool(hysteretic.any())
     damping = building.damping_matrix()
     times = problem.interval * np.arange(problem.ground.size + 1)
     ground = np.append(problem.ground, 0.0)
@@ -517,21 +583,25 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
 
     def rate(t: float, state: Array) -> Array:
         if system.seconds() > deadline:
-            raise _TooLong
-        u, v = state[:n], state[n : 2 * n]
+            raise _TimeExceeded
+        u, v = state[:floor_count], state[floor_count : 2 * floor_count]
         shear = elastic * np.diff(u, prepend=0.0)
-        change = state[2 * n :]
-        if hysteresis:
+        hysteretic_rate = state[2 * floor_count :]
+        if has_hysteresis:
             # The hysteretic part of a bilinear story is elastic until it reaches its strength, and
             # constant afterwards.
-            z = state[2 * n :]
+            z = state[2 * floor_count :]
             shear += np.clip(z, -strength, strength)
-            change = hysteretic * np.diff(v, prepend=0.0)
-            change = np.where((np.abs(z) >= strength) & (z * change > 0.0), 0.0, change)
+            hysteretic_rate = hysteretic * np.diff(v, prepend=0.0)
+            hysteretic_rate = np.where(
+                (np.abs(z) >= strength) & (z * hysteretic_rate > 0.0), 0.0, hysteretic_rate
+            )
         force = -damping @ v - shear
         force[:-1] += shear[1:]
         np.add.at(force, floors, cosine * np.cos(omega * t) + sine * np.sin(omega * t))
-        return np.concatenate([v, force / building.mass - np.interp(t, times, ground), change])
+        return np.concatenate(
+            [v, force / building.mass - np.interp(t, times, ground), hysteretic_rate]
+        )
 
     return rate
 
@@ -553,7 +623,7 @@ def _solve(
     reference : Reference
         Reference solution of the errors.
     law : tuple of ndarray
-        Result of `_stories`.
+        Elastic stiffness, hysteretic stiffness and hysteretic strength of each story.
     method : str
         Method of solve_ivp.
     tolerance : float
@@ -563,40 +633,56 @@ def _solve(
     """
     from scipy.integrate import solve_ivp
 
-    n = problem.building.stories
+    floor_count = problem.building.stories
     _, hysteretic, strength = law
     drift = np.diff(problem.displacement, prepend=0.0)
-    inner = [np.clip(hysteretic * drift, -strength, strength)] if hysteretic.any() else []
-    start = np.concatenate([problem.displacement, problem.velocity, *inner])
-    true = reference.motion
-    sizes = [
-        np.full(n, np.max(np.abs(true.displacement))),
-        np.full(n, np.max(np.abs(true.velocity))),
+    hysteretic_forces = (
+        [np.clip(hysteretic * drift, -strength, strength)] if hysteretic.any() else []
+    )
+    initial_state = np.concatenate([problem.displacement, problem.velocity, *hysteretic_forces])
+    reference_motion = reference.motion
+    state_scales = [
+        np.full(floor_count, np.max(np.abs(reference_motion.displacement))),
+        np.full(floor_count, np.max(np.abs(reference_motion.velocity))),
     ]
-    if inner:
-        sizes.append(np.where(np.isfinite(strength), strength, 1.0))
+    if hysteretic_forces:
+        state_scales.append(np.where(np.isfinite(strength), strength, 1.0))
     times = problem.interval * np.arange(problem.samples + 1)
-    begin = system.seconds()
-    rate = _rate(problem, law, begin + seconds)
+    start_time = system.seconds()
+    limited_rate = _rate_function(problem, law, start_time + seconds)
     try:
-        near = {"rtol": tolerance, "atol": tolerance * np.concatenate(sizes)}
-        solution = solve_ivp(rate, (0.0, times[-1]), start, method=method, t_eval=times, **near)
-    except _TooLong:
+        tolerances = {"rtol": tolerance, "atol": tolerance * np.concatenate(state_scales)}
+        solution = solve_ivp(
+            limited_rate, (0.0, times[-1]), initial_state, method=method, t_eval=times, **tolerances
+        )
+    except _TimeExceeded:
         return None
-    taken = system.seconds() - begin
+    elapsed = system.seconds() - start_time
     name, line = f"scipy/{method}:rtol={tolerance:g}", f"scipy/{method}"
     if not solution.success:
         return Point(name, math.nan, None, NOT_CONVERGED, line=line)
-    u, v = solution.y[:n].T, solution.y[n : 2 * n].T
-    quiet = _rate(problem, law, math.inf)
-    a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, solution.y.T, strict=True)])
+    u, v = solution.y[:floor_count].T, solution.y[floor_count : 2 * floor_count].T
+    unlimited_rate = _rate_function(problem, law, math.inf)
+    a = np.array(
+        [
+            unlimited_rate(t, state)[floor_count : 2 * floor_count]
+            for t, state in zip(times, solution.y.T, strict=True)
+        ]
+    )
     # The duration may end before or after the end of the record.
-    size = min(times.size, problem.ground.size)
-    ground = np.interp(times, times[:size], problem.ground[:size], right=0.0)
+    recorded_times = min(times.size, problem.ground.size)
+    ground = np.interp(times, times[:recorded_times], problem.ground[:recorded_times], right=0.0)
     peaks = np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0)
     motion = FloorMotion(1, u, v, a + ground[:, None], peaks)
     return Point(
-        name, math.nan, None, DONE, int(solution.nfev), errors(motion, true), (taken,), line=line
+        name,
+        math.nan,
+        None,
+        DONE,
+        int(solution.nfev),
+        errors(motion, reference_motion),
+        (elapsed,),
+        line=line,
     )
 
 
@@ -631,49 +717,65 @@ def with_plugins(
     notes: list[str] = []
     for plugin, name, function in peers():
         progress(plugin, len(points) / (len(points) + 1.0))
-        full, line = f"{plugin}/{name}", f"{plugin}/{name.partition(':')[0]}"
+        point_name, line = f"{plugin}/{name}", f"{plugin}/{name.partition(':')[0]}"
         try:
             points.append(
                 replace(
-                    _called(problem, chart.reference, function, repeats), method=full, line=line
+                    _plugin_point(problem, chart.reference, function, repeats),
+                    method=point_name,
+                    line=line,
                 )
             )
         except Exception as error:  # a function of a plug-in can raise any exception
             notes.append(
-                f"{full} is omitted: {type(error).__name__}: {' '.join(str(error).split())}"
+                f"{point_name} is omitted: {type(error).__name__}: {' '.join(str(error).split())}"
             )
-    plugins = {point.line.partition("/")[0]: None for point in points}
-    added = tuple(
+    plugin_names = {point.line.partition("/")[0]: None for point in points}
+    plugin_peers = tuple(
         Peer(plugin, "of a plug-in", "settings of its function", "its complete call")
-        for plugin in plugins
+        for plugin in plugin_names
     )
-    return replace(chart, points=(*chart.points, *points), peers=(*chart.peers, *added)), notes
+    return replace(
+        chart, points=(*chart.points, *points), peers=(*chart.peers, *plugin_peers)
+    ), notes
 
 
-def _called(
+def _plugin_point(
     problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int
 ) -> Point:
-    """Return the point of a function of a plug-in, without a name.
+    """Time a function of a plug-in and return its point; the caller adds the name of the point.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    reference : Reference
+        Reference solution of the errors.
+    function : callable
+        Function of the problem that returns times (s) and displacements of the floors (m).
+    repeats : int
+        Number of calls, which are all timed.
 
     Raises
     ------
     ValueError
-        The function returns arrays of other shapes or times.
+        The arrays have wrong shapes, the times are not equally spaced from 0, or they end before
+        the last sample.
     """
-    taken = []
+    call_times = []
     for _ in range(repeats):
-        begin = system.seconds()
+        start_time = system.seconds()
         result = function(problem)
-        taken.append(system.seconds() - begin)
+        call_times.append(system.seconds() - start_time)
     times, u = (np.asarray(values, dtype=np.float64) for values in result)
-    n = problem.building.stories
-    if times.ndim != 1 or times.size < 2 or u.shape != (times.size, n):
+    floor_count = problem.building.stories
+    if times.ndim != 1 or times.size < 2 or u.shape != (times.size, floor_count):
         raise ValueError(
             f"returns times {times.shape} and displacements {u.shape}, expected (rows,) and "
-            f"(rows, {n})"
+            f"(rows, {floor_count})"
         )
     if not np.all(np.isfinite(u)):
-        return Point("", math.nan, times.size - 1, DIVERGED, times=tuple(taken))
+        return Point("", math.nan, times.size - 1, DIVERGED, times=tuple(call_times))
     dt = float(times[1])
     steps = problem.steps(dt)
     # Times computed by repeated addition deviate by rounding errors.
@@ -687,7 +789,7 @@ def _called(
     unknown = np.full_like(u, math.nan)
     motion = FloorMotion(steps.stride, u, unknown, unknown, peaks)
     return Point(
-        "", dt, steps.count, DONE, errors=errors(motion, reference.motion), times=tuple(taken)
+        "", dt, steps.count, DONE, errors=errors(motion, reference.motion), times=tuple(call_times)
     )
 
 
@@ -717,29 +819,31 @@ def with_peers(
         Callback for progress reports.
     """
     progress("openseespy", 0.0)
-    openseespy, notes = openseespy_points(
+    opensees_points, notes = openseespy_points(
         problem, sorted(set(dts), reverse=True), chart.reference, repeats=repeats
     )
     progress("scipy", 0.5)
-    others, more = solve_ivp_points(problem, chart.reference)
+    scipy_points, scipy_notes = solve_ivp_points(problem, chart.reference)
     chart = replace(
-        chart, points=(*chart.points, *openseespy, *others), peers=peers_of([*openseespy, *others])
+        chart,
+        points=(*chart.points, *opensees_points, *scipy_points),
+        peers=peers_of([*opensees_points, *scipy_points]),
     )
-    return chart, [*notes, *more]
+    return chart, [*notes, *scipy_notes]
 
 
 def peers_of(points: Iterable[Point]) -> tuple[Peer, ...]:
-    """Return the other programs to which the points belong."""
+    """Return the other programs to which the points belong, with their versions and settings."""
     programs = {point.line.partition("/")[0] for point in points}
-    peers = []
-    for name, settings, timed in (
+    used_peers = []
+    for name, settings, timed_call in (
         ("openseespy", _OPENSEES_SETTINGS, "analyze"),
         ("scipy", _SCIPY_SETTINGS, "solve_ivp"),
     ):
         if name in programs:
             try:
-                number = version(name)
+                version_text = version(name)
             except PackageNotFoundError:
-                number = "of unknown version"
-            peers.append(Peer(name, number, settings, timed))
-    return tuple(peers)
+                version_text = "of unknown version"
+            used_peers.append(Peer(name, version_text, settings, timed_call))
+    return tuple(used_peers)

@@ -72,13 +72,16 @@ class FloorMotion:
         return np.diff(self.displacement, axis=1, prepend=0.0)
 
     def every(self, stride: int, row_count: int) -> FloorMotion:
-        """Return the first `row_count` rows of this motion at every `stride`-th sample."""
-        part = slice(0, (row_count - 1) * stride + 1, stride)
+        """Return a motion with every `stride`-th row of this motion, `row_count` rows in total.
+
+        This motion must contain all samples. The peaks are not changed.
+        """
+        selected_rows = slice(0, (row_count - 1) * stride + 1, stride)
         return FloorMotion(
             stride,
-            self.displacement[part],
-            self.velocity[part],
-            self.acceleration[part],
+            self.displacement[selected_rows],
+            self.velocity[selected_rows],
+            self.acceleration[selected_rows],
             self.peak_drift,
         )
 
@@ -122,7 +125,11 @@ class Problem:
 
     @property
     def forces(self) -> Array:
-        """Table of the forces on floors, see `force_table`."""
+        """Forces on floors, one row per force.
+
+        A force is cosine cos(omega t) + sine sin(omega t). The columns are `layout.FLOOR` (number
+        of the floor from 0), `COSINE` (N), `SINE` (N) and `OMEGA` (rad/s).
+        """
         return self.prepared.forces
 
     @property
@@ -146,7 +153,8 @@ class Problem:
         Raises
         ------
         UsageError
-            The step is not the interval divided or multiplied by a whole number.
+            The step is not positive, or it is not the interval divided or multiplied by a whole
+            number.
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise UsageError(f"dt must be a positive number of seconds, got {dt!r}")
@@ -155,12 +163,13 @@ class Problem:
         except UsageError as error:
             if self.record:
                 raise
+            # Without a record, the interval is the time step of the model: say so in the message.
             raise UsageError(
                 str(error).replace("record's sampling interval", "model's own step")
             ) from None
 
     def case(self, integrator: Integrator) -> Case:
-        """Return the case that `tdint run` integrates with a method.
+        """Return the building and the ground motion with a method, as `tdint run` integrates them.
 
         Parameters
         ----------
@@ -169,10 +178,11 @@ class Problem:
         """
         return Case(self.model, self.prepared, self.record, integrator)
 
-    def told(self, integrator: Integrator, steps: Steps) -> float:
-        """Return the maximum relative error of the peak drifts, as estimated by `tdint run`.
+    def estimate_error(self, integrator: Integrator, steps: Steps) -> float:
+        """Return the maximum relative error of the peak drifts that `tdint run` would estimate.
 
-        The result is nan if no error estimate is available.
+        The error is relative to the peak drift of the same story. The result is nan if no error
+        estimate is available.
 
         Parameters
         ----------
@@ -189,8 +199,8 @@ class Problem:
             else largest_relative(peaks + response.check.errors.peak_drift, peaks)
         )
 
-    def within(self, integrator: Integrator, tolerance: float) -> Response:
-        """Return the result of `tdint run --tolerance` over all samples.
+    def run_within(self, integrator: Integrator, tolerance: float) -> Response:
+        """Integrate all samples with steps chosen for a tolerance, as `tdint run --tolerance` does.
 
         Parameters
         ----------
@@ -210,7 +220,7 @@ class Problem:
         )
 
     def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
-        """Return the motion at the samples, or at the steps if the steps are longer.
+        """Return the motion at the samples, or at the steps if they are longer than an interval.
 
         The result is None if the run does not reach its end.
 
@@ -226,9 +236,13 @@ class Problem:
         )
         if result.code < 0:
             return None
-        space, n = result.space, self.building.stories
-        u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-        return FloorMotion(steps.stride, u, v, a, space.peaks[rows.PEAK_DRIFT])
+        workspace, floor_count = result.space, self.building.stories
+        # The columns of the history are the time, then displacements, velocities, accelerations.
+        u, v, a = (
+            workspace.history[:, 1 + j * floor_count : 1 + (j + 1) * floor_count].copy()
+            for j in range(3)
+        )
+        return FloorMotion(steps.stride, u, v, a, workspace.peaks[rows.PEAK_DRIFT])
 
 
 def pose(
@@ -264,17 +278,17 @@ def pose(
     if duration is not None and not (math.isfinite(duration) and duration > 0.0):
         raise UsageError(f"duration must be a positive number of seconds, got {duration!r}")
     interval = record.dt if record else model.analysis.dt or max(dts, default=None)
-    whole = choose_steps(
+    interval_steps = choose_steps(
         interval, duration, record.dt if record else None, record.duration if record else 0.0
     )
-    problem = Problem(model, record, whole.h, whole.count)
-    causes = (
+    problem = Problem(model, record, interval_steps.h, interval_steps.count)
+    excitations = (
         problem.ground[: problem.samples + 1],
         problem.forces[:, 1:3],
         problem.displacement,
         problem.velocity,
     )
-    if not any(np.any(cause) for cause in causes):
+    if not any(np.any(excitation) for excitation in excitations):
         raise AnalysisError(
             f"{model.name}: the building has no excitation; specify a ground motion, a force or an "
             "initial state"
@@ -283,55 +297,65 @@ def pose(
 
 
 def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
-    """Return the problem with as many additional samples as all steps (s) need to end together.
+    """Return the problem, extended so that runs with all time steps end at the same time.
 
-    A longer motion can have larger peaks, so the peaks of two durations do not measure an error.
-    The problem is not extended if the common multiple of the steps exceeds the duration.
+    A run with long steps may otherwise end later than a run with short steps. A longer motion can
+    have larger peaks, so the difference of their peaks would not be an error. The problem is not
+    extended if the common multiple of the steps exceeds the duration.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    dts : iterable of float
+        Time steps, s.
     """
-    common = math.lcm(*(problem.steps(dt).stride for dt in dts))
-    if common > problem.samples:
+    common_multiple = math.lcm(*(problem.steps(dt).stride for dt in dts))
+    if common_multiple > problem.samples:
         return problem
-    return replace(problem, samples=-(-problem.samples // common) * common)
+    # Round up to a multiple of the common multiple.
+    return replace(problem, samples=-(-problem.samples // common_multiple) * common_multiple)
 
 
 def stretched(model: Model, count: int) -> Model:
     """Return the model with `count` stories and an unchanged pattern of stories.
 
-    The stories are repeated or omitted. Coefficients of Rayleigh damping do not change. Of modal
-    damping, the ratios of the existing modes are kept. Forces and the initial state move with
-    their floors.
+    If the number of stories increases, stories are repeated; if it decreases, stories are omitted.
+    The coefficients of Rayleigh damping do not change. Modal damping keeps the ratios of the first
+    `count` modes. Forces and the initial state move with their floors.
     """
-    stories = len(model.stories)
-    if count == stories:
+    old_count = len(model.stories)
+    if count == old_count:
         return model
-    floors = [i * stories // count for i in range(count)]
+    old_stories = [i * old_count // count for i in range(count)]
     damping = model.damping
     if isinstance(damping, RayleighRatio):
         # Compute the coefficients from the mass and the stiffness of the lowest story.
         building = assemble(model)
-        first = model.stories[0]
+        lowest_story = model.stories[0]
         damping = RayleighCoefficients(
             mass=float(
                 building.linear_terms[rows.FLOOR_DAMPER, 0] / building.linear_terms[rows.MASS, 0]
             ),
             stiffness=float(
-                (building.linear_terms[rows.STORY_DAMPER, 0] - first.dashpot) / first.stiffness
+                (building.linear_terms[rows.STORY_DAMPER, 0] - lowest_story.dashpot)
+                / lowest_story.stiffness
             ),
         )
     elif isinstance(damping, ModalDamping):
         damping = ModalDamping(damping.ratios[:count])
     forces = tuple(
-        replace(force, floor=max(1, math.ceil(force.floor * count / stories)))
+        replace(force, floor=max(1, math.ceil(force.floor * count / old_count)))
         for force in model.excitation.forces
     )
     return replace(
         model,
-        stories=tuple(model.stories[i] for i in floors),
+        stories=tuple(model.stories[i] for i in old_stories),
         damping=damping,
         excitation=replace(model.excitation, forces=forces),
         initial=Initial(
-            tuple(model.initial.displacement[i] for i in floors),
-            tuple(model.initial.velocity[i] for i in floors),
+            tuple(model.initial.displacement[i] for i in old_stories),
+            tuple(model.initial.velocity[i] for i in old_stories),
         ),
     )
 
@@ -343,13 +367,14 @@ EXACT_UP_TO = 100
 """Maximum number of stories for the exact method; the cost of its time step is quadratic in the
 number of stories."""
 
-# Relative gaps at which no finer reference is computed: exact method, smooth and kinked forces
+# Relative differences between two solutions at which no finer reference is computed: with the
+# exact method, and with smooth and kinked hysteresis models
 _EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8
-_SECONDS = 20.0  # s; no finer solution is started afterwards
+_REFINEMENT_SECONDS = 20.0  # s; no finer solution is started if it would end later
 _FIRST_COST = 0.5  # s; approximate cost of the first solution
 _STORY_STEP = 6e-8  # s; approximate cost of one time step per story
 # Stories with a peak drift below this fraction of the maximum are omitted from the peak error
-_SMALL = 1e-3
+_OMITTED_BELOW = 1e-3
 _KEPT = 200_000_000  # bytes; maximum size of the references in the cache
 
 
@@ -393,30 +418,38 @@ QUANTITIES = tuple(field.name for field in fields(Errors))
 
 
 def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
-    """Return the errors of a motion at its times. The reference contains all samples."""
-    true = reference.every(motion.stride, len(motion.displacement))
-    of_history = {}
+    """Return the errors of a motion at its times, relative to a reference at all samples."""
+    reference_rows = reference.every(motion.stride, len(motion.displacement))
+    history_errors = {}
     for name in QUANTITIES[:-1]:
-        values, exact = getattr(motion, name), getattr(true, name)
-        of_history[name] = float(np.linalg.norm(values - exact) / np.linalg.norm(exact))
-    return Errors(**of_history, peak_drift=largest_relative(motion.peak_drift, true.peak_drift))
+        values, reference_values = getattr(motion, name), getattr(reference_rows, name)
+        history_errors[name] = float(
+            np.linalg.norm(values - reference_values) / np.linalg.norm(reference_values)
+        )
+    return Errors(
+        **history_errors, peak_drift=largest_relative(motion.peak_drift, reference_rows.peak_drift)
+    )
 
 
 def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
     """Return the error of the peak drifts of a run without history; the other errors are nan."""
-    unknown = dict.fromkeys(QUANTITIES[:-1], math.nan)
+    not_available = dict.fromkeys(QUANTITIES[:-1], math.nan)
     return Errors(
-        **unknown, peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift)
+        **not_available,
+        peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift),
     )
 
 
-def largest_relative(peaks: Array, true: Array) -> float:
-    """Return the maximum relative error of the peaks of the stories.
+def largest_relative(peaks: Array, reference_peaks: Array) -> float:
+    """Return the maximum relative error of the peaks of the stories, each relative to its peak.
 
-    Stories with a peak below a thousandth of the maximum are omitted.
+    Stories with a reference peak below a thousandth of the maximum are omitted, because their
+    relative errors are large and not important.
     """
-    counted = true > _SMALL * np.max(true)
-    return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0), initial=0.0))
+    is_relevant = reference_peaks > _OMITTED_BELOW * np.max(reference_peaks)
+    return float(
+        np.max(np.abs(peaks[is_relevant] / reference_peaks[is_relevant] - 1.0), initial=0.0)
+    )
 
 
 @dataclass(frozen=True)
@@ -475,51 +508,94 @@ def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Re
 
 
 def _solve(problem: Problem, samples: int) -> Reference:
+    """Return the reference for a problem over a number of samples (intervals).
+
+    The time step is halved until the gap is at most the target of the methods, decreases by less
+    than half, or the time is used up. The solution with the smallest gap is returned.
+    """
     # Select the methods. Kinks of the force increase the gap between two solutions.
     building = problem.building
     if building.linear and not len(problem.forces) and building.stories <= EXACT_UP_TO:
-        method, other, goal = "exact", "impulse4", _EXACT_GOAL
+        method, confirming_method, target_gap = "exact", "impulse4", _EXACT_GOAL
     else:
-        method, other = "impulse4", "newmark-average"
-        goal = _KINKED_GOAL if building.piecewise_linear and not building.linear else _SMOOTH_GOAL
-    problem.prepared.compile(map(parse, (method, other)))
-    # Start with the smallest step that costs about 0.5 s, so that few buildings need a second step.
-    parts = 8
-    while parts < 64 and 2 * parts * samples * building.stories * _STORY_STEP < _FIRST_COST:
-        parts *= 2
-    begin = time.monotonic()
-    best = _solve_once(problem, samples, method, other, parts)
-    while best.gap.worst > goal and 3.0 * (time.monotonic() - begin) < _SECONDS:
-        parts *= 2
-        finer = _solve_once(problem, samples, method, other, parts)
-        falls = finer.gap.worst < 0.5 * best.gap.worst
+        method, confirming_method = "impulse4", "newmark-average"
+        target_gap = (
+            _KINKED_GOAL if building.piecewise_linear and not building.linear else _SMOOTH_GOAL
+        )
+    problem.prepared.compile(map(parse, (method, confirming_method)))
+    # Start with the smallest step (an interval divided by 8, 16, 32 or 64) that costs at most
+    # about 0.5 s, so that few buildings need a second step.
+    steps_per_interval = 8
+    while (
+        steps_per_interval < 64
+        and 2 * steps_per_interval * samples * building.stories * _STORY_STEP < _FIRST_COST
+    ):
+        steps_per_interval *= 2
+    start_time = time.monotonic()
+    best = _solve_once(problem, samples, method, confirming_method, steps_per_interval)
+    # The next solution has half the step, so it takes about two times the time spent so far.
+    while (
+        best.gap.worst > target_gap and 3.0 * (time.monotonic() - start_time) < _REFINEMENT_SECONDS
+    ):
+        steps_per_interval *= 2
+        finer = _solve_once(problem, samples, method, confirming_method, steps_per_interval)
+        is_improving = finer.gap.worst < 0.5 * best.gap.worst
         best = min(best, finer, key=lambda reference: reference.gap.worst)
-        if not falls:
+        if not is_improving:
             break
     return best
 
 
-def _solve_once(problem: Problem, samples: int, method: str, other: str, parts: int) -> Reference:
-    motion = _motion(problem, samples, method, parts)
-    h = problem.interval / parts
-    if other == "newmark-average":
-        # Extrapolate to the limit of two motions of a second-order method (Richardson).
-        coarse, fine = (_motion(problem, samples, other, 4 * parts * m) for m in (1, 2))
+def _solve_once(
+    problem: Problem, samples: int, method: str, confirming_method: str, steps_per_interval: int
+) -> Reference:
+    """Return a reference with one time step, and its gap to the solution of a second method.
+
+    Parameters
+    ----------
+    problem : Problem
+        Building with its excitation.
+    samples : int
+        Number of intervals.
+    method, confirming_method : str
+        Method of the reference, and method of the second solution.
+    steps_per_interval : int
+        Number of time steps of the reference per interval.
+    """
+    motion = _motion(problem, samples, method, steps_per_interval)
+    h = problem.interval / steps_per_interval
+    if confirming_method == "newmark-average":
+        # Average acceleration is of order 2: the error with half the step is a quarter. Extrapolate
+        # two motions with 1/4 and 1/8 of the step of the reference to a step of 0 (Richardson).
+        coarse, fine = (
+            _motion(problem, samples, confirming_method, 4 * steps_per_interval * m) for m in (1, 2)
+        )
         names = [field.name for field in fields(FloorMotion)[1:]]
         limits = ((4.0 * getattr(fine, name) - getattr(coarse, name)) / 3.0 for name in names)
         confirming = FloorMotion(fine.stride, *limits)
-        description = f"{other} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
+        description = f"{confirming_method} extrapolated from dt {h / 4:.4g} and {h / 8:.4g} s"
     else:
-        confirming = _motion(problem, samples, other, parts)
-        description = f"{other} with dt {h:.4g} s"
+        confirming = _motion(problem, samples, confirming_method, steps_per_interval)
+        description = f"{confirming_method} with dt {h:.4g} s"
     return Reference(method, h, description, errors(confirming, motion), motion)
 
 
-def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMotion:
-    h = problem.interval / parts
-    motion = problem.motion(parse(method), Steps(h, samples * parts, per_sample=parts))
+def _motion(problem: Problem, samples: int, method: str, steps_per_interval: int) -> FloorMotion:
+    """Return the motion at all samples, computed with several time steps per interval.
+
+    Raises
+    ------
+    AnalysisError
+        The run does not reach its end.
+    """
+    h = problem.interval / steps_per_interval
+    motion = problem.motion(
+        parse(method), Steps(h, samples * steps_per_interval, per_sample=steps_per_interval)
+    )
     if motion is None:
-        raise AnalysisError(f"no reference: {method} with dt {h:.6g} s does not reach the end")
+        raise AnalysisError(
+            f"the reference cannot be computed: {method} with dt {h:.6g} s does not reach the end"
+        )
     return motion
 
 
@@ -532,6 +608,11 @@ def cache_folder() -> Path | None:
 
 
 def _cache_file(problem: Problem, samples: int) -> Path | None:
+    """Return the file in which the reference of a problem is stored; None without a cache.
+
+    The name is a digest of everything that determines the reference: this module, the kernels
+    including the laws of plug-ins, and all arrays of the problem.
+    """
     folder = cache_folder()
     if folder is None:
         return None
@@ -559,11 +640,22 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
 
 
 def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
-    """Return the reference of a file; None if the file does not exist or is corrupt."""
+    """Return the reference of a file; None if the file does not exist, is corrupt or does not fit.
+
+    Parameters
+    ----------
+    file : Path
+        File in the cache.
+    problem : Problem
+        Building with its excitation.
+    samples : int
+        Number of intervals that the motion must contain.
+    """
     if not is_file(file):
         return None
     shape = (samples + 1, problem.building.stories)
-    # A corrupt zip file, text or array can raise any exception: the reference is computed again.
+    # A corrupt zip file, text or array can raise any exception. All are ignored: the result is
+    # None, and the caller computes the reference again.
     with (
         suppress(Exception),
         file.open("rb") as stream,
@@ -605,10 +697,12 @@ def _save(file: Path, reference: Reference) -> None:
     with suppress(OSError, OutputError):
         file.parent.mkdir(exist_ok=True, mode=0o700)
         write_file(file, lambda stream: np.savez(stream, **content), overwrite=True)
-        size = 0
-        for old in sorted(
-            file.parent.glob("*.npz"), key=lambda old: old.stat().st_mtime, reverse=True
+        total_bytes = 0
+        for stored_file in sorted(
+            file.parent.glob("*.npz"),
+            key=lambda stored_file: stored_file.stat().st_mtime,
+            reverse=True,
         ):
-            size += old.stat().st_size
-            if size > _KEPT and old != file:
-                old.unlink(missing_ok=True)
+            total_bytes += stored_file.stat().st_size
+            if total_bytes > _KEPT and stored_file != file:
+                stored_file.unlink(missing_ok=True)

@@ -92,23 +92,25 @@ PARTS = (
     1 / 12,
     1 / 16,
 )
-"""Time steps over the sampling interval of the record: halved steps and intermediate steps. With
-halved steps only, costs would differ by factors of two."""
+"""Time steps of the profiles, as multiples of the sampling interval of the record. Steps between
+the halved steps are included, because costs would otherwise differ by factors of two."""
 
 PEAKS = ("peak_drift", "peak_absolute_acceleration", "peak_total_shear")
 
-_FINE = 32  # number of time steps of the reference per interval
-# Numbers of steps per interval of the second method; the latter is used if the former does not
-# confirm the reference
+_FINE = 32  # number of time steps of the reference per sampling interval
+# Numbers of steps per interval of the second method that confirms the reference. The second number
+# is used if the difference between the two methods is too large with the first number.
 _FINER = (32, 128)
-_SURE = 0.2  # maximum gap of the reference, as a fraction of a tolerance to be judged
-_NEAR = 1.5  # ratio to the minimum cost up to which a point is timed again
+# Maximum difference between the reference and the second method, as a fraction of a tolerance. With
+# a larger difference, the problem cannot show which methods meet the tolerance.
+_SURE = 0.2
+_NEAR = 1.5  # points with a cost up to this multiple of the minimum are timed again
 # Fraction of the smallest tolerance: after two steps with smaller errors, no smaller step is run
 _FAR_BELOW = 0.25
-# Fraction of the time limit of OpenSees for one problem; with the full time many problems would
-# take longer than our own methods
+# Fraction of the time limit of OpenSees for one problem; with the full time, OpenSees would take
+# longer than all methods of tdint in many problems
 _SHARE = 0.3
-_REPEATS = 3  # the minimum time counts, because disturbances can only increase a time
+_REPEATS = 3  # times per point; their minimum is the cost, because disturbances only increase times
 
 
 @dataclass(frozen=True)
@@ -127,9 +129,11 @@ class PeakErrors(RelativeErrors):
         return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @classmethod
-    def between(cls, peaks: StoryPeaks, true: StoryPeaks) -> PeakErrors:
-        """Return the errors of peaks relative to the true peaks."""
-        return cls(*(largest_relative(getattr(peaks, name), getattr(true, name)) for name in PEAKS))
+    def between(cls, peaks: StoryPeaks, true_peaks: StoryPeaks) -> PeakErrors:
+        """Return the maximum errors over the stories of peaks relative to the true peaks."""
+        return cls(
+            *(largest_relative(getattr(peaks, name), getattr(true_peaks, name)) for name in PEAKS)
+        )
 
 
 @dataclass(frozen=True)
@@ -195,28 +199,30 @@ class Measured:
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
-        """Return the minimum time of each line that meets a tolerance, s; nan if it does not.
+        """Return the minimum time (s) at which each line meets a tolerance, by name of the line.
 
-        The tolerance must be met by the step and by all smaller steps.
+        The time is nan if the line does not meet the tolerance. A step meets the tolerance only if
+        all smaller steps meet it also.
         """
         lines = dict.fromkeys(point.line for point in self.points)
-        run = [point for point in self.points if point.outcome != NOT_RUN]
+        executed = [point for point in self.points if point.outcome != NOT_RUN]
         return {
             line: min(
-                (point.fastest for point in within(run, line, quantity, tolerance)),
+                (point.fastest for point in within(executed, line, quantity, tolerance)),
                 default=math.nan,
             )
             for line in lines
         }
 
     def is_unknown(self, line: str, quantity: str, tolerance: float) -> bool:
-        """Return True if a line has no step within a tolerance and its smaller steps were not run.
+        """Return True if it is unknown whether a line can meet a tolerance.
 
-        In this case the problem is neither solved nor unsolved.
+        This is the case if no executed step of the line meets the tolerance, and smaller steps were
+        not run, because the time of the program was used up.
         """
         of_line = [point for point in self.points if point.line == line]
-        run = [point for point in of_line if point.outcome != NOT_RUN]
-        return len(run) < len(of_line) and not within(run, line, quantity, tolerance)
+        executed = [point for point in of_line if point.outcome != NOT_RUN]
+        return len(executed) < len(of_line) and not within(executed, line, quantity, tolerance)
 
 
 class Leaders(NamedTuple):
@@ -233,7 +239,7 @@ PEER = "/"  # separator in the names of lines of other programs: program/method
 
 APART = ("openseespy/generalized-alpha",)
 """Lines that are excluded from the profiles. From its second iteration on, OpenSees' integrator
-solves other equations than the method (`peers.ITERATED`)."""
+solves other equations than the published method."""
 
 
 def of_steps(line: str) -> bool:
@@ -268,43 +274,57 @@ class FieldChart(Tabular):
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
-        """Profiles by quantity, tolerance and method, over all problems that can be judged.
+        """Profiles for each quantity, tolerance and method, in this order.
 
-        A problem that a method does not accept counts as not solved. A problem is omitted from the
-        profile of a method if the steps within the tolerance were not run. All costs are relative
-        to the minimum of our methods with specified steps.
+        They include all problems whose reference is accurate enough for the tolerance. A problem
+        that a method does not accept counts as not solved. A problem is omitted from the profile
+        of a method if it is unknown whether the method can meet the tolerance. All costs are
+        relative to the minimum of tdint's methods with specified steps.
         """
         profiles = []
-        ours = [of_steps(line) for line in self.lines]
+        is_ours = [of_steps(line) for line in self.lines]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
-            sure = [measured for measured in self.measured if measured.judges(quantity, tolerance)]
-            if not sure:
+            judged_problems = [
+                measured for measured in self.measured if measured.judges(quantity, tolerance)
+            ]
+            if not judged_problems:
                 continue
-            judged = [measured.costs(quantity, tolerance) for measured in sure]
-            table = np.array(
-                [[costs.get(line, math.nan) for line in self.lines] for costs in judged]
+            problem_costs = [measured.costs(quantity, tolerance) for measured in judged_problems]
+            # Rows: problems; columns: methods. A method without points did not accept the problem.
+            cost_table = np.array(
+                [[costs.get(line, math.nan) for line in self.lines] for costs in problem_costs]
             )
-            for line, ratios in zip(self.lines, performance_ratios(table, ours).T, strict=True):
-                unknown = [one.is_unknown(line, quantity, tolerance) for one in sure]
-                taken = sum(line in costs for costs in judged) - sum(unknown)
-                known = sorted(ratios[~np.array(unknown)].tolist())
+            for line, ratios in zip(
+                self.lines, performance_ratios(cost_table, is_ours).T, strict=True
+            ):
+                is_unknown = [
+                    problem.is_unknown(line, quantity, tolerance) for problem in judged_problems
+                ]
+                accepted = sum(line in costs for costs in problem_costs) - sum(is_unknown)
+                sorted_ratios = sorted(ratios[~np.array(is_unknown)].tolist())
                 profiles.append(
-                    PerformanceProfile(quantity, tolerance, line, tuple(known), taken, sum(unknown))
+                    PerformanceProfile(
+                        quantity, tolerance, line, tuple(sorted_ratios), accepted, sum(is_unknown)
+                    )
                 )
         return tuple(profiles)
 
     def named(self, line: str) -> str:
-        """Return the method, with the number of accepted problems if it does not accept all.
+        """Return the name of a method, with the number of problems if it does not accept them all.
 
         Parameters
         ----------
         line : str
             Method specification, as in the points of the charts.
         """
-        taken = sum(
+        accepted = sum(
             any(point.line == line for point in measured.points) for measured in self.measured
         )
-        return line if taken == len(self.measured) else f"{line} ({taken} of {len(self.measured)})"
+        return (
+            line
+            if accepted == len(self.measured)
+            else f"{line} ({accepted} of {len(self.measured)})"
+        )
 
     def leaders(self) -> Leaders:
         """Return the recommended methods.
@@ -321,19 +341,25 @@ class FieldChart(Tabular):
                 "no reference is accurate enough for any tolerance: no method can be recommended"
             )
 
-        def near(line: str, least: float) -> int:
-            return sum(p.within(2.0) for p in profiles if p.method == line and p.tolerance >= least)
+        # Number of problems, over all quantities and tolerances, solved at most at twice the cost.
+        def count_near_minimum(line: str, smallest_tolerance: float) -> int:
+            return sum(
+                p.within(2.0)
+                for p in profiles
+                if p.method == line and p.tolerance >= smallest_tolerance
+            )
 
-        def fails(line: str) -> tuple[int, float]:
+        # Number of unsolved problems, and the maximum cost ratio of the solved problems.
+        def failures(line: str) -> tuple[int, float]:
             of_line = [p for p in profiles if p.method == line]
             return sum(p.problems - p.solved for p in of_line), max(
                 (p.worst for p in of_line if p.solved), default=math.inf
             )
 
         return Leaders(
-            max(lines, key=lambda line: near(line, 0.0)),
-            max(lines, key=lambda line: near(line, COARSE)),
-            min((line for line in lines if near(line, 0.0)), key=fails),
+            max(lines, key=lambda line: count_near_minimum(line, 0.0)),
+            max(lines, key=lambda line: count_near_minimum(line, COARSE)),
+            min((line for line in lines if count_near_minimum(line, 0.0)), key=failures),
         )
 
     def _headline(self) -> str:
@@ -383,47 +409,52 @@ def measure_problem(
     """
     # Compile the time loops of the building, and choose steps that all end at the same time.
     posed = problem.posed
-    dts = [posed.interval * part for part in PARTS]
+    dts = [posed.interval * multiple for multiple in PARTS]
     posed = ending_together(posed, dts)
-    able = suited(posed, integrators)
+    suitable = suited(posed, integrators)
     progress("compiling", 0.0)
-    posed.prepared.compile([*able, parse("impulse4"), parse("moment4")])
+    posed.prepared.compile([*suitable, parse("impulse4"), parse("moment4")])
 
     # Compute the reference, and its difference from the result of a second method.
     progress("reference", 0.1)
-    true = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
+    reference = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
-    for parts in _FINER:
-        other = posed.case(parse("moment4")).integrate(posed.steps(posed.interval / parts))
-        difference = _off(true.stories, other)
+    for steps_per_interval in _FINER:
+        second_response = posed.case(parse("moment4")).integrate(
+            posed.steps(posed.interval / steps_per_interval)
+        )
+        difference = _peak_errors(reference.stories, second_response)
         gap = PeakErrors(*np.minimum(astuple(gap), astuple(difference)).tolist())
-        confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
+        confirmed_by = f"moment4 with dt {posed.interval / steps_per_interval:.4g} s"
         if gap.worst <= _SURE * min(TOLERANCES):
             break
 
     # Measure the errors of all points, then the times of the relevant points.
     points: dict[tuple[Integrator, float], Point] = {}
-    for done, integrator in enumerate(able):
-        progress("errors", 0.2 + 0.6 * done / len(able))
+    for completed, integrator in enumerate(suitable):
+        progress("errors", 0.2 + 0.6 * completed / len(suitable))
         points |= {
-            (integrator, point.dt): point for point in _line(posed, integrator, dts, true.stories)
+            (integrator, point.dt): point
+            for point in _points_of_method(posed, integrator, dts, reference.stories)
         }
     contenders = _contenders(points.values())
-    for turn in range(1, repeats):
-        progress("times", 0.8 + 0.2 * turn / repeats)
-        for pair, point in points.items():
+    for repetition in range(1, repeats):
+        progress("times", 0.8 + 0.2 * repetition / repeats)
+        for run, point in points.items():
             if point in contenders:
-                again = posed.case(pair[0]).integrate(posed.steps(pair[1]))
-                points[pair] = replace(point, times=(*point.times, again.solver_time))
-        contenders = [point for point in points.values() if len(point.times) == turn + 1]
+                response = posed.case(run[0]).integrate(posed.steps(run[1]))
+                points[run] = replace(point, times=(*point.times, response.solver_time))
+        contenders = [point for point in points.values() if len(point.times) == repetition + 1]
     # Time complete runs of methods that choose their steps, as `tdint run --tolerance` does.
-    choosing: list[Point] = []
-    for integrator in able:
+    points_by_tolerance: list[Point] = []
+    for integrator in suitable:
         if integrator.label in CHOOSING:
-            choosing += by_tolerance(
-                posed, integrator, tolerances, partial(_off, true.stories), repeats
+            points_by_tolerance += by_tolerance(
+                posed, integrator, tolerances, partial(_peak_errors, reference.stories), repeats
             )
-    others, agreed, note = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
+    opensees_points, opensees_gap, opensees_note = (
+        _opensees_results(posed, dts, reference.stories) if peers else ([], math.nan, "")
+    )
     return Measured(
         name=problem.name,
         motion=problem.motion,
@@ -431,23 +462,25 @@ def measure_problem(
         stories=posed.building.stories,
         interval=posed.interval,
         duration=posed.samples * posed.interval,
-        ductility=max(filter(math.isfinite, true.stories.ductility.tolist()), default=math.nan),
-        changes=int(true.branch_changes),
+        ductility=max(
+            filter(math.isfinite, reference.stories.ductility.tolist()), default=math.nan
+        ),
+        changes=int(reference.branch_changes),
         confirmed_by=confirmed_by,
         gap=gap,
-        points=(*points.values(), *choosing, *others),
-        peer_gap=agreed,
-        peer_note=note,
+        points=(*points.values(), *points_by_tolerance, *opensees_points),
+        peer_gap=opensees_gap,
+        peer_note=opensees_note,
     )
 
 
-def _off(true: StoryPeaks, response: Response) -> PeakErrors:
-    """Return the errors of the peaks of a run."""
-    return PeakErrors.between(response.stories, true)
+def _peak_errors(true_peaks: StoryPeaks, response: Response) -> PeakErrors:
+    """Return the errors of the peaks of a run relative to the true peaks."""
+    return PeakErrors.between(response.stories, true_peaks)
 
 
-def _line(
-    posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks
+def _points_of_method(
+    posed: Problem, integrator: Integrator, dts: Sequence[float], true_peaks: StoryPeaks
 ) -> list[Point]:
     """Return the points of one method until two successive errors are far below all tolerances.
 
@@ -461,29 +494,33 @@ def _line(
         Method.
     dts : sequence of float
         Time steps in descending order, s.
-    true : StoryPeaks
+    true_peaks : StoryPeaks
         Peaks of the reference.
     """
     points: list[Point] = []
     for dt in dts:
         steps = posed.steps(dt)
-        bare = Point(integrator.label, steps.h, steps.count, DONE, line=integrator.label)
+        point_without_result = Point(
+            integrator.label, steps.h, steps.count, DONE, line=integrator.label
+        )
         response = attempt(posed.case(integrator), steps)
         if isinstance(response, FailedRun):
-            points.append(replace(bare, outcome=response.status))
+            points.append(replace(point_without_result, outcome=response.status))
             continue
         point = replace(
-            bare,
+            point_without_result,
             outcome=response.status,
             iterations=response.iterations,
             times=(response.solver_time,),
         )
         if response.status == DONE:
-            point = replace(point, errors=_off(true, response))
+            point = replace(point, errors=_peak_errors(true_peaks, response))
         points.append(point)
         # Two successive errors are required, because a single error may be small by chance.
-        last = [point.errors for point in points[-2:] if point.errors]
-        if len(last) == 2 and max(error.worst for error in last) < _FAR_BELOW * min(TOLERANCES):
+        last_errors = [point.errors for point in points[-2:] if point.errors]
+        if len(last_errors) == 2 and max(errors.worst for errors in last_errors) < _FAR_BELOW * min(
+            TOLERANCES
+        ):
             break
     return points
 
@@ -495,19 +532,31 @@ def _contenders(points: Iterable[Point]) -> list[Point]:
     for line, quantity, tolerance in product(
         dict.fromkeys(point.line for point in points), PEAKS, TOLERANCES
     ):
-        good = within(points, line, quantity, tolerance)
-        least = min((point.fastest for point in good), default=math.nan)
-        contenders |= {id(point): point for point in good if point.fastest <= _NEAR * least}
+        meeting = within(points, line, quantity, tolerance)
+        minimum_cost = min((point.fastest for point in meeting), default=math.nan)
+        contenders |= {
+            id(point): point for point in meeting if point.fastest <= _NEAR * minimum_cost
+        }
     return list(contenders.values())
 
 
-def _others(
-    posed: Problem, dts: Sequence[float], true: StoryPeaks
+def _opensees_results(
+    posed: Problem, dts: Sequence[float], true_peaks: StoryPeaks
 ) -> tuple[list[Point], float, str]:
-    """Return OpenSeesPy's points, and `peer_gap` and `peer_note` of `Measured`.
+    """Return OpenSeesPy's points, its difference from the reference, and a note.
 
-    Points are returned only if OpenSees uses an equal hysteresis model: with small steps, its
-    histories must equal the reference within a fifth of the smallest tolerance.
+    Points are returned only if OpenSees integrates the same building: with small steps, its
+    histories must equal the reference within a fifth of the smallest tolerance. The note describes
+    these steps and omitted points, or contains the reason if there are no points.
+
+    Parameters
+    ----------
+    posed : Problem
+        Building with its excitation.
+    dts : sequence of float
+        Time steps, s.
+    true_peaks : StoryPeaks
+        Peaks of the reference.
     """
     from tdint.analysis.chart.peers import ITERATED, opensees_gap, openseespy_points
 
@@ -518,8 +567,10 @@ def _others(
     gap, note = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
     if not gap <= _SURE * min(TOLERANCES):
         return [], gap, f"omitted: {note}"
-    judge = partial(PeakErrors.between, true=true)
-    points, notes = openseespy_points(posed, dts, reference, repeats=1, share=_SHARE, judge=judge)
+    peak_errors = partial(PeakErrors.between, true=true_peaks)
+    points, notes = openseespy_points(
+        posed, dts, reference, repeats=1, share=_SHARE, judge=peak_errors
+    )
     return points, gap, "; ".join([note, *(text for text in notes if text != ITERATED)])
 
 
@@ -597,7 +648,7 @@ def performance_profiles(
 
 
 def measure_all(
-    given: Sequence[FieldProblem],
+    problems: Sequence[FieldProblem],
     integrators: Sequence[Integrator],
     *,
     repeats: int = _REPEATS,
@@ -605,14 +656,36 @@ def measure_all(
     peers: bool = False,
     progress: Progress = silent,
 ) -> FieldChart:
-    """Measure problems sequentially, see `measure_problem`."""
+    """Measure problems sequentially and return their chart.
+
+    Parameters
+    ----------
+    problems : sequence of FieldProblem
+        Buildings, each under a ground motion.
+    integrators : sequence of Integrator
+        Methods; methods that cannot integrate a building are omitted there.
+    repeats : int
+        Number of times that a point is timed if it can be the cheapest for a tolerance.
+    tolerances : sequence of float
+        Relative tolerances of peak drifts, for which moment4 and impulse4 choose their steps.
+    peers : bool
+        True to include OpenSeesPy.
+    progress : callable
+        Callback with the name of the current action and the completed fraction, from 0 to 1.
+    """
     measured: list[Measured] = []
-    for done, problem in enumerate(given):
+    for completed, problem in enumerate(problems):
 
         def report(
-            act: str, part: float, done: int = done, problem: FieldProblem = problem
+            action: str,
+            fraction: float,
+            completed: int = completed,
+            problem: FieldProblem = problem,
         ) -> None:
-            progress(f"{problem.name}, {problem.motion}: {act}", (done + part) / len(given))
+            progress(
+                f"{problem.name}, {problem.motion}: {action}",
+                (completed + fraction) / len(problems),
+            )
 
         measured.append(
             measure_problem(
@@ -644,11 +717,11 @@ def crossed(
     """
     buildings = models if isinstance(models, list | tuple) else [models]
     motions = records if isinstance(records, list | tuple) else [records]
-    read = [record_of(record) for record in motions]
+    read_records = [record_of(record) for record in motions]
     problems = []
     for model in map(model_of, buildings):
-        applied: Sequence[Record | None] = read or [model_record(model)]
-        for record in applied:
+        model_records: Sequence[Record | None] = read_records or [model_record(model)]
+        for record in model_records:
             motion = (
                 " ".join(filter(None, (Path(record.source).stem, record.component)))
                 if record
@@ -669,35 +742,41 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     RecordError
         A record cannot be read.
     """
-    standard = source == STANDARD
+    is_standard = source == STANDARD
     origin, root = read_document(
-        _SET if standard else source, "file of problems", "`records` and `problems`"
+        _SET if is_standard else source, "file of problems", "`records` and `problems`"
     )
-    if standard:
-        folder = next((folder for folder in _RECORDS if folder.is_dir()), None)
-        if folder is None:
+    if is_standard:
+        directory = next((directory for directory in _RECORDS if directory.is_dir()), None)
+        if directory is None:
             raise RecordError(
                 "the records of the standard problems are not installed; specify a file of problems"
             )
-        root.faults.folder = folder
+        root.faults.folder = directory
     # Read the ground motions by name, and the buildings that refer to these names.
     section = root.section(("records", "problems"))
     sources: dict[str, RecordSource] = {}
     entries: list[tuple[str, str, Model | str, dict[str, float]]] = []
     if section:
-        named = section.need("records", "list ground motions by name")
-        listed = section.need("problems", "list problems with name, model and scales")
-        motions = named.named("a mapping from names to ground motions") if named else None
+        records_value = section.need("records", "list ground motions by name")
+        problems_value = section.need("problems", "list problems with name, model and scales")
+        motions = (
+            records_value.named("a mapping from names to ground motions") if records_value else None
+        )
         for name, motion in (motions or {}).items():
-            if (stated := record_within(motion)) is not None:
-                sources[name] = stated
+            if (source_of_motion := record_within(motion)) is not None:
+                sources[name] = source_of_motion
         for item in (
-            listed.items("a list of problems", "is empty; add at least one problem")
-            if listed
+            problems_value.items("a list of problems", "is empty; add at least one problem")
+            if problems_value
             else None
         ) or ():
             entry = item.section(("name", "reason", "model", "scales"))
-            if entry and (problem := _entry(entry, origin, named.names if named else ())):
+            if entry and (
+                problem := _read_problem(
+                    entry, origin, records_value.names if records_value else ()
+                )
+            ):
                 entries.append(problem)
     root.faults.raise_if_any()
     # Combine each building with each of its ground motions.
@@ -707,8 +786,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
         model = model_of(building)
         for motion_name, factor in scales.items():
             if motion_name not in records:
-                bare = replace(model.excitation, record=sources[motion_name], forces=())
-                records[motion_name] = model_record(replace(model, excitation=bare))
+                record_only = replace(model.excitation, record=sources[motion_name], forces=())
+                records[motion_name] = model_record(replace(model, excitation=record_only))
             record = records[motion_name]
             assert record is not None
             scaled = record.scaled(factor) if factor != 1.0 else record
@@ -716,10 +795,12 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
     return problems
 
 
-def _entry(
+def _read_problem(
     entry: Section, origin: SourceText, motions: Sequence[str]
 ) -> tuple[str, str, Model | str, dict[str, float]] | None:
-    """Return name, reason, model (or its file) and factors of one problem; None if invalid.
+    """Return name, reason, model (or its file) and factors (by motion) of one problem.
+
+    The result is None if the entry is invalid. Its errors are then stored in the document.
 
     Parameters
     ----------
@@ -730,30 +811,36 @@ def _entry(
     motions : sequence of str
         Names of the ground motions of the file.
     """
-    name, value = (
+    name, model_value = (
         entry.need("name", "specify a name of the problem"),
         entry.need("model", "specify a model or its file"),
     )
-    scales, reason = (
+    scales_value, reason_value = (
         entry.need("scales", "specify a factor for each record: {NAME: 1}"),
         entry.get("reason"),
     )
     label = name.text() if name else None
     # The model is part of this file or a separate file. Its own record is ignored.
     model: Model | str | None = None
-    if value is not None:
-        inside = replace(origin, name=label or origin.name)
-        model = model_within(value, inside) if value.is_mapping else value.file()
-    of_motions = scales.section(motions, "a mapping from records to factors") if scales else None
+    if model_value is not None:
+        model_origin = replace(origin, name=label or origin.name)
+        model = (
+            model_within(model_value, model_origin)
+            if model_value.is_mapping
+            else model_value.file()
+        )
+    factor_section = (
+        scales_value.section(motions, "a mapping from records to factors") if scales_value else None
+    )
     factors: dict[str, float] = {}
-    for motion in scales.names if scales and of_motions else ():
-        factor: Value | None = of_motions.get(motion) if of_motions else None
-        if factor is not None:
-            factors[motion] = factor.number()
+    for motion in scales_value.names if scales_value and factor_section else ():
+        factor_value: Value | None = factor_section.get(motion) if factor_section else None
+        if factor_value is not None:
+            factors[motion] = factor_value.number()
             if factors[motion] == 0.0:
-                factor.fault("must not be zero")
+                factor_value.fault("must not be zero")
     return (
-        (label, (reason.text() if reason else "") or "", model, factors)
+        (label, (reason_value.text() if reason_value else "") or "", model, factors)
         if label and model
         else None
     )

@@ -62,15 +62,17 @@ HALVINGS = 7
 """Default number of times that the maximum time step is halved."""
 
 CHOOSING = ("moment4", "impulse4")
-"""Methods for which `with_tolerances` adds lines."""
+"""Methods that can choose their time steps from a tolerance."""
 
 BY_TOLERANCE = " by tolerance"
-"""Suffix of the method in the name of such a line."""
+"""Suffix that follows the method in the name of a line with steps chosen from a tolerance."""
 
-_BETWEEN = (6.0, 3.0, 1.0 / 3.0, 1.0 / 6.0, 1.0 / 12.0)
-_WITH_BETWEEN = 1.7  # number of steps with the intermediate time steps, over the number without
+# Default time steps between the halved steps, as multiples of the sampling interval
+_INTERMEDIATE = (6.0, 3.0, 1.0 / 3.0, 1.0 / 6.0, 1.0 / 12.0)
+# Cost of all runs with the intermediate time steps, over the cost of the runs with halved steps
+_INTERMEDIATE_RATIO = 1.7
 
-_SECONDS = 30.0  # s; approximate duration of all timed runs of a chart by default
+_DEFAULT_SECONDS = 30.0  # s; approximate duration of all timed runs of a chart by default
 _STORY_STEP = 6e-8  # s; approximate cost of one time step per story
 
 _SAME_COST = 1.1  # ratio; times on a shared machine scatter by 10 %
@@ -82,7 +84,7 @@ Progress = Callable[[str, float], None]
 """Callback with the name of the current action and the completed fraction, from 0 to 1."""
 
 
-def silent(act: str, part: float) -> None:
+def silent(action: str, fraction: float) -> None:
     """Ignore progress reports."""
 
 
@@ -171,29 +173,32 @@ class Timing:
     def of(cls, points: Iterable[Point]) -> Timing:
         """Return the conditions for points of a chart that have just been timed."""
         timed = [point for point in points if point.times]
-        counts = [len(point.times) for point in timed] or [0]
-        taken = sum(sum(point.times) for point in timed)
-        walls = sum(sum(point.walls) for point in timed)
-        is_measured = system.clock() == "thread_time" and taken > 0.0 and walls > 0.0
+        # Only processor time can be compared with wall time; other clocks measure wall time.
+        repeat_counts = [len(point.times) for point in timed] or [0]
+        processor_seconds = sum(sum(point.times) for point in timed)
+        wall_seconds = sum(sum(point.walls) for point in timed)
+        is_measured = (
+            system.clock() == "thread_time" and processor_seconds > 0.0 and wall_seconds > 0.0
+        )
         return cls(
             system.clock(),
-            (min(counts), max(counts)),
+            (min(repeat_counts), max(repeat_counts)),
             system.load(),
             system.processor(),
             system.processors(),
-            walls / taken if is_measured else None,
+            wall_seconds / processor_seconds if is_measured else None,
         )
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Text with the number of repetitions and the load of the machine."""
-        times = " to ".join(str(count) for count in dict.fromkeys(self.repeats))
-        load = (
+        repeat_text = " to ".join(str(count) for count in dict.fromkeys(self.repeats))
+        load_text = (
             ""
             if self.load is None
             else f", load {self.load:.1f} on {pluralize(self.processors, 'processor')}"
         )
-        return f"minimum of {times} times{load}"
+        return f"minimum of {repeat_text} times{load_text}"
 
     @property
     def disturbed(self) -> bool:
@@ -258,13 +263,13 @@ class Chart(Tabular):
     peers: tuple[Peer, ...] = ()
 
     def _headline(self) -> str:
-        lines = len({point.line for point in self.points})
-        counts = {"method": lines, "point": len(self.points), "story": self.stories}
-        return "of " + ", ".join(pluralize(count, noun) for noun, count in counts.items())
+        line_count = len({point.line for point in self.points})
+        count_by_noun = {"method": line_count, "point": len(self.points), "story": self.stories}
+        return "of " + ", ".join(pluralize(count, noun) for noun, count in count_by_noun.items())
 
 
-def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
-    """Return the default time steps for a number of methods, s.
+def default_steps(problem: Problem, method_count: int, repeats: int) -> tuple[float, ...]:
+    """Return the default time steps for a number of methods, s, in descending order.
 
     The steps are eight sampling intervals and repeated halves, down to 1/16 of an interval. For a
     large building the smallest step is larger, but at most the interval. Steps of 6, 3, 1/3, 1/6
@@ -274,20 +279,26 @@ def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, 
     ----------
     problem : Problem
         Building with its excitation.
-    methods : int
+    method_count : int
         Number of methods.
     repeats : int
         Number of times that each run is timed.
     """
-    at_interval = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
+    seconds_at_interval = (
+        problem.samples * problem.building.stories * _STORY_STEP * method_count * (repeats + 1)
+    )
     halvings = HALVINGS
+    # The cost is inversely proportional to the time step. Runs with repeatedly halved steps cost
+    # together about two times as much as the run with the smallest step.
     while (
-        halvings > 3 and at_interval * 2.0 ** (halvings + 1) / COARSEST * _WITH_BETWEEN > _SECONDS
+        halvings > 3
+        and seconds_at_interval * 2.0 ** (halvings + 1) / COARSEST * _INTERMEDIATE_RATIO
+        > _DEFAULT_SECONDS
     ):
         halvings -= 1
     halved = halved_steps(problem, halvings)
-    between = (problem.interval * part for part in _BETWEEN)
-    return tuple(sorted((*halved, *(dt for dt in between if dt > halved[-1])), reverse=True))
+    intermediate = (problem.interval * multiple for multiple in _INTERMEDIATE)
+    return tuple(sorted((*halved, *(dt for dt in intermediate if dt > halved[-1])), reverse=True))
 
 
 def halved_steps(problem: Problem, halvings: int) -> tuple[float, ...]:
@@ -303,14 +314,14 @@ def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrat
     UsageError
         No method can integrate the building.
     """
-    able = [
+    suitable = [
         integrator
         for integrator in integrators
         if not unsupported_reason(integrator, problem.building)
     ]
-    if not able:
+    if not suitable:
         raise UsageError(unsupported_reason(integrators[0], problem.building))
-    return able
+    return suitable
 
 
 def measure(
@@ -341,9 +352,9 @@ def measure(
     cached : bool
         True (default) to read the reference from the cache, if available, and to store it.
     judge : callable, optional
-        Function of the points with the result of interest, for example the cheapest point. The runs
-        are timed again, up to four times the number of repetitions, until one more repetition does
-        not change this result.
+        Function that receives all points and returns a result of interest, for example the cheapest
+        point. After `repeats` repetitions, the runs are timed again until one more repetition does
+        not change this result, or up to four times `repeats`.
     progress : callable
         Callback for progress reports.
 
@@ -355,31 +366,36 @@ def measure(
         The reference cannot be computed.
     """
     problem = ending_together(problem, dts)
-    choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
+    step_choices = sorted({problem.steps(dt) for dt in dts}, key=lambda steps: -steps.h)
     record_steps = problem.steps(problem.interval)
-    usual = (parse(USUAL), record_steps)
+    usual_run = (parse(USUAL), record_steps)
     progress("compiling", 0.0)
     problem.prepared.compile(
-        [*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part)
+        [*integrators, usual_run[0]], lambda fraction: progress("compiling", _COMPILED * fraction)
     )
     progress("reference", _COMPILED)
     samples = max(
-        steps.count * steps.stride // steps.per_sample for steps in (*choices, record_steps)
+        steps.count * steps.stride // steps.per_sample for steps in (*step_choices, record_steps)
     )
     reference = find_reference(problem, samples, cached=cached)
     # The usual method at the record's step is always measured, because the costs of other methods
     # are reported relative to its cost.
-    pairs = [(integrator, steps) for integrator in integrators for steps in choices]
+    runs = [(integrator, steps) for integrator in integrators for steps in step_choices]
     points = _timed(
-        problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress
+        problem,
+        reference,
+        runs if usual_run in runs else [*runs, usual_run],
+        repeats,
+        judge,
+        progress,
     )
     return Chart(
         stories=problem.building.stories,
         interval=problem.interval,
         recorded=problem.record is not None,
-        points=tuple(points[pair] for pair in pairs),
+        points=tuple(points[pair] for pair in runs),
         reference=reference,
-        usual=points[usual],
+        usual=points[usual_run],
         timing=Timing.of(points.values()),
     )
 
@@ -420,9 +436,10 @@ def by_tolerance(
     judge: Callable[[Response], RelativeErrors],
     repeats: int,
 ) -> list[Point]:
-    """Return the line of a method that chooses its time steps, with decreasing tolerances.
+    """Return the points of a method that chooses its time steps, with decreasing tolerances.
 
-    Compilation is not timed.
+    The first run with each tolerance compiles the method and determines the errors. It is not
+    timed.
 
     Parameters
     ----------
@@ -442,7 +459,7 @@ def by_tolerance(
         line = f"{integrator.label}{BY_TOLERANCE}"
         point = Point(f"{integrator.label} within {tolerance:g}", math.nan, None, DONE, line=line)
         try:
-            response = problem.within(integrator, tolerance)
+            response = problem.run_within(integrator, tolerance)
         except FailedRun as failure:
             points.append(replace(point, outcome=failure.status))
             continue
@@ -450,14 +467,18 @@ def by_tolerance(
         # whether other processes disturbed it.
         times, walls = [], []
         for _ in range(repeats):
-            begin, wall = system.seconds(), time.perf_counter()
-            problem.within(integrator, tolerance)
-            times.append(system.seconds() - begin)
-            walls.append(time.perf_counter() - wall)
-        off = judge(response)
+            start_time, wall_start = system.seconds(), time.perf_counter()
+            problem.run_within(integrator, tolerance)
+            times.append(system.seconds() - start_time)
+            walls.append(time.perf_counter() - wall_start)
+        run_errors = judge(response)
         points.append(
             replace(
-                point, outcome=response.status, errors=off, times=tuple(times), walls=tuple(walls)
+                point,
+                outcome=response.status,
+                errors=run_errors,
+                times=tuple(times),
+                walls=tuple(walls),
             )
         )
     return points
@@ -520,8 +541,8 @@ def chart(
     problem = ending_together(problem, steps)
     with progress_reporter(progress, 100, "%") as report:
 
-        def in_percent(act: str, part: float) -> None:
-            report(round(100.0 * part), 100)
+        def in_percent(action: str, fraction: float) -> None:
+            report(round(100.0 * fraction), 100)
 
         measured = measure(
             problem, integrators, steps, repeats=repeats, cached=cached, progress=in_percent
@@ -529,18 +550,18 @@ def chart(
         return with_tolerances(problem, measured, limits, repeats=repeats)
 
 
-_Pair = tuple[Integrator, Steps]
+_MethodSteps = tuple[Integrator, Steps]
 
 
 def _timed(
     problem: Problem,
     reference: Reference,
-    pairs: Sequence[_Pair],
+    runs: Sequence[_MethodSteps],
     repeats: int,
     judge: Callable[[Sequence[Point]], object] | None,
     progress: Progress,
-) -> dict[_Pair, Point]:
-    """Measure each pair of method and time step until the result of `judge` is stable.
+) -> dict[_MethodSteps, Point]:
+    """Measure the errors and the times of runs.
 
     Parameters
     ----------
@@ -548,22 +569,24 @@ def _timed(
         Building with its excitation.
     reference : Reference
         Reference solution of the errors.
-    pairs : sequence of tuple
-        Methods and time steps.
+    runs : sequence of tuple
+        Runs: methods with their time steps.
     repeats : int
         Minimum number of times that each run is timed.
     judge : callable or None
-        As in `measure`.
+        Function of all points. After `repeats` repetitions, the runs are timed again until the
+        result of this function does not change, up to four times `repeats`. With None, each run is
+        timed `repeats` times.
     progress : callable
         Callback for progress reports.
 
     Returns
     -------
     dict
-        Points by pair of method and time step.
+        Point of each run. A run that failed has no errors and no times.
     """
-    points: dict[_Pair, Point] = {}
-    done, total = 0, (repeats + 1) * sum(steps.count for _, steps in pairs)
+    points: dict[_MethodSteps, Point] = {}
+    done, total = 0, (repeats + 1) * sum(steps.count for _, steps in runs)
 
     def advance(act: str, steps: Steps) -> None:
         nonlocal done
@@ -571,64 +594,79 @@ def _timed(
         done += steps.count
 
     # First determine the outcome and the errors of each run; computing times are measured later. A
-    # run that diverges has no response to compare.
-    for integrator, steps in pairs:
+    # diverged run has no response to compare.
+    for integrator, steps in runs:
         advance("errors", steps)
-        ended = attempt(problem.case(integrator), steps)
-        point = Point(integrator.label, steps.h, steps.count, ended.status, line=integrator.label)
+        result = attempt(problem.case(integrator), steps)
+        point = Point(integrator.label, steps.h, steps.count, result.status, line=integrator.label)
         if (
-            isinstance(ended, Response)
+            isinstance(result, Response)
             and (motion := problem.motion(integrator, steps)) is not None
         ):
             point = replace(
-                point, iterations=ended.iterations, errors=errors(motion, reference.motion)
+                point, iterations=result.iterations, errors=errors(motion, reference.motion)
             )
         points[integrator, steps] = point
-    # Time each pair alternately, so that disturbances affect all pairs equally. The timed loop is
+    # Time the runs alternately, so that disturbances affect all of them equally. The timed loop is
     # the time loop of `tdint run` without --history, with peaks and energies.
-    verdict: object = None
-    for turn in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
-        for pair, point in points.items():
-            if turn <= repeats:
-                advance("times", pair[1])
+    result_of_judge: object = None
+    for repetition in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
+        for run, point in points.items():
+            if repetition <= repeats:
+                advance("times", run[1])
             if point.errors:
-                march = problem.prepared.integrate(*pair, problem.ground)
-                points[pair] = replace(
-                    point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall)
+                integration = problem.prepared.integrate(*run, problem.ground)
+                points[run] = replace(
+                    point,
+                    times=(*point.times, integration.seconds),
+                    walls=(*point.walls, integration.wall),
                 )
-        before, verdict = verdict, judge(list(points.values())) if judge else None
-        if turn >= repeats and verdict == before:
+        previous_result, result_of_judge = (
+            result_of_judge,
+            judge(list(points.values())) if judge else None,
+        )
+        if repetition >= repeats and result_of_judge == previous_result:
             break
     return points
 
 
 def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:
-    """Return the point of minimum cost that meets a limit at its step and at all smaller steps.
+    """Return the point of minimum cost that meets an error limit; None if no point meets it.
 
-    Smaller steps of the same line must meet the limit also; a step with an error that is small by
-    chance is thus not recommended. Clocks do not distinguish costs that differ by less than a
-    tenth, so the most accurate of these points is returned. The result is None if no point meets
-    the limit.
+    Points of the same line with smaller steps must meet the limit also: a step with an error that
+    is small by chance is not recommended. Measured times do not distinguish costs that differ by
+    less than a tenth. Of the points with at most 1.1 times the minimum cost, the most accurate
+    point is returned.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        Points; those of a line are sorted by decreasing time step.
+    quantity : str
+        Name of the error, for example `peak_drift`.
+    limit : float
+        Maximum error.
     """
     lines = dict.fromkeys(point.line for point in points)
-    good = [point for line in lines for point in within(points, line, quantity, limit)]
-    least = min((point.fastest for point in good), default=math.nan)
-    alike = [point for point in good if point.fastest <= _SAME_COST * least]
-    return min(alike, key=lambda point: point.error(quantity), default=None)
+    meeting = [point for line in lines for point in within(points, line, quantity, limit)]
+    minimum_cost = min((point.fastest for point in meeting), default=math.nan)
+    similar_cost = [point for point in meeting if point.fastest <= _SAME_COST * minimum_cost]
+    return min(similar_cost, key=lambda point: point.error(quantity), default=None)
 
 
 def alternative(points: Sequence[Point], quantity: str, limit: float, best: Point) -> Point | None:
-    """Return the cheapest point of another method that meets the tolerance as `cheapest` requires.
+    """Return the cheapest point of another method that meets the tolerance; None without one.
 
-    It costs at least as much as the recommended point. A point that is cheaper and was not
-    recommended differs by less than clocks distinguish and is less accurate.
+    Points of the same line with smaller steps must meet the tolerance also. The alternative costs
+    at least as much as the recommended point: a cheaper point was not recommended, because it is
+    less accurate and its cost is not measurably lower.
 
     Parameters
     ----------
     points : sequence of Point
         All points of the chart.
     quantity : str
-        Name of the error, as `Errors.of` expects it.
+        Name of the error, for example `peak_drift`.
     limit : float
         Tolerance.
     best : Point
@@ -636,14 +674,15 @@ def alternative(points: Sequence[Point], quantity: str, limit: float, best: Poin
     """
     lines = dict.fromkeys(point.line for point in points if point.line != best.line)
     meeting = [point for line in lines for point in within(points, line, quantity, limit)]
-    dearer = [point for point in meeting if point.fastest >= best.fastest]
-    return min(dearer, key=lambda point: point.fastest, default=None)
+    more_expensive = [point for point in meeting if point.fastest >= best.fastest]
+    return min(more_expensive, key=lambda point: point.fastest, default=None)
 
 
 def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:
-    """Return the points of a line that meet a limit at their step and at all smaller steps.
+    """Return the points of a line that meet an error limit at their step and at all smaller steps.
 
-    The points are sorted by increasing time step.
+    The points of the line must be sorted by decreasing time step. The result is sorted by
+    increasing time step.
     """
     of_line = [point for point in points if point.line == line]
     return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(of_line)))
@@ -652,27 +691,27 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
 # ---- Performance profiles: ratios of the cost to the minimum cost, for many problems
 
 
-def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
-    """Return the ratio of each cost to the minimum cost of our methods for the same problem.
+def performance_ratios(costs: Array, is_reference: Sequence[bool]) -> Array:
+    """Return the ratio of each cost to the minimum cost of the reference solvers for its problem.
 
     The ratio is infinite if a solver does not solve the problem (r_M of Dolan and More 2002,
-    section 2). It is 0 if the solver solves the problem, but our methods do not.
+    section 2). It is 0 if the solver solves the problem, but no reference solver does.
 
     Parameters
     ----------
     costs : ndarray, shape (problems, solvers)
         Costs; nan if a solver does not solve the problem.
-    ours : sequence of bool
-        True for each solver that belongs to this package.
+    is_reference : sequence of bool
+        True for each solver that is a reference solver, here the methods of tdint.
     """
-    unsolved = np.isnan(costs)
-    least = np.min(
-        np.where(unsolved, math.inf, costs)[:, np.array(ours)],
+    is_unsolved = np.isnan(costs)
+    minimum_cost = np.min(
+        np.where(is_unsolved, math.inf, costs)[:, np.array(is_reference)],
         axis=1,
         keepdims=True,
         initial=math.inf,
     )
-    return np.where(unsolved, math.inf, costs / least)
+    return np.where(is_unsolved, math.inf, costs / minimum_cost)
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: 
             f"circle: {interval}, {chart.interval:.4g} s; reference: "
             f"{reference.method}, dt {reference.dt:.3g} s; difference from "
             f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: "
-            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
+            f"{CLOCKS[chart.timing.clock]}, {chart.timing.description}, "
             f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
             _FOOT,
         )

@@ -684,7 +684,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         "Each method has the cheapest time step that is within the tolerance together with all "
         "smaller time steps; lines end at the fraction solved within "
         f"{_LARGEST_RATIO:g} times the minimum cost. Times: "
-        f"{CLOCKS[timing.clock]}, {timing.told}, {timing.processor}; {', '.join(programs)}"
+        f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}; {', '.join(programs)}"
     )
     for legend in figure.legends:
         foot = wrap(conditions, _NARROW_FOOT if narrow else _PROFILE_FOOT)
