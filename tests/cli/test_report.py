@@ -418,7 +418,7 @@ def test_the_page_of_a_pushover_refuses_what_the_standards_do(folder: Path, tdin
     assert told == [f"{made['yield_force_N'] / 1e3:.4g}" for made in (n2, coefficients)]
     body = Path("page.html").read_text().partition("<body>")[2]
     assert (
-        body.count('class="v broken"') == 2 and "cannot be met: do not use its displacement" in body
+        body.count('class="v broken"') == 2 and "and cannot be met; do not use the computed" in body
     )
     assert len(found.sources) == 1
 

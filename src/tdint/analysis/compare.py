@@ -32,7 +32,7 @@ from tdint.units import GROUND_MOTION
 # ---- Recorded event with a common clock: the ground motion that drives the model, and the motions
 # of the floors at its sampling times
 
-_FEWEST = 10
+_MIN_SAMPLES = 10
 """Minimum number of samples of a comparison."""
 
 
@@ -47,7 +47,7 @@ class RecordedFloor:
     signal : Signal
         Absolute acceleration, m/s^2, or displacement relative to the base, m.
     first : float
-        Time of its first sample after the first sample of the base, s.
+        Time of the first sample of the signal, s; 0 is the first sample of the base.
     """
 
     floor: int
@@ -110,71 +110,42 @@ class Event:
             A file cannot be read, its quantity differs from the expected quantity, the recordings
             do not overlap in time, or their samples do not resolve the band.
         """
-        base = [_read(sensor) for sensor in recording.base]
-        floors = [[_read(sensor) for sensor in sensors] for _, sensors in recording.floors]
+        base_signals = [_read(sensor) for sensor in recording.base]
+        floor_signals = [[_read(sensor) for sensor in sensors] for _, sensors in recording.floors]
+        # The keys are the notes: a dictionary keeps their order and omits repetitions.
         notes: dict[str, None] = {}
-        # Compute the ground motion over the common time of all sensors of the base.
-        accelerations = []
-        for signal in base:
-            if signal.quantity != "acceleration":
-                notes[f"{signal.label}: the {signal.quantity} of the base is differentiated"] = None
-                samples = differentiated(signal.samples, signal.dt, signal.quantity)
-                signal = signal.with_samples(samples, "acceleration")
-            accelerations.append(signal)
-        mean, lead = _common(accelerations, f"{recording.source}: the base", notes)
-        if len(base) > 1:
-            notes[f"the model is driven by the mean of {len(base)} sensors of the base"] = None
-        motion = mean.samples
-        if has_offset(motion):
-            motion = without_offset(motion, mean.quantity)
-            notes[
-                f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (the median), is "
-                "removed"
-            ] = None
-        record = Record(motion, mean.dt, start="", id="", component="base", source=recording.source)
-        # Compute the translation of each floor: the mean of its sensors, which excludes rotation.
-        recorded = []
-        for (number, _), signals in zip(recording.floors, floors, strict=True):
-            label = f"floor {number}"
-            quantities = sorted({signal.quantity for signal in signals})
-            if len(quantities) > 1:
+        base, base_start = _base_motion(base_signals, recording.source, notes)
+        floors = []
+        for (number, _), signals in zip(recording.floors, floor_signals, strict=True):
+            floor_signal = _floor_signal(signals, f"floor {number}", notes)
+            first = _start_offset(floor_signal, base_signals[0], notes) - base_start
+            last = first + (floor_signal.samples.size - 1) * floor_signal.dt
+            if first >= base.duration or last <= 0.0:
                 raise RecordError(
-                    f"{label}: all sensors must record the same quantity, got "
-                    f"{' and '.join(quantities)}"
+                    f"{floor_signal.label}: does not overlap in time with {base_signals[0].label}; "
+                    "check their start times"
                 )
-            signal, after = _common([signal.centered() for signal in signals], label, notes)
-            if len(signals) > 1:
-                notes[f"{label}: the mean of {len(signals)} sensors is compared"] = None
-            signal = replace(signal, start=None if signal.start is None else signal.start + after)
-            if signal.quantity == "velocity":
-                raise RecordError(
-                    f"{signal.label}: must be an acceleration or a displacement to be compared, "
-                    "got a velocity"
-                )
-            first = _later(signal, base[0], notes) - lead
-            if first >= record.duration or first + (signal.samples.size - 1) * signal.dt <= 0.0:
-                raise RecordError(
-                    f"{signal.label}: does not overlap in time with {base[0].label}; check their "
-                    "start times"
-                )
-            centered = signal.centered()
+            centered = floor_signal.centered()
             samples = in_band(
-                centered.samples, signal.dt, recording.band, signal.label, signal.quantity
+                centered.samples,
+                floor_signal.dt,
+                recording.band,
+                floor_signal.label,
+                floor_signal.quantity,
             )
-            recorded.append(RecordedFloor(number, centered.with_samples(samples), first))
-        every = [*base, *(signal for signals in floors for signal in signals)]
+            floors.append(RecordedFloor(number, centered.with_samples(samples), first))
+        all_signals = [*base_signals, *(signal for signals in floor_signals for signal in signals)]
+        reader_notes, warnings = dict[str, None](), dict[str, None]()
+        for signal in all_signals:
+            reader_notes |= dict.fromkeys(_with_label(signal, signal.notes))
+            warnings |= dict.fromkeys(_with_label(signal, signal.warnings))
         return cls(
             recording,
-            record,
-            tuple(recorded),
-            notes=(
-                *dict.fromkeys(note for signal in every for note in _named(signal, signal.notes)),
-                *notes,
-            ),
-            warnings=tuple(
-                dict.fromkeys(text for signal in every for text in _named(signal, signal.warnings))
-            ),
-            inputs=tuple(dict.fromkeys(signal.input for signal in every)),
+            base,
+            tuple(floors),
+            notes=(*reader_notes, *notes),
+            warnings=tuple(warnings),
+            inputs=tuple(dict.fromkeys(signal.input for signal in all_signals)),
         )
 
     @property
@@ -188,7 +159,17 @@ class Event:
         return self.filtered(self.base.acceleration, "acceleration")
 
     def filtered(self, samples: Array, quantity: str) -> Array:
-        """Return a computed motion without its offset and in the band, as the recordings are."""
+        """Return a computed motion without its offset and in the frequency band of the comparison.
+
+        The recordings are processed in the same manner.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (count,)
+            Computed motion at the sampling times of the base.
+        quantity : str
+            `acceleration`, `velocity` or `displacement`.
+        """
         centered = without_offset(samples, quantity)
         return in_band(centered, self.base.dt, self.recording.band, self.base.source, quantity)
 
@@ -196,11 +177,18 @@ class Event:
     def base_displacement(self) -> Array:
         """Displacement of the base in the band of the comparison, m, shape (count,)."""
         velocity = cumulative_trapezoid(self.base.acceleration, dx=self.base.dt, initial=0.0)
-        moved = cumulative_trapezoid(velocity, dx=self.base.dt, initial=0.0)
-        return self.filtered(moved, "displacement")
+        displacement = cumulative_trapezoid(velocity, dx=self.base.dt, initial=0.0)
+        return self.filtered(displacement, "displacement")
 
     def window(self, recorded: Array, label: str) -> slice:
-        """Return the range of samples in the window for which a recording exists (is not nan).
+        """Return the range of samples that are in the window of the comparison and in a recording.
+
+        Parameters
+        ----------
+        recorded : ndarray, shape (count,)
+            Recorded motion at the sampling times of the base; nan outside the recording.
+        label : str
+            Name of the recording in error messages.
 
         Raises
         ------
@@ -208,17 +196,18 @@ class Event:
             Fewer than 10 samples remain.
         """
         start, end = self.recording.window or (0.0, self.base.duration)
-        available = np.flatnonzero(np.isfinite(recorded))
+        available_samples = np.flatnonzero(np.isfinite(recorded))
         first = max(
             math.ceil(start / self.base.dt - 1e-6),
-            int(available[0]) if available.size else self.count,
+            int(available_samples[0]) if available_samples.size else self.count,
         )
         last = min(
-            math.floor(end / self.base.dt + 1e-6), int(available[-1]) if available.size else 0
+            math.floor(end / self.base.dt + 1e-6),
+            int(available_samples[-1]) if available_samples.size else 0,
         )
-        if last - first + 1 < _FEWEST:
+        if last - first + 1 < _MIN_SAMPLES:
             raise RecordError(
-                f"{label}: has fewer than {_FEWEST} samples in the window from {start:g} to "
+                f"{label}: has fewer than {_MIN_SAMPLES} samples in the window from {start:g} to "
                 f"{end:g} s"
             )
         return slice(first, last + 1)
@@ -253,7 +242,84 @@ def _read(sensor: Sensor) -> Signal:
     return signal.times(sensor.sign)
 
 
-def _common(signals: Sequence[Signal], label: str, notes: dict[str, None]) -> tuple[Signal, float]:
+def _base_motion(
+    signals: Sequence[Signal], source: str, notes: dict[str, None]
+) -> tuple[Record, float]:
+    """Return the ground motion that drives the model: the mean acceleration of the base sensors.
+
+    Parameters
+    ----------
+    signals : sequence of Signal
+        Signals of the sensors of the base.
+    source : str
+        File that describes the recording.
+    notes : dict
+        Notes, to which changes of the signals are added.
+
+    Returns
+    -------
+    tuple
+        Ground motion over the common time of the sensors, and the start of this time after the
+        first sample of the first sensor, s.
+    """
+    accelerations = []
+    for signal in signals:
+        acceleration = signal
+        if signal.quantity != "acceleration":
+            notes[f"{signal.label}: the {signal.quantity} of the base is differentiated"] = None
+            samples = differentiated(signal.samples, signal.dt, signal.quantity)
+            acceleration = signal.with_samples(samples, "acceleration")
+        accelerations.append(acceleration)
+    mean, common_start = _mean_signal(accelerations, f"{source}: the base", notes)
+    if len(signals) > 1:
+        notes[f"the model is driven by the mean of {len(signals)} sensors of the base"] = None
+    motion = mean.samples
+    if has_offset(motion):
+        motion = without_offset(motion, mean.quantity)
+        notes[
+            f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (the median), is "
+            "removed"
+        ] = None
+    record = Record(motion, mean.dt, start="", id="", component="base", source=source)
+    return record, common_start
+
+
+def _floor_signal(signals: Sequence[Signal], label: str, notes: dict[str, None]) -> Signal:
+    """Return the translation of a floor: the mean of its sensors, in which rotations cancel.
+
+    Parameters
+    ----------
+    signals : sequence of Signal
+        Signals of the sensors of the floor.
+    label : str
+        Name of the floor in messages.
+    notes : dict
+        Notes, to which assumptions are added.
+
+    Raises
+    ------
+    RecordError
+        The sensors record different quantities or a velocity, or do not overlap in time.
+    """
+    quantities = sorted({signal.quantity for signal in signals})
+    if len(quantities) > 1:
+        raise RecordError(
+            f"{label}: all sensors must record the same quantity, got {' and '.join(quantities)}"
+        )
+    mean, common_start = _mean_signal([signal.centered() for signal in signals], label, notes)
+    if len(signals) > 1:
+        notes[f"{label}: the mean of {len(signals)} sensors is compared"] = None
+    if mean.quantity == "velocity":
+        raise RecordError(
+            f"{mean.label}: must be an acceleration or a displacement to be compared, got a "
+            "velocity"
+        )
+    return replace(mean, start=None if mean.start is None else mean.start + common_start)
+
+
+def _mean_signal(
+    signals: Sequence[Signal], label: str, notes: dict[str, None]
+) -> tuple[Signal, float]:
     """Return the mean of signals over their common time, and the start of this time.
 
     Parameters
@@ -271,40 +337,41 @@ def _common(signals: Sequence[Signal], label: str, notes: dict[str, None]) -> tu
         Mean with the properties of the first signal, and the start of the common time after the
         first sample of the first signal, s.
     """
-    first = signals[0]
-    starts = [_later(signal, first, notes) for signal in signals]
-    lead = max(starts)
+    first_signal = signals[0]
+    starts = [_start_offset(signal, first_signal, notes) for signal in signals]
+    common_start = max(starts)
     ends = [
-        start + (recorded.samples.size - 1) * recorded.dt
-        for start, recorded in zip(starts, signals, strict=True)
-    ]
-    count = math.floor((min(ends) - lead) / first.dt + 1e-6) + 1
-    if count < _FEWEST:
-        raise RecordError(f"{label}: the recordings of its sensors do not overlap in time")
-    rows = [
-        at_times(signal.samples, signal.dt, start - lead, first.dt, count)
+        start + (signal.samples.size - 1) * signal.dt
         for start, signal in zip(starts, signals, strict=True)
     ]
-    return first.with_samples(np.nan_to_num(np.mean(rows, axis=0))), lead
+    count = math.floor((min(ends) - common_start) / first_signal.dt + 1e-6) + 1
+    if count < _MIN_SAMPLES:
+        raise RecordError(f"{label}: the recordings of its sensors do not overlap in time")
+    shifted_signals = [
+        at_times(signal.samples, signal.dt, start - common_start, first_signal.dt, count)
+        for start, signal in zip(starts, signals, strict=True)
+    ]
+    return first_signal.with_samples(np.nan_to_num(np.mean(shifted_signals, axis=0))), common_start
 
 
-def _later(signal: Signal, than: Signal, notes: dict[str, None]) -> float:
-    """Return the time from the start of another recording to the start of a recording, s.
+def _start_offset(signal: Signal, reference: Signal, notes: dict[str, None]) -> float:
+    """Return the start of a signal after the start of a reference signal, s.
 
-    The result is 0 if the clocks cannot be compared; this assumption is added to `notes`.
+    The result is negative if the signal starts earlier. It is 0 if the clocks cannot be compared;
+    this assumption is added to `notes`.
     """
-    if signal.start is None or than.start is None or signal.clock != than.clock:
-        if signal.label != than.label:
+    if signal.start is None or reference.start is None or signal.clock != reference.clock:
+        if signal.label != reference.label:
             notes[
-                f"{signal.label}: assumed to start together with {than.label}, because the files "
-                "have no common clock"
+                f"{signal.label}: assumed to start together with {reference.label}, because the "
+                "files have no common clock"
             ] = None
         return 0.0
-    return signal.start - than.start
+    return signal.start - reference.start
 
 
-def _named(signal: Signal, texts: Sequence[str]) -> list[str]:
-    """Return texts with the label of a signal."""
+def _with_label(signal: Signal, texts: Sequence[str]) -> list[str]:
+    """Return texts, each preceded by the label of a signal."""
     return [f"{signal.label}: {text}" for text in texts]
 
 
@@ -315,15 +382,18 @@ _LONGEST_SHIFT = 10.0
 
 _ROUNDING = 1e-6  # relative error of a time step; steps in files are written with six digits
 
-_BETTER = 0.05
+_CORRELATION_GAIN = 0.05
 """Increase of the correlation above which a displacement is reported as probably absolute."""
 
-_SHORT = 0.25
-"""Product omega dt of a step that is short for a mode: fourth-order errors are below 1e-4."""
+_SHORT_STEP = 0.25
+"""Maximum product of the circular frequency of a mode (rad/s) and the time step (s), below which
+the error of a fourth-order method is less than 1e-4."""
 
-_MOST_PARTS = 64  # maximum number of steps per sampling interval for short periods (six halvings)
+_MAX_STEPS_PER_INTERVAL = (
+    64  # maximum number of steps per sampling interval for short periods (six halvings)
+)
 
-_MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
+_REQUIREMENTS: dict[str, tuple[Callable[[float, float], bool], str]] = {
     "correlation": (lambda value, limit: value >= limit, "at least {limit:g}"),
     "peak_ratio": (
         lambda value, limit: min(limit, 1.0 / limit) <= value <= max(limit, 1.0 / limit),
@@ -331,7 +401,8 @@ _MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
     ),
     "rms_difference": (lambda value, limit: value <= limit, "at most {limit:g}"),
 }
-"""Condition that a value meets its limit, and the text of the condition, by name of the value."""
+"""Requirements by name of the compared value: the function (value, limit) that returns True if the
+value meets its limit, and the text of this condition."""
 
 
 @dataclass(frozen=True)
@@ -340,11 +411,14 @@ class FloorComparison:
 
     Attributes
     ----------
+    floor : int
         Number of the floor, from 1 at the bottom.
-        From 1 at the bottom.
     quantity : str
         `acceleration` (absolute, m/s^2) or `displacement` (relative to the base, m).
-        Times after the first sample of the base, s, and the motions in the band.
+    time : ndarray, shape (samples,)
+        Times after the first sample of the base, s.
+    computed, recorded : ndarray, shape (samples,)
+        Motions of the floor in the frequency band of the comparison.
     base : ndarray, shape (samples,)
         Acceleration of the base in the band, m/s^2.
     """
@@ -364,12 +438,15 @@ class FloorComparison:
 
     @property
     def peak_ratio(self) -> float:
-        """Ratio of the computed to the recorded maximum absolute value; nan if no motion."""
+        """Computed over recorded maximum absolute value; nan if the recording is zero."""
         return _ratio(float(np.max(np.abs(self.computed))), float(np.max(np.abs(self.recorded))))
 
     @property
     def rms_difference(self) -> float:
-        """Root mean square of the difference over the recording's; nan if no motion."""
+        """Root mean square (rms) of the difference, divided by the rms of the recording.
+
+        The value is nan if the recording is zero.
+        """
         difference = float(np.sqrt(np.mean((self.computed - self.recorded) ** 2)))
         return _ratio(difference, float(np.sqrt(np.mean(self.recorded**2))))
 
@@ -416,17 +493,20 @@ class Comparison(Tabular):
     floors: tuple[FloorComparison, ...]
 
     def _headline(self) -> str:
-        least, floors = (
+        smallest_correlation, floor_count = (
             min(floor.correlation for floor in self.floors),
             pluralize(len(self.floors), "floor"),
         )
-        return f"of {self.response.model.name!r}: {floors}, correlations of {least:.3f} and more"
+        return (
+            f"of {self.response.model.name!r}: {floor_count}, correlations of "
+            f"{smallest_correlation:.3f} and more"
+        )
 
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
-        """Return the response spectra of the absolute floor accelerations, computed and recorded,
-        over the time window of the comparison.
+        """Return response spectra of the computed and of the recorded absolute floor accelerations.
 
-        Relative displacements are differentiated twice, and the acceleration of the base is added.
+        The spectra refer to the time window of the comparison. Displacements relative to the base
+        are differentiated twice, and the acceleration of the base is added.
 
         Parameters
         ----------
@@ -436,7 +516,7 @@ class Comparison(Tabular):
             Damping ratio.
         """
 
-        def largest(floor: FloorComparison, motion: Array) -> Array:
+        def acceleration_spectrum(floor: FloorComparison, motion: Array) -> Array:
             dt = self.event.base.dt
             if floor.quantity == "displacement":
                 motion = differentiated(motion, dt, floor.quantity) + floor.base
@@ -446,36 +526,39 @@ class Comparison(Tabular):
 
         return tuple(
             FloorSpectra(
-                floor.floor, periods, largest(floor, floor.computed), largest(floor, floor.recorded)
+                floor.floor,
+                periods,
+                acceleration_spectrum(floor, floor.computed),
+                acceleration_spectrum(floor, floor.recorded),
             )
             for floor in self.floors
         )
 
 
 def absolute_displacements(comparison: Comparison) -> list[str]:
-    """Return a message for each displacement that probably is absolute.
+    """Return a warning for each floor whose recorded displacement probably is absolute.
 
-    The recorded displacement of these floors agrees much better with the computed displacement
-    after the displacement of the base is subtracted.
+    Displacements are compared relative to the base. The recorded displacement is probably absolute
+    if the displacement of the base, subtracted from it, improves the agreement considerably.
     """
-    event, curves = comparison.event, []
+    event, messages = comparison.event, []
     for floor in comparison.floors:
         if floor.quantity != "displacement":
             continue
-        first = round(floor.time[0] / event.base.dt)
-        base = event.base_displacement[first : first + floor.time.size]
-        relative = replace(floor, recorded=floor.recorded - base)
+        first_sample = round(floor.time[0] / event.base.dt)
+        base_displacement = event.base_displacement[first_sample : first_sample + floor.time.size]
+        relative = replace(floor, recorded=floor.recorded - base_displacement)
         if (
-            relative.correlation > floor.correlation + _BETTER
+            relative.correlation > floor.correlation + _CORRELATION_GAIN
             and relative.rms_difference < floor.rms_difference
         ):
-            curves.append(
-                f"floor {floor.floor}: without the displacement of the base the recording has a "
-                f"correlation of {relative.correlation:.3f} instead of {floor.correlation:.3f}. It "
-                "probably is absolute, but displacements are compared relative to the base; "
-                "subtract the displacement of the base in the file"
+            messages.append(
+                f"floor {floor.floor}: the recorded displacement probably is absolute, but "
+                "displacements are compared relative to the base. If the displacement of the base "
+                f"is subtracted, the correlation is {relative.correlation:.3f} instead of "
+                f"{floor.correlation:.3f}; subtract the displacement of the base in the file"
             )
-    return curves
+    return messages
 
 
 def compare(
@@ -518,13 +601,13 @@ def compare(
     response = respond(case_under(model, event, method), dt, event.recording.band)
     computed = computed_floors(response, event)
     if shift is None:
-        stated = event.recording.shift
-        shift = best_shift(event, computed) if stated == AUTO else float(stated)
+        requested_shift = event.recording.shift
+        shift = best_shift(event, computed) if requested_shift == AUTO else float(requested_shift)
     return Comparison(event, response, shift, compared_floors(event, computed, shift))
 
 
 def case_under(model: Model, event: Event, method: str | None = None) -> Case:
-    """Prepare a model under the base motion instead of its own record.
+    """Prepare a model for a run under the recorded base motion instead of its own record.
 
     Parameters
     ----------
@@ -535,17 +618,20 @@ def case_under(model: Model, event: Event, method: str | None = None) -> Case:
     method : str, optional
         Method; default is the method of the model, otherwise `exact` for a linear building.
     """
-    bare = replace(model, excitation=Excitation(None, model.excitation.forces))
+    model_without_record = replace(model, excitation=Excitation(None, model.excitation.forces))
     specification = method or model.analysis.method or ("exact" if is_linear(model) else None)
-    return prepare(bare, event.base, method=specification)
+    return prepare(model_without_record, event.base, method=specification)
 
 
 def is_linear(model: Model) -> bool:
-    """Return True if `exact` integrates the model without error under ground motion only."""
-    linear = all(
+    """Return True if the method `exact` can integrate the model without discretization error.
+
+    All stories must be linear, and the model must not have forces on floors.
+    """
+    has_linear_stories = all(
         story.law.name == "linear" and story.power_dashpot is None for story in model.stories
     )
-    return linear and not model.excitation.forces
+    return has_linear_stories and not model.excitation.forces
 
 
 def respond(case: Case, dt: float | None, band: tuple[float, float] | None = None) -> Response:
@@ -564,10 +650,18 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
     record = case.record
     assert record is not None
     if dt is None:
-        fastest = min(case.building.fastest, 2.0 * math.pi * band[1] if band else math.inf)
-        exact = case.method.family.linear_only
-        parts = 1 if exact else 2 ** max(0, math.ceil(math.log2(fastest * record.dt / _SHORT)))
-        dt = record.dt / min(parts, _MOST_PARTS)
+        # The step is the sampling interval divided by the smallest power of 2 with which it is
+        # short for the highest mode in the band. The method `exact` has no discretization error.
+        largest_frequency = min(
+            case.building.fastest, 2.0 * math.pi * band[1] if band else math.inf
+        )
+        is_exact = case.method.family.linear_only
+        steps_per_interval = (
+            1
+            if is_exact
+            else 2 ** max(0, math.ceil(math.log2(largest_frequency * record.dt / _SHORT_STEP)))
+        )
+        dt = record.dt / min(steps_per_interval, _MAX_STEPS_PER_INTERVAL)
     steps = case.steps(dt, record.duration)
     if steps.h > record.dt * (1.0 + _ROUNDING):
         raise UsageError(
@@ -587,8 +681,8 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
     """
     history = response.history
     assert history is not None
-    every = round(event.base.dt / response.dt)
-    if history.time[::every].size < event.count:
+    steps_per_interval = round(event.base.dt / response.dt)
+    if history.time[::steps_per_interval].size < event.count:
         raise AnalysisError(
             f"{response.model.name}: the building collapsed after {history.time[-1]:.6g} s, before "
             "the end of the recording; a comparison requires the complete response"
@@ -596,7 +690,8 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
     motions = {"acceleration": history.acceleration, "displacement": history.displacement}
     return [
         event.filtered(
-            motions[floor.quantity][::every, floor.floor - 1].astype(np.float64), floor.quantity
+            motions[floor.quantity][::steps_per_interval, floor.floor - 1].astype(np.float64),
+            floor.quantity,
         )
         for floor in event.floors
     ]
@@ -616,53 +711,66 @@ def compared_floors(
     shift : float
         Shift of the recordings, s.
     """
-    result = []
+    comparisons = []
     time = np.arange(event.count, dtype=np.float64) * event.base.dt
     for floor, motion in zip(event.floors, computed, strict=True):
         recorded = floor.at(event.base.dt, event.count, shift)
-        part = event.window(recorded, floor.signal.label)
-        result.append(
+        compared_window = event.window(recorded, floor.signal.label)
+        comparisons.append(
             FloorComparison(
                 floor.floor,
                 floor.quantity,
-                time[part],
-                motion[part],
-                recorded[part],
-                event.base_in_band[part],
+                time[compared_window],
+                motion[compared_window],
+                recorded[compared_window],
+                event.base_in_band[compared_window],
             )
         )
-    return tuple(result)
+    return tuple(comparisons)
 
 
 def best_shift(event: Event, computed: Sequence[Array]) -> float:
-    """Return the shift of the recordings (s) that maximizes the sum of the correlations.
+    """Return the shift of the recordings (s) that maximizes the sum of the floors' correlations.
 
-    The shift is first determined as a whole number of samples, by cross-correlation, and then
-    refined to fractions of a sample.
+    The shift is first determined as a whole number of samples by cross-correlation, up to 10 s in
+    both directions. It is then refined to fractions of a sample. A positive shift moves the
+    recordings to later times.
+
+    Parameters
+    ----------
+    event : Event
+        Recorded event.
+    computed : sequence of ndarray
+        Computed motions of the recorded floors at the sampling times of the base.
     """
-    dt, most = event.base.dt, min(event.count - 1, round(_LONGEST_SHIFT / event.base.dt))
-    total = np.zeros(2 * most + 1)
-    size = 2 * event.count
+    dt, max_lag = event.base.dt, min(event.count - 1, round(_LONGEST_SHIFT / event.base.dt))
+    correlation_sum = np.zeros(2 * max_lag + 1)
+    # The transforms are padded with zeros, so that the cyclic correlation does not overlap.
+    padded_size = 2 * event.count
     for floor in compared_floors(event, computed, 0.0):
         scale = float(np.linalg.norm(floor.computed) * np.linalg.norm(floor.recorded))
         if scale > 0.0:
-            product = np.fft.rfft(floor.computed, size) * np.conj(np.fft.rfft(floor.recorded, size))
-            lags = np.fft.irfft(product, size)
-            total += np.concatenate([lags[size - most :], lags[: most + 1]]) / scale
-    samples = int(np.argmax(total)) - most
+            cross_spectrum = np.fft.rfft(floor.computed, padded_size) * np.conj(
+                np.fft.rfft(floor.recorded, padded_size)
+            )
+            correlations = np.fft.irfft(cross_spectrum, padded_size)
+            # Negative lags are at the end of the inverse transform.
+            correlation_sum += (
+                np.concatenate([correlations[padded_size - max_lag :], correlations[: max_lag + 1]])
+                / scale
+            )
+    best_lag = int(np.argmax(correlation_sum)) - max_lag
 
-    def negative_sum(parts: float) -> float:
-        return -sum(
-            compared.correlation for compared in compared_floors(event, computed, parts * dt)
-        )
+    def negative_sum(lag: float) -> float:
+        return -sum(compared.correlation for compared in compared_floors(event, computed, lag * dt))
 
-    bounds = (samples - 1.0, samples + 1.0)
+    bounds = (best_lag - 1.0, best_lag + 1.0)
     return float(minimize_scalar(negative_sum, bounds=bounds, method="bounded").x) * dt
 
 
-def _ratio(above: float, below: float) -> float:
+def _ratio(numerator: float, denominator: float) -> float:
     """Return the ratio of two values; nan if the denominator is not positive."""
-    return above / below if below > 0.0 else float("nan")
+    return numerator / denominator if denominator > 0.0 else float("nan")
 
 
 def parse_requirement(text: str) -> tuple[str, float]:
@@ -674,21 +782,36 @@ def parse_requirement(text: str) -> tuple[str, float]:
         The text has another form, the name is unknown, or the number is not positive.
     """
     name, _, number = (part.strip() for part in text.partition("="))
-    if name not in _MET:
-        hint = did_you_mean(name, _MET) or f"; known: {', '.join(_MET)}"
+    if name not in _REQUIREMENTS:
+        hint = did_you_mean(name, _REQUIREMENTS) or f"; known: {', '.join(_REQUIREMENTS)}"
         raise UsageError(f"{text!r}: must have the form NAME=NUMBER, such as correlation=0.9{hint}")
     return name, parse_positive(name, number)
 
 
 def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> list[str]:
-    """Return a message for each requirement that a floor does not meet."""
-    return [
-        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is "
-        f"{number_text(value, unlike=min(limit, 1.0 / limit, key=lambda end: abs(value - end)))}, "
-        "required is "
-        + condition.format(limit=limit, low=min(limit, 1.0 / limit), high=max(limit, 1.0 / limit))
-        for floor in comparison.floors
-        for name, limit in requirements
-        for meets, condition in [_MET[name]]
-        if not meets(value := float(getattr(floor, name)), limit)
-    ]
+    """Return a message for each requirement that a floor does not meet.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Computed and recorded response.
+    requirements : sequence of tuple
+        Names of compared values, such as `correlation`, with their limits.
+    """
+    messages = []
+    for floor in comparison.floors:
+        for name, limit in requirements:
+            is_met, condition = _REQUIREMENTS[name]
+            value = float(getattr(floor, name))
+            if is_met(value, limit):
+                continue
+            # A ratio must be between the limit and its inverse. The value is written with enough
+            # digits to differ from the nearer of the two.
+            low, high = min(limit, 1.0 / limit), max(limit, 1.0 / limit)
+            nearest_limit = 1.0 / limit if abs(value - 1.0 / limit) < abs(value - limit) else limit
+            messages.append(
+                f"{comparison.event.recording.source}: floor {floor.floor}: {name} is "
+                f"{number_text(value, unlike=nearest_limit)}, required is "
+                f"{condition.format(limit=limit, low=low, high=high)}"
+            )
+    return messages

@@ -32,22 +32,26 @@ from tdint.model.recorded import AUTO
 
 FITTED = ("stiffness", "stiffness-factor", "damping")
 
-_STIFFNESS, _COMMON = "stiffness_N_m", "stiffness_factor"
+_STIFFNESS, _STIFFNESS_FACTOR = "stiffness_N_m", "stiffness_factor"
 _UNITS = {_STIFFNESS: "N/m"}
 
-_FACTOR = 10.0  # maximum factor by which a stiffness may increase or decrease
-_RATIOS = (1e-4, 0.5)
+_MAX_FACTOR = 10.0  # maximum factor by which a stiffness may increase or decrease
+_DAMPING_BOUNDS = (1e-4, 0.5)  # bounds of a damping ratio
 # Change of the logarithm of a value (relative change of the value) for a numerical derivative
 _DIFFERENCE_STEP = 1e-4
-_SCAN = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses as start values
-_STARTS, _CANDIDATES = 3, 2
+_SCANNED_FACTORS = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses as start values
+_MAX_SCANNED_STARTS = 3  # maximum number of these factors with which a fit of the spectra starts
+_CONTINUED_FITS = 2  # number of fits of the spectra, the best first, that the histories continue
 _BANDWIDTH = 0.1  # half width of the smoothing, in the logarithm of frequency
 _FREQUENCIES = 120  # number of frequencies of the smoothed spectrum, in equal ratios
-_LOWEST_CYCLES = 5  # periods of the lowest frequency of a spectrum within the recording
-_UNTOLD = 0.1  # relative standard error above which a value is reported as poorly determined
-_AT = 1e-2  # relative distance from a bound within which a value is on the bound
+# The lowest frequency of a spectrum has this number of periods within the recording
+_LOWEST_CYCLES = 5
+_POORLY_DETERMINED = (
+    0.1  # relative standard error above which a value is reported as poorly determined
+)
+_BOUND_DISTANCE = 1e-2  # relative distance from a bound within which a value is on the bound
 _STANDARD_ERRORS = 0.01  # distance from the minimum, in standard errors, at which a fit ends
-_FAILED = 10.0  # rms difference assigned to a run without result
+_FAILED_DIFFERENCE = 10.0  # rms difference assigned to a run without result
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,9 @@ class FittedValue:
     @property
     def on_bound(self) -> bool:
         """True if the fit ended on one of its bounds."""
-        return self.value <= self.low * (1.0 + _AT) or self.value >= self.high * (1.0 - _AT)
+        return self.value <= self.low * (1.0 + _BOUND_DISTANCE) or self.value >= self.high * (
+            1.0 - _BOUND_DISTANCE
+        )
 
     @property
     def unit(self) -> str:
@@ -100,14 +106,26 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class _Free:
-    """Value that may change, with its bounds and a function that sets it in a model."""
+class _FreeValue:
+    """Value to be fitted.
+
+    Attributes
+    ----------
+    name, place
+        Name of the value, and number of the story or mode, as in `FittedValue`.
+    start : float
+        Value in the model before the fit.
+    bounds : tuple of two floats
+        Lower and upper bound.
+    set_in : callable
+        Function of a model and a new value; it returns the model with the new value.
+    """
 
     name: str
     place: int | None
     start: float
     bounds: tuple[float, float]
-    put: Callable[[Model, float], Model]
+    set_in: Callable[[Model, float], Model]
 
 
 def fit(
@@ -138,43 +156,58 @@ def fit(
     AnalysisError
         No run with such values has a result.
     """
-    free = _free_values(model, names)
-    problem = _Problem(model, event, free, progress)
-    bounds = np.log([value.bounds for value in free]).T
-    start = np.clip(np.log([value.start for value in free]), *bounds)
-    candidates = []
-    for first in _starts(
-        problem, start, bounds, any(name.startswith("stiffness") for name in names)
+    free_values = _free_values(model, names)
+    problem = _Problem(model, event, free_values, progress)
+    bounds = np.log([value.bounds for value in free_values]).T
+    model_logarithms = np.clip(np.log([value.start for value in free_values]), *bounds)
+    spectral_fits = []
+    for start in _start_values(
+        problem, model_logarithms, bounds, any(name.startswith("stiffness") for name in names)
     ):
-        solution = _minimize(problem.spectral, first, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15)
-        candidates.append((solution.cost, solution.x))
+        solution = _minimize(
+            problem.spectral_differences, start, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15
+        )
+        spectral_fits.append((solution.cost, solution.x))
     best = None
-    for _, first in sorted(candidates, key=lambda candidate: float(candidate[0]))[:_CANDIDATES]:
-        problem.settle_shift(first)
+    for _, start in sorted(spectral_fits, key=lambda candidate: float(candidate[0]))[
+        :_CONTINUED_FITS
+    ]:
+        problem.determine_shift(start)
         # A sum of n squares within d standard errors of its minimum exceeds it by d^2 / n.
-        close = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
+        cost_tolerance = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
         # The gradient is not used as a criterion: for a recording without noise it is small long
         # before the minimum.
-        solution = _minimize(problem.temporal, first, bounds, xtol=1e-12, ftol=close, gtol=None)
+        solution = _minimize(
+            problem.history_differences, start, bounds, xtol=1e-12, ftol=cost_tolerance, gtol=None
+        )
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None
-    if not best.cost < 0.5 * _FAILED:
+    # The cost is half the sum of squares. A failed run has a cost of 0.5 _FAILED_DIFFERENCE^2, far
+    # above this limit.
+    if not best.cost < 0.5 * _FAILED_DIFFERENCE:
         raise AnalysisError(
             "no values were found for which the model has a result; start from other values"
         )
-    errors = _standard_errors(best)
+    relative_errors = _standard_errors(best)
     values = tuple(
         FittedValue(
-            value.name, value.place, value.start, math.exp(x), *value.bounds, math.exp(x) * error
+            value.name,
+            value.place,
+            value.start,
+            math.exp(logarithm),
+            *value.bounds,
+            math.exp(logarithm) * relative_error,
         )
-        for value, x, error in zip(free, best.x, errors, strict=True)
+        for value, logarithm, relative_error in zip(
+            free_values, best.x, relative_errors, strict=True
+        )
     )
     notes = [
         f"{_label(value)} is poorly determined by the recording: its standard error is "
-        + (f"{100.0 * error:.0f} %" if math.isfinite(error) else "infinite")
-        for value, error in zip(values, errors, strict=True)
-        if error > _UNTOLD
+        + (f"{100.0 * relative_error:.0f} %" if math.isfinite(relative_error) else "infinite")
+        for value, relative_error in zip(values, relative_errors, strict=True)
+        if relative_error > _POORLY_DETERMINED
     ]
     notes += [
         f"{_label(value)} ended on a bound of the fit, {value.low:.4g} to {value.high:.4g}: the "
@@ -189,25 +222,39 @@ class _Problem:
     """Differences between an event and the model as functions of the logarithms of the values."""
 
     def __init__(
-        self, model: Model, event: Event, free: Sequence[_Free], progress: Callable[[int], None]
+        self,
+        model: Model,
+        event: Event,
+        free_values: Sequence[_FreeValue],
+        progress: Callable[[int], None],
     ) -> None:
-        self._start, self._event, self.free, self._progress = model, event, free, progress
+        self._model, self._event, self.free_values, self._progress = (
+            model,
+            event,
+            free_values,
+            progress,
+        )
         self._method = "exact" if compare.is_linear(model) else None
-        stated = event.recording.shift
-        self._shift = 0.0 if stated == AUTO else float(stated)
-        self._auto = stated == AUTO
+        requested_shift = event.recording.shift
+        self._shift = 0.0 if requested_shift == AUTO else float(requested_shift)
+        self._has_automatic_shift = requested_shift == AUTO
         self.runs = 0
 
     def model(self, logarithms: Array) -> Model:
-        """Return the model for the logarithms of the fitted values."""
-        model = self._start
-        for value, logarithm in zip(self.free, logarithms, strict=True):
-            model = value.put(model, math.exp(logarithm))
+        """Return the model with the fitted values, which are given by their logarithms."""
+        model = self._model
+        for value, logarithm in zip(self.free_values, logarithms, strict=True):
+            model = value.set_in(model, math.exp(logarithm))
         return model
 
     def computed(self, logarithms: Array) -> list[Array] | None:
-        """Return the computed motions of the floors for the logarithms of the fitted values; None
-        if the run has no result."""
+        """Return the computed motions of the recorded floors; None if the run has no result.
+
+        Parameters
+        ----------
+        logarithms : ndarray, shape (values,)
+            Natural logarithms of the fitted values.
+        """
         self.runs += 1
         self._progress(self.runs)
         try:
@@ -218,37 +265,42 @@ class _Problem:
         except AnalysisError:
             return None
 
-    def settle_shift(self, logarithms: Array) -> None:
-        """Compute the shift of the recordings, if it is automatic."""
-        computed = self.computed(logarithms) if self._auto else None
+    def determine_shift(self, logarithms: Array) -> None:
+        """Determine the shift of the recordings with fitted values, if the shift is automatic."""
+        computed = self.computed(logarithms) if self._has_automatic_shift else None
         if computed is not None:
             self._shift = compare.best_shift(self._event, computed)
 
-    def temporal(self, logarithms: Array) -> Array:
-        """Return differences of the histories over the rms of the recordings.
+    def history_differences(self, logarithms: Array) -> Array:
+        """Return the differences between computed and recorded histories, all floors in a row.
 
-        The sum of their squares is the mean over the floors.
+        They are scaled so that the sum of their squares is the mean over the floors of
+        |computed - recorded|^2 / |recorded|^2. If the run has no result, the sum of squares is
+        the square of `_FAILED_DIFFERENCE`.
         """
         computed = self.computed(logarithms)
         if computed is None:
-            return np.full(self._event.count, _FAILED / math.sqrt(self._event.count))
+            return np.full(self._event.count, _FAILED_DIFFERENCE / math.sqrt(self._event.count))
         floors = compare.compared_floors(self._event, computed, self._shift)
-        size = [
+        scales = [
             math.sqrt(len(floors)) * (float(np.linalg.norm(floor.recorded)) or 1.0)
             for floor in floors
         ]
         return np.concatenate(
             [
                 (floor.computed - floor.recorded) / scale
-                for floor, scale in zip(floors, size, strict=True)
+                for floor, scale in zip(floors, scales, strict=True)
             ]
         )
 
-    def spectral(self, logarithms: Array) -> Array:
-        """Return differences of the logarithms of the smoothed Fourier spectra."""
+    def spectral_differences(self, logarithms: Array) -> Array:
+        """Return the differences between computed and recorded spectra, all floors in a row.
+
+        A difference is that of the logarithms of the smoothed Fourier amplitudes at a frequency.
+        """
         computed = self.computed(logarithms)
         if computed is None:
-            return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED)
+            return np.full(len(self._event.floors) * _FREQUENCIES, _FAILED_DIFFERENCE)
         floors = compare.compared_floors(self._event, computed, self._shift)
         dt, band = self._event.base.dt, self._event.recording.band
         return np.concatenate(
@@ -264,8 +316,8 @@ def _minimize(
 ) -> OptimizeResult:
     """Minimize the sum of squared residuals over logarithms of values, with forward differences.
 
-    SciPy's own differences have a step relative to the variable. The variable is a logarithm here:
-    it is 0 at a factor of 1, where the step vanishes and the derivatives are lost.
+    SciPy's own differences use a step in proportion to the variable. The variable is a logarithm
+    here. At a value of 1 the logarithm is 0, so the step and all accuracy would vanish.
 
     Parameters
     ----------
@@ -278,53 +330,78 @@ def _minimize(
     **limits
         Tolerances and limits of `scipy.optimize.least_squares`.
     """
-    latest: dict[bytes, Array] = {}
+    stored: dict[bytes, Array] = {}
 
     def evaluate(x: Array) -> Array:
-        latest.clear()
-        latest[x.tobytes()] = residuals(x)
-        return latest[x.tobytes()]
+        stored.clear()
+        stored[x.tobytes()] = residuals(x)
+        return stored[x.tobytes()]
 
     def derivatives(x: Array) -> Array:
         # SciPy has usually just evaluated the residuals at x: use these if they are still stored.
-        base = latest[x.tobytes()] if x.tobytes() in latest else evaluate(x)
-        steps = np.where(x + _DIFFERENCE_STEP <= bounds[1], _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
-        columns = [
-            (residuals(x + step * unit) - base) / step
-            for step, unit in zip(steps, np.eye(x.size), strict=True)
+        base = stored[x.tobytes()] if x.tobytes() in stored else evaluate(x)
+        differences = np.where(
+            x + _DIFFERENCE_STEP <= bounds[1], _DIFFERENCE_STEP, -_DIFFERENCE_STEP
+        )
+        derivative_columns = [
+            (residuals(x + difference * unit) - base) / difference
+            for difference, unit in zip(differences, np.eye(x.size), strict=True)
         ]
-        return np.stack(columns, axis=1)
+        return np.stack(derivative_columns, axis=1)
 
     return least_squares(evaluate, start, jac=derivatives, bounds=bounds, **limits)
 
 
-def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> list[Array]:
-    """Return start values: the values of the model, and the best common factors on stiffnesses.
+def _start_values(
+    problem: _Problem, model_logarithms: Array, bounds: Array, fits_stiffness: bool
+) -> list[Array]:
+    """Return start values of the fit: the values of the model, and the same with other stiffnesses.
+
+    The stiffnesses of all stories are multiplied by a common factor. Up to three factors that are
+    local minima of the spectral difference are used.
 
     Parameters
     ----------
     problem : _Problem
         Differences to be minimized.
-    start : ndarray, shape (n,)
+    model_logarithms : ndarray, shape (n,)
         Logarithms of the values of the model.
     bounds : ndarray, shape (2, n)
         Bounds of the logarithms.
-    stiffness : bool
+    fits_stiffness : bool
         True if stiffnesses are fitted.
     """
-    if not stiffness:
-        return [start]
-    # The spectral difference has several minima along a common factor. Each local minimum of a scan
-    # is a start.
-    stiff = np.array([value.name in (_STIFFNESS, _COMMON) for value in problem.free])
-    points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
-    costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
-    lowest = [i for i in range(costs.size) if costs[i] == costs[max(0, i - 1) : i + 2].min()]
-    return [start, *(points[i] for i in sorted(lowest, key=lambda i: float(costs[i]))[:_STARTS])]
+    if not fits_stiffness:
+        return [model_logarithms]
+    # Along a common factor, the spectral difference has several local minima.
+    is_stiffness = np.array(
+        [value.name in (_STIFFNESS, _STIFFNESS_FACTOR) for value in problem.free_values]
+    )
+    scanned_points = [
+        np.clip(model_logarithms + np.where(is_stiffness, math.log(factor), 0.0), *bounds)
+        for factor in _SCANNED_FACTORS
+    ]
+    costs = np.array(
+        [
+            float(np.sum(problem.spectral_differences(scanned_point) ** 2))
+            for scanned_point in scanned_points
+        ]
+    )
+    minima = [i for i in range(costs.size) if costs[i] == costs[max(0, i - 1) : i + 2].min()]
+    return [
+        model_logarithms,
+        *(
+            scanned_points[i]
+            for i in sorted(minima, key=lambda i: float(costs[i]))[:_MAX_SCANNED_STARTS]
+        ),
+    ]
 
 
 def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Array:
-    """Return the logarithm of the smoothed Fourier amplitude, shape (_FREQUENCIES,).
+    """Return the natural logarithm of the smoothed Fourier amplitude, shape (_FREQUENCIES,).
+
+    The squared amplitude is averaged over a band around each frequency. The frequencies are
+    equally spaced on a logarithmic axis.
 
     Parameters
     ----------
@@ -333,70 +410,100 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
     dt : float
         Sampling interval, s.
     band : tuple of two floats or None
-        Range of the frequencies, Hz.
+        Range of the frequencies, Hz; None for all frequencies that the samples resolve.
     """
     low, high = band or (0.0, math.inf)
     low, high = max(low, _LOWEST_CYCLES / (samples.size * dt)), min(high, 0.4 / dt)
     power = np.abs(np.fft.rfft(samples)) ** 2
     frequency = np.fft.rfftfreq(samples.size, dt)
-    total = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(frequency))])
-    centers = np.geomspace(low, high, _FREQUENCIES)
-    above, below = centers * math.exp(_BANDWIDTH), centers * math.exp(-_BANDWIDTH)
-    mean = (np.interp(above, frequency, total) - np.interp(below, frequency, total)) / (
-        above - below
+    # The mean over a band is the difference of this integral at its limits, divided by its width.
+    cumulative_power = np.concatenate(
+        [[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(frequency))]
     )
-    return np.asarray(0.5 * np.log(np.maximum(mean, np.finfo(float).tiny)))
+    centers = np.geomspace(low, high, _FREQUENCIES)
+    upper, lower = centers * math.exp(_BANDWIDTH), centers * math.exp(-_BANDWIDTH)
+    mean_power = (
+        np.interp(upper, frequency, cumulative_power)
+        - np.interp(lower, frequency, cumulative_power)
+    ) / (upper - lower)
+    return np.asarray(0.5 * np.log(np.maximum(mean_power, np.finfo(float).tiny)))
 
 
 def _standard_errors(solution: object) -> Array:
-    """Return relative standard errors from the Jacobian at the minimum, shape (values,).
+    """Return the standard errors of the logarithms of the fitted values, shape (values,).
 
-    The standard error is inf if the Jacobian does not determine a value.
+    They are the relative standard errors of the values. They result from the covariance matrix
+    variance (J^T J)^-1 with the Jacobian J of the residuals at the minimum (`solution`, result of
+    SciPy). The standard error of a value that the residuals do not determine is inf.
     """
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
-    rows, count = jacobian.shape
-    _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+    residual_count, value_count = jacobian.shape
+    _, singular_values, directions = np.linalg.svd(jacobian, full_matrices=False)
     # The recording does not determine directions with singular values at the level of rounding.
-    determined = singular > 1e-10 * singular[0]
-    variance = 2.0 * float(solution.cost) / max(1, rows - count)  # type: ignore[attr-defined]
+    is_determined = singular_values > 1e-10 * singular_values[0]
+    variance = 2.0 * float(solution.cost) / max(1, residual_count - value_count)  # type: ignore[attr-defined]
+    # J = U S V^T, so (J^T J)^-1 = V S^-2 V^T; the rows of `directions` are the columns of V.
     with np.errstate(divide="ignore"):
-        weights = np.where(determined, variance / singular**2, 0.0)
-    errors = np.sqrt(np.sum(directions**2 * weights[:, None], axis=0))
-    return np.where(np.sum(directions[~determined] ** 2, axis=0) > 1e-6, math.inf, errors)
+        variances = np.where(is_determined, variance / singular_values**2, 0.0)
+    errors = np.sqrt(np.sum(directions**2 * variances[:, None], axis=0))
+    return np.where(np.sum(directions[~is_determined] ** 2, axis=0) > 1e-6, math.inf, errors)
 
 
-def _free_values(model: Model, names: Sequence[str]) -> list[_Free]:
-    """Return the values of a model that may change, with their bounds."""
+def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
+    """Return the values of a model to be fitted, with their bounds.
+
+    Parameters
+    ----------
+    model : Model
+        Model of the building.
+    names : sequence of str
+        Requested values, from `FITTED`.
+
+    Raises
+    ------
+    UsageError
+        No name, an unknown name, or both `stiffness` and `stiffness-factor` are requested; or the
+        model has no such values.
+    """
     unknown = [name for name in names if name not in FITTED]
     if unknown or not names:
         raise UsageError(
-            f"fit {', '.join(FITTED)}, got {', '.join(map(repr, unknown)) or 'nothing'}"
+            f"the values to be fitted must be one or more of {', '.join(FITTED)}, got "
+            f"{', '.join(map(repr, unknown)) or 'no name'}"
         )
-    free: list[_Free] = []
+    free_values: list[_FreeValue] = []
     if "stiffness" in names and "stiffness-factor" in names:
         raise UsageError(
-            "fit stiffness or stiffness-factor: the stiffness of each story, or one factor on all "
-            "of them"
+            "stiffness and stiffness-factor cannot be fitted together; fit either the stiffness of "
+            "each story (stiffness) or one factor on all stiffnesses (stiffness-factor)"
         )
     if "stiffness-factor" in names:
         # A single factor applies to the stiffnesses of all stories.
-        every = [_stiffness(model, i) for i in range(len(model.stories))]
+        story_stiffnesses = [_stiffness(model, i) for i in range(len(model.stories))]
 
-        def put(model: Model, value: float) -> Model:
-            for story in every:
-                model = story.put(model, value * story.start)
+        def set_factor(model: Model, factor: float) -> Model:
+            for story in story_stiffnesses:
+                model = story.set_in(model, factor * story.start)
             return model
 
-        free.append(_Free(_COMMON, None, 1.0, (1.0 / _FACTOR, _FACTOR), put))
+        free_values.append(
+            _FreeValue(_STIFFNESS_FACTOR, None, 1.0, (1.0 / _MAX_FACTOR, _MAX_FACTOR), set_factor)
+        )
     if "stiffness" in names:
-        free += [_stiffness(model, i) for i in range(len(model.stories))]
+        free_values += [_stiffness(model, i) for i in range(len(model.stories))]
     if "damping" in names:
-        free += _damping(model.damping)
-    return free
+        free_values += _damping(model.damping)
+    return free_values
 
 
-def _stiffness(model: Model, i: int) -> _Free:
-    """Return the stiffness of story `i` (from 0) as a value that may change."""
+def _stiffness(model: Model, i: int) -> _FreeValue:
+    """Return the stiffness of story `i` (from 0) as a value to be fitted.
+
+    Raises
+    ------
+    UsageError
+        The stiffness is not a parameter of the model, because the law of the story determines it.
+    """
     story = model.stories[i]
     if LAWS[story.law.name].initial_stiffness is not None:
         raise UsageError(
@@ -404,27 +511,40 @@ def _stiffness(model: Model, i: int) -> _Free:
             "it cannot be fitted"
         )
 
-    def put(model: Model, value: float) -> Model:
+    def set_stiffness(model: Model, stiffness: float) -> Model:
         stories = list(model.stories)
-        stories[i] = replace(stories[i], stiffness=value)
+        stories[i] = replace(stories[i], stiffness=stiffness)
         return replace(model, stories=tuple(stories))
 
     start = story.stiffness
-    return _Free(_STIFFNESS, i + 1, start, (start / _FACTOR, start * _FACTOR), put)
+    return _FreeValue(
+        _STIFFNESS, i + 1, start, (start / _MAX_FACTOR, start * _MAX_FACTOR), set_stiffness
+    )
 
 
-def _damping(damping: Damping) -> list[_Free]:
-    """Return the values of the damping of a model; zeros (modes without damping) are not fitted."""
+def _damping(damping: Damping) -> list[_FreeValue]:
+    """Return the positive coefficients or ratios of the damping of a model as values to be fitted.
+
+    Zeros, for example of modes without damping, remain zero.
+
+    Raises
+    ------
+    UsageError
+        The model has no damping.
+    """
     if damping is None:
         raise UsageError(
             "the model has no damping to be fitted; add damping, such as damping: {modal: 0.02}"
         )
     # Coefficients have no typical size: they may change by three decades in both directions.
     if isinstance(damping, RayleighCoefficients):
-        names = {"mass": "mass_coefficient_1_s", "stiffness": "stiffness_coefficient_s"}
+        coefficient_labels = {
+            "mass": "mass_coefficient_1_s",
+            "stiffness": "stiffness_coefficient_s",
+        }
         return [
-            _Free(label, None, value, (value * 1e-3, value * 1e3), _set(name))
-            for name, label in names.items()
+            _FreeValue(label, None, value, (value * 1e-3, value * 1e3), _coefficient_setter(name))
+            for name, label in coefficient_labels.items()
             if (value := getattr(damping, name)) > 0.0
         ]
     modes = (
@@ -432,30 +552,36 @@ def _damping(damping: Damping) -> list[_Free]:
     )
     if isinstance(damping, ModalDamping) and len(damping.ratios) == 1:
         return [
-            _Free("damping_ratio", None, max(damping.ratios[0], _RATIOS[0]), _RATIOS, _set_ratio(0))
+            _FreeValue(
+                "damping_ratio",
+                None,
+                max(damping.ratios[0], _DAMPING_BOUNDS[0]),
+                _DAMPING_BOUNDS,
+                _ratio_setter(0),
+            )
         ]
     return [
-        _Free("damping_ratio", mode, ratio, _RATIOS, _set_ratio(i))
+        _FreeValue("damping_ratio", mode, ratio, _DAMPING_BOUNDS, _ratio_setter(i))
         for i, (mode, ratio) in enumerate(zip(modes, damping.ratios, strict=True))
         if ratio > 0.0
     ]
 
 
-def _set(name: str) -> Callable[[Model, float], Model]:
+def _coefficient_setter(name: str) -> Callable[[Model, float], Model]:
     """Return the function that sets a coefficient of Rayleigh damping in a model."""
     return lambda model, value: replace(model, damping=replace(model.damping, **{name: value}))  # type: ignore[type-var]
 
 
-def _set_ratio(i: int) -> Callable[[Model, float], Model]:
-    """Return the function that sets the damping ratio `i` in a model."""
+def _ratio_setter(i: int) -> Callable[[Model, float], Model]:
+    """Return the function that sets damping ratio `i` (from 0) in a model."""
 
-    def put(model: Model, value: float) -> Model:
+    def set_ratio(model: Model, ratio: float) -> Model:
         assert isinstance(model.damping, ModalDamping | RayleighRatio)
         ratios = list(model.damping.ratios)
-        ratios[i] = value
+        ratios[i] = ratio
         return replace(model, damping=replace(model.damping, ratios=tuple(ratios)))  # type: ignore[arg-type]
 
-    return put
+    return set_ratio
 
 
 def _label(value: FittedValue) -> str:

@@ -47,7 +47,7 @@ MAX_CYCLE_POINTS = 2_000_000
 memory."""
 
 _ROUNDING = 1e-13
-"""Rounding error of the dissipated energy of an elastic cycle, over the energy stored in it."""
+"""Dissipated energy of a cycle, over the energy stored in it, that is only a rounding error."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,12 @@ class Cycle:
 
         E_S0 = secant stiffness amplitude^2 / 2 (Chopra 2012, section 3.9).
         """
-        strain = 0.5 * self.secant_stiffness * self.amplitude**2
-        return self.hysteretic_energy / (4.0 * math.pi * strain) if strain > 0.0 else math.nan
+        strain_energy = 0.5 * self.secant_stiffness * self.amplitude**2
+        return (
+            self.hysteretic_energy / (4.0 * math.pi * strain_energy)
+            if strain_energy > 0.0
+            else math.nan
+        )
 
 
 @dataclass(frozen=True, repr=False)
@@ -158,9 +162,10 @@ class CyclicTest(Tabular):
 
     @property
     def cycle_numbers(self) -> NDArray[np.int64] | None:
-        """Number of the cycle of each point, from 1; 0 at the start. None for other paths."""
+        """Number of the cycle of each point, from 1; 0 at the start. None without cycles."""
         if self.points is None:
             return None
+        # Round up: the last point of a cycle belongs to this cycle.
         return -(-np.arange(self.path.drift.size) // (4 * self.points))
 
     @property
@@ -175,16 +180,22 @@ class CyclicTest(Tabular):
             return ()
         path, points = self.path, self.points
         cycles: list[Cycle] = []
-        for first in range(0, path.drift.size - 1, 4 * points):
+        for first_point in range(0, path.drift.size - 1, 4 * points):
             # The maximum drifts are at a quarter and at three quarters of the cycle.
-            high, low, last = first + points, first + 3 * points, first + 4 * points
-            dissipated = float(path.hysteretic_energy[last] - path.hysteretic_energy[first])
-            stored = float(np.max(np.abs(path.strain_energy[first : last + 1])))
+            positive_peak, negative_peak, last_point = (
+                first_point + points,
+                first_point + 3 * points,
+                first_point + 4 * points,
+            )
+            dissipated = float(
+                path.hysteretic_energy[last_point] - path.hysteretic_energy[first_point]
+            )
+            stored = float(np.max(np.abs(path.strain_energy[first_point : last_point + 1])))
             cycles.append(
                 Cycle(
                     number=len(cycles) + 1,
-                    amplitude=float(path.drift[high]),
-                    shear=(float(path.shear[high]), float(path.shear[low])),
+                    amplitude=float(path.drift[positive_peak]),
+                    shear=(float(path.shear[positive_peak]), float(path.shear[negative_peak])),
                     hysteretic_energy=dissipated if abs(dissipated) > _ROUNDING * stored else 0.0,
                 )
             )
@@ -236,8 +247,8 @@ def cyclic_test(
             f"{len(sizes) * cycles} cycles of {4 * points} points exceed the maximum of "
             f"{MAX_CYCLE_POINTS:,} points; reduce the cycles or the points"
         )
-    # Omit damping, because a quasi-static test has no velocities. It could not be computed anyway
-    # if P-delta reduces the stiffness to zero.
+    # Omit damping, because a quasi-static test has no velocities. Damping coefficients could not be
+    # computed anyway if P-delta reduces the stiffness to zero.
     building = assemble(replace(model, damping=None))
     amplitudes = [amplitude(drift_of(size), building, story) for size in sizes]
     return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
@@ -273,6 +284,7 @@ def path_test(
         )
     building = assemble(replace(model, damping=None))
     unit = float(building.yield_drift[story - 1]) if in_yield_drifts else 1.0
+    # The yield drift of a law that does not yield is nan.
     if math.isnan(unit):
         raise UsageError(
             f"drifts cannot be multiples of the yield drift, because the law of story {story} does "
@@ -320,7 +332,9 @@ def _check_story(model: Model, story: int) -> None:
 
 
 def amplitude(size: DriftSize, building: Building, story: int) -> float:
-    """Return a drift of one story (from 1) in m.
+    """Return the drift of one story (from 1) in m for a size in any unit.
+
+    Sizes are lengths, drift ratios (multiples of the story height) or multiples of the yield drift.
 
     Raises
     ------
@@ -328,37 +342,42 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
         The size is a drift ratio and the story has no height, or it is a multiple of the yield
         drift and the law does not yield.
     """
-    scales = {
+    unit_in_m = {
         "length": 1.0,
         "ratio": building.heights[story - 1],
         "yield drift": building.yield_drift[story - 1],
     }
-    if math.isnan(scales[size.kind]):
-        missing = {
+    if math.isnan(unit_in_m[size.kind]):
+        reason = {
             "ratio": f"is a drift ratio, and story {story} has no height",
             "yield drift": f"is a multiple of the yield drift, and the law of story {story} does "
             "not yield",
         }
-        raise UsageError(f"drift {size.text} {missing[size.kind]}; specify a length, such as 20mm")
-    return size.value * float(scales[size.kind])
+        raise UsageError(f"drift {size.text} {reason[size.kind]}; specify a length, such as 20mm")
+    return size.value * float(unit_in_m[size.kind])
 
 
 def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
     """Return the drifts of a cyclic test, shape (1 + len(amplitudes) cycles 4 points,).
 
+    The first point is 0. Each cycle has four straight quarters: to the amplitude, to 0, to the
+    negative amplitude and to 0.
+
     Parameters
     ----------
     amplitudes : sequence of float
-        Amplitudes.
+        Amplitudes, in m or in another unit; the drifts have the same unit.
     cycles : int
         Number of cycles of each amplitude.
     points : int
         Number of points in each quarter of a cycle.
     """
-    up = np.arange(1, points + 1) / points
-    down = np.arange(points - 1, -1, -1) / points
-    cycle = np.concatenate([up, down, -up, -down])
-    return np.concatenate([[0.0], *(size * np.tile(cycle, cycles) for size in amplitudes)])
+    rising_quarter = np.arange(1, points + 1) / points
+    falling_quarter = np.arange(points - 1, -1, -1) / points
+    cycle = np.concatenate([rising_quarter, falling_quarter, -rising_quarter, -falling_quarter])
+    return np.concatenate(
+        [[0.0], *(amplitude * np.tile(cycle, cycles) for amplitude in amplitudes)]
+    )
 
 
 def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
@@ -369,9 +388,9 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     AnalysisError
         The law has no finite force at some point of the path.
     """
-    springs = law_state_table(building.law_parameters)
+    law_state = law_state_table(building.law_parameters)
     result = np.empty((drifts.size, RESULT_COLUMNS))
-    follow.variant(variant(building))(building.law_parameters, story - 1, drifts, springs, result)
+    follow.variant(variant(building))(building.law_parameters, story - 1, drifts, law_state, result)
     not_finite = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
     if not_finite.size:
         raise AnalysisError(
@@ -416,20 +435,23 @@ def read_drift_path(source: str) -> list[float]:
 MAX_PUSHOVER_POINTS = 100_000  # maximum number of rows; larger tables are hard to open
 _FORCE_TOLERANCE = 1e-11  # tolerance of a force, over the maximum force of the story so far
 _MAX_ITERATIONS = 60  # maximum; Newton needs up to ten, and 60 bisections reach rounding errors
-_STEPS_PER_ROW = 8  # steps of the controlling story per step of the roof
+# The usual drift step of the controlling story is the difference of the roof displacement between
+# two rows, divided by this number
+_STEPS_PER_ROW = 8
 # Maximum number of steps per row; the roof displacement is almost constant if the other stories
 # unload as fast as the controlling story is loaded
 _MAX_STEPS_PER_ROW = 4000
-_AREA_TOLERANCE = (
-    1e-8  # relative error of the area at each yield point; ten points give seven correct digits
-)
+# Maximum error of the area below the curve in one step, over the area of a rectangle that encloses
+# the curve; ten yield points give seven correct digits
+_AREA_TOLERANCE = 1e-8
 _MIN_STEP_FRACTION = 1e-5  # minimum step over the usual step: at kinks of a law and at reversals
 _MAX_ROWS_PER_POINT = 20  # maximum number of rows per requested point, for a path with snap-back
 _SNAP_BACK = 1e-9  # decrease of the roof displacement over its maximum that counts as snap-back
 
 
 Excess = Callable[[Array, float], float]
-"""Function of drifts (m) and of a base shear (N): relative excess over the required value."""
+"""Function of the story drifts (m) and the base shear (N) of a state. It returns the excess of a
+quantity, such as the roof displacement, over a required value, relative to this value."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -514,8 +536,8 @@ PATTERNS: Mapping[str, Callable[[Building], Array]] = {
     "uniform": lambda building: building.mass.copy(),
     "triangular": _triangular,
 }
-"""Forces on the floors without normalization: mass times first mode shape, mass, or mass times
-height above the ground."""
+"""Functions that return the forces on the floors of a building, without normalization, by name of
+the pattern: mass times first mode shape, mass, or mass times height above the ground."""
 
 
 def pushover(
@@ -564,25 +586,25 @@ def pushover(
     forces = PATTERNS[pattern](building)
     forces /= forces.sum()
     chain = _Chain(building, forces)
-    drifts, shears, ended = [np.zeros(building.stories)], [0.0], ""
-    reached = 0  # number of the requested points that the roof displacement has reached
-    while reached < points and not ended:
-        ended = chain.push(target * (reached + 1) / points, target / points)
+    drift_rows, base_shears, ended = [np.zeros(building.stories)], [0.0], ""
+    reached_points = 0  # number of the requested points that the roof displacement has reached
+    while reached_points < points and not ended:
+        ended = chain.push(target * (reached_points + 1) / points, target / points)
         # If the path ends between two rows, its last state is the last row.
-        if not np.array_equal(chain.drift, drifts[-1]):
-            drifts.append(chain.drift.copy())
-            shears.append(chain.factor)
-        reached = max(reached, math.floor(chain.drift.sum() / target * points + 1e-6))
-        if not ended and len(drifts) > _MAX_ROWS_PER_POINT * points:
+        if not np.array_equal(chain.drift, drift_rows[-1]):
+            drift_rows.append(chain.drift.copy())
+            base_shears.append(chain.base_shear)
+        reached_points = max(reached_points, math.floor(chain.drift.sum() / target * points + 1e-6))
+        if not ended and len(drift_rows) > _MAX_ROWS_PER_POINT * points:
             ended = "the roof displacement decreases and does not reach the target"
-    if len(drifts) == 1:
+    if len(drift_rows) == 1:
         raise AnalysisError(f"the pushover stops at the first step: {ended}")
     return Pushover(
         model,
         pattern,
         forces,
-        np.array(drifts),
-        np.array(shears),
+        np.array(drift_rows),
+        np.array(base_shears),
         *chain.largest,
         ended,
         chain.path,
@@ -590,41 +612,51 @@ def pushover(
 
 
 def _target(size: DriftSize, building: Building) -> float:
-    """Return the roof displacement of a size, m."""
-    scales = {"length": 1.0, "ratio": float(building.rises.sum())}
-    if size.kind not in scales:
+    """Return the target roof displacement in m for a size, which is a length or a drift ratio.
+
+    Raises
+    ------
+    UsageError
+        The size is a multiple of a yield drift, or it is a drift ratio and a height is missing.
+    """
+    unit_in_m = {"length": 1.0, "ratio": float(building.rises.sum())}
+    if size.kind not in unit_in_m:
         raise UsageError(
             f"drift {size.text}: the roof has no yield drift; specify a drift ratio or a length"
         )
-    if math.isnan(scales[size.kind]):
+    if math.isnan(unit_in_m[size.kind]):
         raise UsageError(
             f"drift {size.text} is a drift ratio, and a story has no height; specify a length, "
             "such as 200mm"
         )
-    return size.value * scales[size.kind]
+    return size.value * unit_in_m[size.kind]
 
 
 class _Chain:
-    """State of all stories along the path.
+    """State of all stories along the path of a pushover.
 
     Attributes
     ----------
+    shear_fraction : ndarray, shape (n,)
+        Shear of each story over the base shear; it follows from the pattern of forces.
+    stories : list of _Story
+        Stories from the bottom.
     drift : ndarray, shape (n,)
         Present drifts, m.
-    factor : float
+    base_shear : float
         Present base shear, N.
-    furthest : float
+    maximum_roof_displacement : float
         Maximum roof displacement so far, m.
     largest : tuple of (float, ndarray)
         Maximum base shear of the path so far, N, and the drifts at this base shear.
     """
 
     def __init__(self, building: Building, forces: Array) -> None:
-        self.share = np.cumsum(forces[::-1])[::-1]
+        self.shear_fraction = np.cumsum(forces[::-1])[::-1]
         self.stories = [_Story(building, i) for i in range(building.stories)]
         self.drift = np.zeros(building.stories)
-        self.factor = 0.0
-        self.furthest = 0.0
+        self.base_shear = 0.0
+        self.maximum_roof_displacement = 0.0
         self.largest = (0.0, self.drift)
         self._states = [(self.drift, 0.0)]
 
@@ -632,11 +664,13 @@ class _Chain:
     def path(self) -> tuple[Array, Array]:
         """Path so far: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
         return np.array([drift for drift, _ in self._states]), np.array(
-            [factor for _, factor in self._states]
+            [base_shear for _, base_shear in self._states]
         )
 
     def push(self, displacement: float, step: float) -> str:
-        """Advance to the next row; return the reason if the path ends before it.
+        """Advance to the next row of the result; return the reason if the path ends before it.
+
+        The returned text is empty if the row is reached.
 
         A row is reached at a roof displacement. If the roof displacement decreases, a row is
         reached if the absolute changes of all story drifts add up to a step.
@@ -648,140 +682,184 @@ class _Chain:
         step : float
             Difference of roof displacement between rows, m.
         """
-        default_size, length = step / _STEPS_PER_ROW, 0.0
-        size = default_size
+        default_step, path_length = step / _STEPS_PER_ROW, 0.0
+        drift_step = default_step
         for _ in range(_MAX_STEPS_PER_ROW):
-            # Control by the story with the largest drift increment per factor, preferably a
-            # softening story. If it cannot carry its share, control by another story.
+            # The controlling story is the softest relative to its shear: its drift increases most
+            # with the base shear, or it softens. If another story cannot carry its shear, each
+            # other story is tried as the controlling story.
             tangents = np.array([story.tangent for story in self.stories])
-            order = np.arange(tangents.size)
-            softest = int(np.argmin(tangents / self.share))
-            for lead in (softest, *np.delete(order, softest).tolist()):
-                if (state := self._trial(lead, size)) is not None:
+            story_indices = np.arange(tangents.size)
+            softest = int(np.argmin(tangents / self.shear_fraction))
+            for controlling in (softest, *np.delete(story_indices, softest).tolist()):
+                if (new_state := self._trial(controlling, drift_step)) is not None:
                     break
             else:
                 return "no further equilibrium state was found"
-            drift, factor = state
+            drift, base_shear = new_state
             # Halve the step if the path bends within it, because the area below the curve would be
-            # wrong at a yield point. The error of a straight line follows from the difference
-            # between the new state and the extrapolation by the tangents.
-            if size > _MIN_STEP_FRACTION * default_size:
-                drift_change, factor_change = drift - self.drift, factor - self.factor
-                predicted = tangents[lead] * drift_change[lead] / self.share[lead]
-                area_error = abs(factor_change - predicted) * abs(drift_change.sum())
-                others = (order != lead) & (tangents > 0.0)
-                predicted_drifts = factor_change * self.share[others] / tangents[others]
-                area_error += abs(drift_change[others].sum() - predicted_drifts.sum()) * abs(
-                    factor_change
-                )
-                if area_error > _AREA_TOLERANCE * max(self.largest[0], factor) * drift.sum():
-                    size *= 0.5
+            # wrong at a yield point.
+            if drift_step > _MIN_STEP_FRACTION * default_step:
+                maximum_shear = max(self.largest[0], base_shear)
+                area_error = self._area_error(controlling, tangents, drift, base_shear)
+                if area_error > _AREA_TOLERANCE * maximum_shear * drift.sum():
+                    drift_step *= 0.5
                     continue
             # The path ends exactly at the state in which the base shear is zero.
-            if factor <= 0.0:
-                drift, _ = self._meet(
-                    lambda _, factor: -factor / self.largest[0], lead, size, drift, factor
+            if base_shear <= 0.0:
+                drift, _ = self._find_state(
+                    lambda _, base_shear: -base_shear / self.largest[0],
+                    controlling,
+                    drift_step,
+                    drift,
+                    base_shear,
                 )
-                self._keep(lead, drift, 0.0)
+                self._accept(controlling, drift, 0.0)
                 return "no remaining lateral resistance"
             # With increasing roof displacement, a row is complete at its displacement.
             if drift.sum() >= displacement:
-                self._keep(
-                    lead,
-                    *self._meet(
-                        lambda drift, _: drift.sum() / displacement - 1.0, lead, size, drift, factor
+                self._accept(
+                    controlling,
+                    *self._find_state(
+                        lambda drift, _: drift.sum() / displacement - 1.0,
+                        controlling,
+                        drift_step,
+                        drift,
+                        base_shear,
                     ),
                 )
                 return ""
-            length += float(np.abs(drift - self.drift).sum())
-            self._keep(lead, drift, factor)
-            self.furthest = max(self.furthest, float(drift.sum()))
-            size = min(2.0 * size, default_size)
+            path_length += float(np.abs(drift - self.drift).sum())
+            self._accept(controlling, drift, base_shear)
+            self.maximum_roof_displacement = max(self.maximum_roof_displacement, float(drift.sum()))
+            drift_step = min(2.0 * drift_step, default_step)
             # With decreasing roof displacement, a row is complete after a certain length of the
             # path.
-            if length >= step and drift.sum() < self.furthest * (1.0 - _SNAP_BACK):
+            if path_length >= step and drift.sum() < self.maximum_roof_displacement * (
+                1.0 - _SNAP_BACK
+            ):
                 return ""
         return (
-            f"the remaining stories unload as fast as story {lead + 1} deforms; more points may "
-            "continue the curve"
+            f"the remaining stories unload as fast as story {controlling + 1} deforms; more points "
+            "may continue the curve"
         )
 
-    def _meet(
-        self, excess: Excess, lead: int, size: float, drift: Array, factor: float
+    def _area_error(
+        self, controlling: int, tangents: Array, drift: Array, base_shear: float
+    ) -> float:
+        """Return an estimate of the error of the area below the curve if a step is a straight line.
+
+        It follows from the difference between the new state and the extrapolation of the present
+        state by the tangents: of the base shear, and of the drifts of the other stories.
+
+        Parameters
+        ----------
+        controlling : int
+            Index of the controlling story.
+        tangents : ndarray, shape (n,)
+            Tangent stiffnesses of the stories at the present state, N/m.
+        drift, base_shear : ndarray, float
+            State at the end of the step.
+        """
+        drift_change, shear_change = drift - self.drift, base_shear - self.base_shear
+        predicted_shear_change = (
+            tangents[controlling] * drift_change[controlling] / self.shear_fraction[controlling]
+        )
+        area_error = abs(shear_change - predicted_shear_change) * abs(drift_change.sum())
+        others = (np.arange(tangents.size) != controlling) & (tangents > 0.0)
+        predicted_drifts = shear_change * self.shear_fraction[others] / tangents[others]
+        area_error += abs(drift_change[others].sum() - predicted_drifts.sum()) * abs(shear_change)
+        return float(area_error)
+
+    def _find_state(
+        self, excess: Excess, controlling: int, drift_step: float, drift: Array, base_shear: float
     ) -> tuple[Array, float]:
-        """Return the state within a step that has no excess over the required value.
+        """Return the drifts and the base shear within a step at which the excess is zero.
 
         The Illinois algorithm is used (Dowell and Jarratt 1971). The excess is negative at the
         present state and positive at the end of the step.
 
         Parameters
         ----------
-        miss : callable
-            Relative excess of a state.
-        lead : int
-            Controlling story.
-        size : float
-            Step of its drift, m.
-        drift, factor : ndarray, float
+        excess : callable
+            Function of drifts and base shear: excess over the required value, relative to it.
+        controlling : int
+            Index of the controlling story.
+        drift_step : float
+            Step of the drift of the controlling story, m.
+        drift, base_shear : ndarray, float
             State at the end of the step.
         """
-        low, high = 0.0, size
-        low_value, high_value = excess(self.drift, self.factor), excess(drift, factor)
+        lower, upper = 0.0, drift_step
+        lower_excess, upper_excess = excess(self.drift, self.base_shear), excess(drift, base_shear)
         for _ in range(_MAX_ITERATIONS):
-            if abs(excess(drift, factor)) <= _FORCE_TOLERANCE:
+            if abs(excess(drift, base_shear)) <= _FORCE_TOLERANCE:
                 break
             # Secant between both endpoints. The value at the endpoint that is retained is halved.
             # Otherwise the same endpoint could be retained in all iterations, which converges
             # slowly.
-            middle = low + (high - low) * low_value / (low_value - high_value)
-            trial = self._trial(lead, middle)
-            if trial is None or not low < middle < high:
+            middle = lower + (upper - lower) * lower_excess / (lower_excess - upper_excess)
+            trial = self._trial(controlling, middle)
+            if trial is None or not lower < middle < upper:
                 break
-            drift, factor = trial
-            value = excess(drift, factor)
-            if value > 0.0:
-                high, high_value, low_value = middle, value, 0.5 * low_value
+            drift, base_shear = trial
+            trial_excess = excess(drift, base_shear)
+            if trial_excess > 0.0:
+                upper, upper_excess, lower_excess = middle, trial_excess, 0.5 * lower_excess
             else:
-                low, low_value, high_value = middle, value, 0.5 * high_value
-        return drift, factor
+                lower, lower_excess, upper_excess = middle, trial_excess, 0.5 * upper_excess
+        return drift, base_shear
 
-    def _trial(self, lead: int, size: float) -> tuple[Array, float] | None:
-        """Return drifts and factor after a step of one story.
+    def _trial(self, controlling: int, drift_step: float) -> tuple[Array, float] | None:
+        """Return the drifts (m) and the base shear (N) after a drift step (m) of one story.
 
-        The result is None if another story cannot carry its share.
+        Its force determines the base shear, and the base shear determines the shears and drifts of
+        the other stories. The result is None if another story cannot carry its shear.
         """
-        force, _ = self.stories[lead].at(self.drift[lead] + size)
-        factor = force / self.share[lead]
+        force, _ = self.stories[controlling].response_at(self.drift[controlling] + drift_step)
+        base_shear = force / self.shear_fraction[controlling]
         drift = self.drift.copy()
-        drift[lead] += size
+        drift[controlling] += drift_step
         for i, story in enumerate(self.stories):
-            if i != lead:
-                story_drift = story.drift_at_force(factor * self.share[i])
+            if i != controlling:
+                story_drift = story.drift_at_force(base_shear * self.shear_fraction[i])
                 if story_drift is None:
                     return None
                 drift[i] = story_drift
-        return drift, factor
+        return drift, base_shear
 
-    def _keep(self, lead: int, drift: Array, factor: float) -> None:
-        """Advance to these drifts, and update the maximum base shear."""
+    def _accept(self, controlling: int, drift: Array, base_shear: float) -> None:
+        """Advance all stories to a new state, and update the maximum base shear.
+
+        Parameters
+        ----------
+        controlling : int
+            Index of the controlling story of the step.
+        drift, base_shear : ndarray, float
+            New state.
+        """
         # The maximum base shear of the step is at its end, or at the maximum force of the
-        # controlling story, which determines the factor. If the tangent of this story changes its
-        # sign, the maximum is found by bisection.
-        story, size = self.stories[lead], float(drift[lead] - self.drift[lead])
-        largest = (factor, drift)
-        if story.tangent > 0.0 and story.at(float(drift[lead]))[1] <= 0.0:
-            start = self.drift[lead]
-            _, size = halved(
-                lambda step: story.at(start + step)[1] > 0.0, 0.0, size, _MAX_ITERATIONS
+        # controlling story. If the tangent of this story changes its sign within the step, its
+        # maximum force is found by bisection.
+        story = self.stories[controlling]
+        step_to_maximum = float(drift[controlling] - self.drift[controlling])
+        maximum_state = (base_shear, drift)
+        if story.tangent > 0.0 and story.response_at(float(drift[controlling]))[1] <= 0.0:
+            start = self.drift[controlling]
+            _, step_to_maximum = halved(
+                lambda step: story.response_at(start + step)[1] > 0.0,
+                0.0,
+                step_to_maximum,
+                _MAX_ITERATIONS,
             )
-            maximum = self._trial(lead, size)
-            if maximum and maximum[1] >= factor:
-                largest = (maximum[1], maximum[0])
-        self.largest = max(self.largest, largest, key=lambda state: state[0])
-        for story, new in zip(self.stories, drift, strict=True):
-            story.advance(float(new))
-        self.drift, self.factor = drift, factor
-        self._states.append((drift, factor))
+            state_at_maximum = self._trial(controlling, step_to_maximum)
+            if state_at_maximum and state_at_maximum[1] >= base_shear:
+                maximum_state = (state_at_maximum[1], state_at_maximum[0])
+        self.largest = max(self.largest, maximum_state, key=lambda state: state[0])
+        for story, new_drift in zip(self.stories, drift, strict=True):
+            story.advance(float(new_drift))
+        self.drift, self.base_shear = drift, base_shear
+        self._states.append((drift, base_shear))
 
 
 class _Story:
@@ -793,11 +871,15 @@ class _Story:
         self._reversals: list[float] = [0.0]
         self.drift = 0.0
         self.force = 0.0
-        self.initial = self.tangent = float(building.initial_stiffness[i])
-        self._largest = 0.0
+        self.initial_tangent = self.tangent = float(building.initial_stiffness[i])
+        self._maximum_force = 0.0
 
-    def at(self, drift: float) -> tuple[float, float]:
-        """Return force and tangent at a drift that is approached directly from the present."""
+    def response_at(self, drift: float) -> tuple[float, float]:
+        """Return force (N) and tangent (N/m), with P-delta, at a drift (m).
+
+        The story moves from rest through its reversals to the present drift, and from there in a
+        straight line to the given drift. The state of the story is not changed.
+        """
         path = follow_path(
             self._building, self._number, np.array([*self._reversals, self.drift, drift])
         )
@@ -805,45 +887,49 @@ class _Story:
         return force, float(path.tangent[-1]) + self._geometric
 
     def advance(self, drift: float) -> None:
-        """Advance to a drift."""
+        """Advance to a drift (m), and store the present drift if it is a reversal."""
         if drift == self.drift:
             return
-        self.force, self.tangent = self.at(drift)
-        self._largest = max(self._largest, abs(self.force))
+        self.force, self.tangent = self.response_at(drift)
+        self._maximum_force = max(self._maximum_force, abs(self.force))
         if (drift - self.drift) * (self.drift - self._reversals[-1]) < 0.0:
             self._reversals.append(self.drift)
         self.drift = drift
 
     def drift_at_force(self, force: float) -> float | None:
-        """Return the next drift with a force; None if it does not exist.
+        """Return the drift (m) at which the story next has a force (N); None if it cannot reach it.
 
-        The drift increases for a larger force, and decreases for a smaller force.
+        The drift increases for a larger force than the present force, and decreases for a smaller
+        force.
         """
         force_change = force - self.force
-        tolerance = _FORCE_TOLERANCE * max(self._largest, abs(force))
+        tolerance = _FORCE_TOLERANCE * max(self._maximum_force, abs(force))
         if abs(force_change) <= tolerance:
             return self.drift
         is_loading = force_change > 0.0
-        # Newton's method, bracketed by a drift at which the force is not reached yet (`near`) and a
-        # drift beyond it (`far`). A story that softens before it reaches the force cannot reach it.
-        near, far = self.drift, None
-        stiffness = self.tangent if self.tangent > 0.0 and is_loading else self.initial
-        drift = near + force_change / stiffness
+        # Newton's method, bracketed by a drift at which the force is not reached yet (`near_drift`)
+        # and a drift beyond it (`far_drift`). A story that softens before it reaches the force
+        # cannot reach it.
+        near_drift, far_drift = self.drift, None
+        stiffness = self.tangent if self.tangent > 0.0 and is_loading else self.initial_tangent
+        drift = near_drift + force_change / stiffness
         for _ in range(_MAX_ITERATIONS):
-            trial_force, tangent = self.at(drift)
+            trial_force, tangent = self.response_at(drift)
             residual = force - trial_force
             if abs(residual) <= tolerance:
                 return drift
             if (residual > 0.0) == is_loading:
                 if tangent <= 0.0:
                     return None
-                near = drift
+                near_drift = drift
             else:
-                far = drift
-            new = drift + residual / tangent if tangent > 0.0 else near
-            if far is not None and not min(near, far) < new < max(near, far):
-                new = 0.5 * (near + far)
-            if new == drift:
+                far_drift = drift
+            next_drift = drift + residual / tangent if tangent > 0.0 else near_drift
+            if far_drift is not None and not min(near_drift, far_drift) < next_drift < max(
+                near_drift, far_drift
+            ):
+                next_drift = 0.5 * (near_drift + far_drift)
+            if next_drift == drift:
                 return drift
-            drift = new
+            drift = next_drift
         return None

@@ -33,11 +33,13 @@ _MAX_DISPLACEMENT_RATIO = 3.0  # maximum ratio to the elastic displacement (EN 1
 # Fraction of the yield force at which the effective stiffness intersects the curve (ASCE 41-17,
 # 7.4.3.2.4)
 _SECANT = 0.6
-_STRONG_AT_1_S = 0.6  # g; larger values occur at near-fault sites (ASCE 41-17, 7.4.3.3.2)
+# Spectral acceleration at a period of 1 s, g, from which a site is a near-fault site (ASCE 41-17,
+# 7.4.3.3.2)
+_NEAR_FAULT_AT_1_S = 0.6
 # Required range of the curve over the target displacement (EN 1998-1, 4.3.3.4.2.3)
 _REQUIRED_RANGE = 1.5
-# Relative change of force that counts as yield. Residuals of equilibrium are a millionth of it, the
-# first yield is a thousand times larger
+# Relative deviation of the force from the first straight line that counts as yield. Residuals of
+# equilibrium are a millionth of it; the first yield deviates by a thousand times more.
 _YIELD_TOLERANCE = 1e-6
 _ROUNDING = 1e-9  # relative difference of forces; residuals of the curve are a hundredth of it
 _MAX_BISECTIONS = 100  # maximum number of bisections; more than the number of digits of a float
@@ -116,7 +118,7 @@ class _PushoverCurve:
     ----------
     pushed : Pushover
         Complete pushover.
-    roof, shear, work : ndarray, shape (points,)
+    roof, shear, area : ndarray, shape (points,)
         Roof displacement, m; base shear, N; area below the curve up to each point, J.
     drift : ndarray, shape (points, n)
         Drifts of the stories, m.
@@ -125,7 +127,7 @@ class _PushoverCurve:
     pushed: Pushover
     roof: Array
     shear: Array
-    work: Array
+    area: Array
     drift: Array
 
     @classmethod
@@ -135,18 +137,20 @@ class _PushoverCurve:
         roof = drift.sum(axis=1)
         is_increasing = roof > np.maximum.accumulate(np.concatenate(([-math.inf], roof[:-1])))
         roof, shear, drift = roof[is_increasing], shear[is_increasing], drift[is_increasing]
-        work = np.concatenate(([0.0], np.cumsum(np.diff(roof) * (shear[:-1] + shear[1:]) / 2.0)))
-        return cls(pushed, roof, shear, work, drift)
+        area = np.concatenate(([0.0], np.cumsum(np.diff(roof) * (shear[:-1] + shear[1:]) / 2.0)))
+        return cls(pushed, roof, shear, area, drift)
 
     def idealized_to(self, displacement: float) -> float:
-        """Return the displacement up to which the curve is idealized.
+        """Return the roof displacement (m) up to which the curve is idealized.
 
-        It is at least the end of the first straight line, and at most the peak.
+        It is the given displacement, limited to the range from the end of the first straight line
+        to the peak of the curve.
         """
         is_elastic = (
             self.shear[1:]
             >= (1.0 - _YIELD_TOLERANCE) * self.shear[1] / self.roof[1] * self.roof[1:]
         )
+        # Index of the last point on the first line. `is_elastic` starts at point 1.
         last_elastic = is_elastic.size if is_elastic.all() else int(np.argmin(is_elastic))
         return float(np.clip(displacement, self.roof[last_elastic], self.roof[self.peak]))
 
@@ -155,27 +159,41 @@ class _PushoverCurve:
         """Index of the last point with the maximum base shear, which may be a plateau."""
         return int(np.flatnonzero(self.shear >= (1.0 - _ROUNDING) * np.max(self.shear))[-1])
 
-    def at(self, displacement: float) -> tuple[float, float]:
-        """Return base shear and area at a roof displacement."""
+    def response_at(self, displacement: float) -> tuple[float, float]:
+        """Return base shear (N), and area below the curve (J) up to a roof displacement (m)."""
         shear = float(np.interp(displacement, self.roof, self.shear))
-        i = max(int(np.searchsorted(self.roof, displacement)) - 1, 0)
+        before = max(int(np.searchsorted(self.roof, displacement)) - 1, 0)
         return shear, float(
-            self.work[i] + (displacement - self.roof[i]) * (self.shear[i] + shear) / 2.0
+            self.area[before]
+            + (displacement - self.roof[before]) * (self.shear[before] + shear) / 2.0
         )
 
-    def strongest(self, displacement: float) -> float:
-        """Return the maximum base shear up to a roof displacement."""
+    def maximum_shear(self, displacement: float) -> float:
+        """Return the maximum base shear (N) up to a roof displacement (m)."""
         return max(
             float(np.max(self.shear[self.roof <= displacement], initial=0.0)),
-            self.at(displacement)[0],
+            self.response_at(displacement)[0],
         )
 
 
 @dataclass(frozen=True)
-class _Idealized:
+class _IdealizedCurve:
     """Idealized curve up to a roof displacement, and the displacement that the method computes.
 
-    The attributes are attributes of `TargetDisplacement`.
+    Attributes
+    ----------
+    period : float
+        Period of the equivalent oscillator, s.
+    yield_force, yield_displacement : float
+        Base shear, N, and roof displacement, m, at yield.
+    spectral_acceleration : float
+        Spectral acceleration of the target at this period, m/s^2.
+    strength_ratio : float
+        Elastic force over yield force.
+    factors : tuple of float
+        C1 and C2 (coefficient method); ratio to the elastic displacement, and 1 (N2).
+    roof_displacement : float
+        Roof displacement that the method computes for the idealized curve, m.
     """
 
     period: float
@@ -231,11 +249,13 @@ def target_displacements(
     mass = float(building.mass @ shape)
     participation = mass / float(building.mass @ shape**2)
     n2 = _solve("n2", curve, partial(_n2, curve, demand, mass, participation))
-    site = SITE_FACTORS[site_class.upper()]
-    effective = partial(_coefficients, curve, demand, building, site, mass_factor)
-    coefficients = _solve("coefficients", curve, effective)
+    site_factor = SITE_FACTORS[site_class.upper()]
+    idealize_coefficients = partial(
+        _coefficients, curve, demand, building, site_factor, mass_factor
+    )
+    coefficients = _solve("coefficients", curve, idealize_coefficients)
     notes = _strength_note(curve, building, coefficients, demand)
-    c0 = float(building.modes().participation[0])
+    first_participation = float(building.modes().participation[0])
     return TargetDisplacements(
         [
             _result("n2", curve, demand, building, n2, participation, mass),
@@ -245,7 +265,7 @@ def target_displacements(
                 demand,
                 building,
                 coefficients,
-                c0,
+                first_participation,
                 float(building.mass.sum()),
                 notes,
             ),
@@ -255,7 +275,7 @@ def target_displacements(
 
 def _n2(
     curve: _PushoverCurve, demand: TargetSpectrum, mass: float, participation: float, roof: float
-) -> _Idealized:
+) -> _IdealizedCurve:
     """Apply N2 (EN 1998-1:2004, annex B) to the curve up to a roof displacement.
 
     The idealized curve is elastic and perfectly plastic, with equal strength and area.
@@ -272,33 +292,35 @@ def _n2(
         Roof displacement, m.
     """
     roof = curve.idealized_to(roof)
-    strength = curve.strongest(roof) / participation
+    yield_strength = curve.maximum_shear(roof) / participation
     oscillator_displacement = roof / participation
-    area = curve.at(roof)[1] / participation**2
-    yield_displacement = 2.0 * (oscillator_displacement - area / strength)  # (B.6)
-    period = 2.0 * math.pi * math.sqrt(mass * yield_displacement / strength)  # (B.7)
+    area = curve.response_at(roof)[1] / participation**2
+    yield_displacement = 2.0 * (oscillator_displacement - area / yield_strength)  # (B.6)
+    period = 2.0 * math.pi * math.sqrt(mass * yield_displacement / yield_strength)  # (B.7)
     acceleration = float(demand.at(np.array([period]))[0])
-    elastic = acceleration * (period / (2.0 * math.pi)) ** 2  # (B.8)
-    ratio = acceleration * mass / strength
-    increase = 1.0
-    if period < demand.corner and ratio > 1.0:  # (B.10)
-        increase = min(
-            max((1.0 + (ratio - 1.0) * demand.corner / period) / ratio, 1.0),
+    elastic_displacement = acceleration * (period / (2.0 * math.pi)) ** 2  # (B.8)
+    strength_ratio = acceleration * mass / yield_strength
+    displacement_ratio = 1.0
+    if period < demand.corner and strength_ratio > 1.0:  # (B.10)
+        displacement_ratio = min(
+            max((1.0 + (strength_ratio - 1.0) * demand.corner / period) / strength_ratio, 1.0),
             _MAX_DISPLACEMENT_RATIO,
         )
-    displacement = participation * increase * elastic
-    yield_point = strength * participation, yield_displacement * participation
-    return _Idealized(period, *yield_point, acceleration, ratio, (increase, 1.0), displacement)
+    displacement = participation * displacement_ratio * elastic_displacement
+    yield_point = yield_strength * participation, yield_displacement * participation
+    return _IdealizedCurve(
+        period, *yield_point, acceleration, strength_ratio, (displacement_ratio, 1.0), displacement
+    )
 
 
 def _coefficients(
     curve: _PushoverCurve,
     demand: TargetSpectrum,
     building: Building,
-    site: float,
+    site_factor: float,
     mass_factor: float,
     roof: float,
-) -> _Idealized:
+) -> _IdealizedCurve:
     """Apply the coefficient method (ASCE 41-17, 7.4.3.3) to the curve up to a roof displacement.
 
     The idealized curve consists of two lines with equal area. The first line intersects the curve
@@ -312,7 +334,7 @@ def _coefficients(
         Elastic design spectrum.
     building : Building
         Building without damping.
-    site : float
+    site_factor : float
         Site factor a.
     mass_factor : float
         Factor C_m.
@@ -322,65 +344,88 @@ def _coefficients(
     roof = curve.idealized_to(roof)
     modes = building.modes()
     strength, yield_displacement = _two_lines(curve, roof)
-    initial = float(curve.shear[1] / curve.roof[1])
-    stiffness = min(strength / yield_displacement, initial)
-    period = 2.0 * math.pi / float(modes.omega[0]) * math.sqrt(initial / stiffness)
+    initial_stiffness = float(curve.shear[1] / curve.roof[1])
+    stiffness = min(strength / yield_displacement, initial_stiffness)
+    period = 2.0 * math.pi / float(modes.omega[0]) * math.sqrt(initial_stiffness / stiffness)
     acceleration = float(demand.at(np.array([period]))[0])
-    ratio = acceleration * mass_factor * float(building.mass.sum()) / strength
-    excess = max(ratio - 1.0, 0.0)
-    c1 = 1.0 if period > 1.0 else 1.0 + excess / (site * max(period, 0.2) ** 2)  # (7-29)
-    c2 = 1.0 if period > 0.7 else 1.0 + (excess / period) ** 2 / 800.0  # (7-30)
+    strength_ratio = acceleration * mass_factor * float(building.mass.sum()) / strength
+    strength_excess = max(strength_ratio - 1.0, 0.0)
+    c1 = (
+        1.0 if period > 1.0 else 1.0 + strength_excess / (site_factor * max(period, 0.2) ** 2)
+    )  # (7-29)
+    c2 = 1.0 if period > 0.7 else 1.0 + (strength_excess / period) ** 2 / 800.0  # (7-30)
     displacement = (
         float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2
     )  # (7-28)
-    return _Idealized(
-        period, strength, yield_displacement, acceleration, ratio, (c1, c2), displacement
+    return _IdealizedCurve(
+        period, strength, yield_displacement, acceleration, strength_ratio, (c1, c2), displacement
     )
 
 
 def _two_lines(curve: _PushoverCurve, roof: float) -> tuple[float, float]:
-    """Return force and displacement at the intersection of two lines with the area of the curve.
+    """Return base shear (N) and roof displacement (m) at yield of the idealized curve.
 
-    The smallest such force is returned. If the curve hardens after a yield at 0.6 of a force, the
-    secant becomes flatter, and the areas can be equal again at a larger force.
+    The idealized curve consists of two lines: a secant, which intersects the curve at 0.6 of the
+    yield force, and a line from the yield point to the curve at the displacement `roof`. The area
+    below the two lines equals the area below the curve. If several yield forces satisfy this
+    condition, the smallest is returned. (If the curve hardens after a yield, the secant becomes
+    flatter, and the areas can be equal again at a larger force.)
     """
-    end, area = curve.at(roof)
-    largest = curve.strongest(roof)
+    end_shear, area = curve.response_at(roof)
+    maximum_shear = curve.maximum_shear(roof)
     # For each force, the secant intersects the curve at 0.6 of the force. While this intersection
     # moves along a straight part of the curve, the difference of the areas is a linear function of
     # the force. The difference is therefore computed at both ends of each straight part, and
     # interpolated. Flat and decreasing parts are skipped, because they contain no new intersection.
     maximum_before = np.maximum.accumulate(curve.shear)
     rising = np.flatnonzero(curve.shear[1:] > maximum_before[:-1]) + 1
-    rising = rising[maximum_before[rising - 1] < _SECANT * largest]
-    ends = np.minimum(
-        np.array([maximum_before[rising - 1], maximum_before[rising]]), _SECANT * largest
+    rising = rising[maximum_before[rising - 1] < _SECANT * maximum_shear]
+    intersection_shears = np.minimum(
+        np.array([maximum_before[rising - 1], maximum_before[rising]]), _SECANT * maximum_shear
     )
     flexibility = (curve.roof[rising] - curve.roof[rising - 1]) / (
         curve.shear[rising] - curve.shear[rising - 1]
     )
-    forces = ends / _SECANT
-    yields = (curve.roof[rising] - flexibility * (curve.shear[rising] - ends)) / _SECANT
-    low, high = (forces * roof + end * (roof - yields)) / 2.0 - area
-    crossed = np.flatnonzero((low < 0.0) & (high >= 0.0))
-    if crossed.size and area > (1.0 + _YIELD_TOLERANCE) * end * roof / 2.0:
-        i = crossed[0]
-        fraction = -low[i] / (high[i] - low[i])
-        force = forces[0, i] + fraction * np.ptp(forces[:, i])
-        return float(force), float(yields[0, i] + fraction * np.ptp(yields[:, i]))
-    # A curve that does not yield is idealized by its first line, through the first point that
-    # reaches the force of the secant.
-    secant, i = _SECANT * largest, int(np.argmax(curve.shear >= _SECANT * largest))
-    (start, stop), (low_force, high_force) = curve.roof[i - 1 : i + 1], curve.shear[i - 1 : i + 1]
-    return largest, float(
-        (start + (stop - start) * (secant - low_force) / (high_force - low_force)) / _SECANT
+    forces = intersection_shears / _SECANT
+    yield_displacements = (
+        curve.roof[rising] - flexibility * (curve.shear[rising] - intersection_shears)
+    ) / _SECANT
+    # Difference of the areas (two lines minus curve) at both ends of each straight part.
+    area_at_start, area_at_end = (
+        forces * roof + end_shear * (roof - yield_displacements)
+    ) / 2.0 - area
+    sign_changes = np.flatnonzero((area_at_start < 0.0) & (area_at_end >= 0.0))
+    if sign_changes.size and area > (1.0 + _YIELD_TOLERANCE) * end_shear * roof / 2.0:
+        crossing = sign_changes[0]
+        fraction = -area_at_start[crossing] / (area_at_end[crossing] - area_at_start[crossing])
+        force = forces[0, crossing] + fraction * np.ptp(forces[:, crossing])
+        return float(force), float(
+            yield_displacements[0, crossing] + fraction * np.ptp(yield_displacements[:, crossing])
+        )
+    # A curve that does not yield has no such point. It is idealized by the secant through the first
+    # point at 0.6 of the maximum base shear, up to this shear.
+    secant, crossing = (
+        _SECANT * maximum_shear,
+        int(np.argmax(curve.shear >= _SECANT * maximum_shear)),
+    )
+    (start_roof, stop_roof), (low_force, high_force) = (
+        curve.roof[crossing - 1 : crossing + 1],
+        curve.shear[crossing - 1 : crossing + 1],
+    )
+    return maximum_shear, float(
+        (start_roof + (stop_roof - start_roof) * (secant - low_force) / (high_force - low_force))
+        / _SECANT
     )
 
 
 def _solve(
-    method: str, curve: _PushoverCurve, idealize: Callable[[float], _Idealized]
-) -> _Idealized:
-    """Return the idealization for the first displacement on the curve that reproduces itself.
+    method: str, curve: _PushoverCurve, idealize: Callable[[float], _IdealizedCurve]
+) -> _IdealizedCurve:
+    """Return the idealization for the smallest roof displacement that reproduces itself.
+
+    The curve is idealized up to a roof displacement, and the idealization yields a new roof
+    displacement. Both are equal at the result. It is enclosed between two points of the curve and
+    then bisected.
 
     Parameters
     ----------
@@ -389,11 +434,16 @@ def _solve(
     curve : _PushoverCurve
         Pushover curve.
     idealize : callable
-        Idealization up to a roof displacement.
+        Function of a roof displacement, m: the idealization of the curve up to it.
+
+    Raises
+    ------
+    AnalysisError
+        The displacement exceeds the range of the curve.
     """
-    rows = curve.roof[1:]
-    previous = rows[0]
-    for roof in rows.tolist():
+    roof_displacements = curve.roof[1:]
+    previous = roof_displacements[0]
+    for roof in roof_displacements.tolist():
         if idealize(roof).roof_displacement <= roof:
             break
         previous = roof
@@ -402,7 +452,7 @@ def _solve(
         reason = (
             f"; the curve ends there: {curve.pushed.ended}"
             if curve.pushed.ended
-            else "; push further"
+            else "; continue the pushover to a larger displacement"
         )
         raise AnalysisError(
             f"the target displacement ({method}) exceeds the curve: about {displacement:.4g} m at "
@@ -417,11 +467,15 @@ def _solve(
 
 
 def _strength_note(
-    curve: _PushoverCurve, building: Building, idealized: _Idealized, demand: TargetSpectrum
+    curve: _PushoverCurve, building: Building, idealized: _IdealizedCurve, demand: TargetSpectrum
 ) -> tuple[str, ...]:
     """Return a note if the strength ratio exceeds the limit of the coefficient method.
 
-    The limit is given in ASCE 41-17, 7.4.3.3.2 and equation 7-32.
+    The limit concerns buildings that lose strength. ASCE 41-17 gives it in 7.4.3.3.2 and equation
+    7-32: mu_max = Delta_d / Delta_y + |alpha_e|^-h / 4, with h = 1 + 0.15 ln Te and the effective
+    slope after the peak alpha_e = alpha_P-Delta + lambda (alpha_2 - alpha_P-Delta), both slopes
+    relative to the effective stiffness. The factor lambda is 0.8 for near-fault sites and 0.2
+    otherwise. The result is empty if the limit is met.
 
     Parameters
     ----------
@@ -429,58 +483,64 @@ def _strength_note(
         Pushover curve.
     building : Building
         Building without damping.
-    idealized : _Idealized
+    idealized : _IdealizedCurve
         Result of the coefficient method.
     demand : TargetSpectrum
         Elastic design spectrum.
     """
     peak = curve.peak
-    below = np.flatnonzero(curve.shear[peak:] <= _SECANT * idealized.yield_force)
-    last = peak + int(below[0]) if below.size else curve.shear.size - 1
-    span = float(curve.roof[last] - curve.roof[peak])
-    if last == peak or span <= 0.0 or curve.shear[last] >= curve.shear[peak]:
+    # The slope after the peak is measured up to the point at 0.6 of the yield force, or to the end.
+    below_secant = np.flatnonzero(curve.shear[peak:] <= _SECANT * idealized.yield_force)
+    end_point = peak + int(below_secant[0]) if below_secant.size else curve.shear.size - 1
+    roof_range = float(curve.roof[end_point] - curve.roof[peak])
+    if end_point == peak or roof_range <= 0.0 or curve.shear[end_point] >= curve.shear[peak]:
         # The roof displacement decreases after the peak, so that the curve has no slope there. If
         # the building cannot be pushed further, the slope is considered infinite.
-        if curve.pushed.ended and last == peak:
-            slope = geometric = -math.inf
+        if curve.pushed.ended and end_point == peak:
+            slope = p_delta_slope = -math.inf
         else:
             return ()
     else:
         stiffness = idealized.yield_force / idealized.yield_displacement
-        slope = float(curve.shear[last] - curve.shear[peak]) / span / stiffness
+        slope = float(curve.shear[end_point] - curve.shear[peak]) / roof_range / stiffness
         # Compute the contribution of P-delta to the slope by a second pushover without P-delta.
-        geometric, pushed = 0.0, curve.pushed
+        p_delta_slope, pushed = 0.0, curve.pushed
         if pushed.model.p_delta:
-            high = float(curve.roof[last])
+            end_roof = float(curve.roof[end_point])
             without_p_delta = replace(pushed.model, p_delta=False)
-            size = DriftSize(f"{high:.6g}m", high, "length")
+            size = DriftSize(f"{end_roof:.6g}m", end_roof, "length")
             points = max(pushed.base_shear.size - 1, 1)
-            other = _PushoverCurve.of(
+            curve_without_p_delta = _PushoverCurve.of(
                 pushover(without_p_delta, size, pattern=pushed.pattern, points=points)
             )
-            geometric = (
+            p_delta_slope = (
                 slope
-                - (other.at(high)[0] - other.at(float(curve.roof[peak]))[0]) / span / stiffness
+                - (
+                    curve_without_p_delta.response_at(end_roof)[0]
+                    - curve_without_p_delta.response_at(float(curve.roof[peak]))[0]
+                )
+                / roof_range
+                / stiffness
             )
-    is_near_fault = float(demand.at(np.array([1.0]))[0]) >= _STRONG_AT_1_S * STANDARD_GRAVITY
-    effective = (
-        geometric + (0.8 if is_near_fault else 0.2) * (slope - geometric)
+    is_near_fault = float(demand.at(np.array([1.0]))[0]) >= _NEAR_FAULT_AT_1_S * STANDARD_GRAVITY
+    effective_slope = (
+        p_delta_slope + (0.8 if is_near_fault else 0.2) * (slope - p_delta_slope)
         if math.isfinite(slope)
         else -math.inf
     )
-    largest = (
+    maximum_ratio = (
         min(idealized.roof_displacement, float(curve.roof[peak])) / idealized.yield_displacement
     )
-    if effective < 0.0 and math.isfinite(effective):
-        largest += abs(effective) ** -(1.0 + 0.15 * math.log(idealized.period)) / 4.0
+    if effective_slope < 0.0 and math.isfinite(effective_slope):
+        maximum_ratio += abs(effective_slope) ** -(1.0 + 0.15 * math.log(idealized.period)) / 4.0
     # The limit does not apply to a building that remains elastic (strength ratio up to 1).
-    if idealized.strength_ratio <= max(largest, 1.0):
+    if idealized.strength_ratio <= max(maximum_ratio, 1.0):
         return ()
     return (
-        f"coefficients: the strength ratio {idealized.strength_ratio:.3g} exceeds {largest:.3g}, "
-        "the "
-        "limit of the method for a building that loses strength (ASCE 41-17, 7.4.3.3.2): do not "
-        "use its displacement, run time history analyses",
+        f"coefficients: the strength ratio {idealized.strength_ratio:.3g} exceeds "
+        f"{maximum_ratio:.3g}, the limit of the method for a building that loses strength (ASCE "
+        "41-17, 7.4.3.3.2); do not use the computed displacement, run time history analyses "
+        "instead",
     )
 
 
@@ -489,7 +549,7 @@ def _result(
     curve: _PushoverCurve,
     target: TargetSpectrum,
     building: Building,
-    idealized: _Idealized,
+    idealized: _IdealizedCurve,
     participation: float,
     mass: float,
     notes: tuple[str, ...] = (),
@@ -506,29 +566,30 @@ def _result(
         Elastic design spectrum.
     building : Building
         Building without damping.
-    idealized : _Idealized
+    idealized : _IdealizedCurve
         Idealized curve.
     participation, mass : float
-        As in `TargetDisplacement`.
+        Participation factor, and mass of the equivalent oscillator or of the building, kg.
     notes : tuple of str
         Notes of the method.
     """
     drift = np.array(
         [np.interp(idealized.roof_displacement, curve.roof, column) for column in curve.drift.T]
     )
-    end = float(np.max(curve.roof))
-    if end < _REQUIRED_RANGE * idealized.roof_displacement and not notes and method == "n2":
+    curve_end = float(np.max(curve.roof))
+    if curve_end < _REQUIRED_RANGE * idealized.roof_displacement and not notes and method == "n2":
         ended = curve.pushed.ended
-        text = f"n2: the curve {'ends at' if ended else 'reaches'} "
-        text += f"{end / idealized.roof_displacement:.3g} times the target displacement"
-        required = f"{_REQUIRED_RANGE:g} are required (EN 1998-1, 4.3.3.4.2.3)"
+        range_text = f"n2: the curve {'ends at' if ended else 'reaches'} "
+        range_text += f"{curve_end / idealized.roof_displacement:.3g} times the target displacement"
+        requirement = f"{_REQUIRED_RANGE:g} are required (EN 1998-1, 4.3.3.4.2.3)"
         # If the building cannot be pushed further, the requirement of the standard cannot be met.
-        refused = (
-            f" ({ended}), {required} and cannot be met: do not use its displacement, run time "
-            "history analyses"
+        consequence = (
+            f" ({ended}), {requirement} and cannot be met; do not use the computed displacement, "
+            "run time history analyses instead"
         )
-        notes = (text + (refused if ended else f", {required}: push further"),)
-    yields = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
+        remedy = "continue the pushover to a larger displacement"
+        notes = (range_text + (consequence if ended else f", {requirement}; {remedy}"),)
+    yield_drift = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
     return TargetDisplacement(
         pushed=curve.pushed,
         target=target,
@@ -536,9 +597,9 @@ def _result(
         participation=participation,
         mass=mass,
         **vars(idealized),
-        base_shear=curve.at(idealized.roof_displacement)[0],
+        base_shear=curve.response_at(idealized.roof_displacement)[0],
         drift=drift,
         drift_ratio=drift / building.rises,
-        ductility=drift / yields,
+        ductility=drift / yield_drift,
         notes=notes,
     )

@@ -152,7 +152,7 @@ class Staircase(_Story):
     on either side."""
 
     def __init__(self):
-        self.drift, self.force, self.initial, self.tangent, self._largest = (
+        self.drift, self.force, self.initial_tangent, self.tangent, self._maximum_force = (
             0.0,
             0.0,
             1.99,
@@ -160,7 +160,7 @@ class Staircase(_Story):
             100.0,
         )
 
-    def at(self, drift):
+    def response_at(self, drift):
         return drift + 0.99 * math.sin(drift), 1.0 + 0.99 * math.cos(drift)
 
 
