@@ -10,7 +10,7 @@ from scipy.optimize import LinearConstraint, minimize
 import tdint
 from building_cases import noise
 from tdint.analysis import matching_problem
-from tdint.analysis.matching import _judged
+from tdint.analysis.matching import _spectra
 from tdint.analysis.matching_problem import MatchingProblem, SparseRows, program
 from tdint.analysis.spectra.target import read_target, read_targets
 from tdint.errors import ModelError, RecordError, UsageError
@@ -47,7 +47,7 @@ def pair(motion):
 def problem_of(motion, periods):
     """A problem whose target is the spectrum; the samples of all components."""
     samples = np.array([record.acceleration for record in components(motion)])
-    wanted = _judged(motion, periods, [0.05])[0]
+    wanted = _spectra(motion, periods, [0.05])[0]
     damping = np.full(periods.size, 0.05)
     return MatchingProblem.of(samples, 0.01, periods, wanted=wanted, damping=damping), samples
 
@@ -215,7 +215,7 @@ def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):
         problem = MatchingProblem.of(
             samples, 0.01, periods, wanted=np.ones(20), damping=np.full(20, 0.05)
         )
-        sizes.append(sum(line.nbytes for line in problem.free))
+        sizes.append(sum(line.nbytes for line in problem.free_vibrations))
     assert sizes[1] < 2.0 * sizes[0]
 
 

@@ -108,7 +108,12 @@ def model_record(model: Model) -> Record | None:
 def horizontals_of(argument: Any) -> Horizontals:
     """Return a pair of components, or combine a sequence of two records or paths.
 
-    Errors are raised as by `record_of` and `find_horizontals`.
+    Raises
+    ------
+    RecordError
+        The argument is invalid, a record cannot be read, or the records are not a horizontal pair.
+    UsageError
+        The units of a record are unknown.
     """
     from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 
@@ -122,7 +127,15 @@ def horizontals_of(argument: Any) -> Horizontals:
 
 
 def motion_of(argument: Any) -> Record | Horizontals:
-    """Return a record or a pair of components; errors as by `record_of` and `horizontals_of`."""
+    """Return a record, or a pair of components for a sequence of two records.
+
+    Raises
+    ------
+    RecordError
+        The argument is invalid, a record cannot be read, or the records are not a horizontal pair.
+    UsageError
+        The units of a record are unknown.
+    """
     from tdint.ground_motion.horizontals import Horizontals
 
     return (
@@ -154,7 +167,7 @@ def number_of(argument: Any, name: str) -> float | None:
 def between(
     argument: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False
 ) -> float:
-    """Return a finite number between limits.
+    """Return the argument as a finite number, which must be between limits.
 
     Parameters
     ----------
@@ -179,25 +192,41 @@ def between(
         or math.isinf(number)
         or (above and number == low)
     ):
-        most = f" to {high:g}" if math.isfinite(high) else ""
+        maximum_text = f" to {high:g}" if math.isfinite(high) else ""
         raise UsageError(
-            f"{name} must be a number {'above' if above else 'from'} {low:g}{most}, got "
+            f"{name} must be a number {'above' if above else 'from'} {low:g}{maximum_text}, got "
             f"{argument!r:.60}"
         )
     return number
 
 
 def ratio_of(argument: Any, name: str) -> float | None:
-    """Return a number, a ratio from a text such as `0.1%`, or None; errors as by `number_of`."""
+    """Return a number; a text such as `0.1%` is a ratio, and None is returned unchanged.
+
+    Raises
+    ------
+    UsageError
+        The argument is not a number, a ratio or None.
+    """
     return parse_ratio(argument) if isinstance(argument, str) else number_of(argument, name)
 
 
 def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
-    """Return numbers as an array with one axis; errors as by `number_of`."""
+    """Return a number or a sequence of numbers as an array with one axis.
+
+    Raises
+    ------
+    UsageError
+        The argument contains an item that is not a number or is masked, or it has several axes.
+    """
     try:
-        masked = np.any(getattr(argument, "mask", False))  # a masked entry is not a number
+        has_masked_entry = np.any(
+            getattr(argument, "mask", False)
+        )  # a masked entry is not a number
         numbers = (
-            np.empty((0, 0)) if masked else np.atleast_1d(np.asarray(argument, dtype=np.float64))
+            np.empty((0, 0))
+            if has_masked_entry
+            else np.atleast_1d(np.asarray(argument, dtype=np.float64))
         )
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty((0, 0))
@@ -209,7 +238,13 @@ def numbers_of(argument: Any, name: str) -> NDArray[np.float64]:
 
 
 def damping_of(argument: Any) -> float:
-    """Return a damping ratio in [0, 1); errors as by `number_of`."""
+    """Return a damping ratio from 0 to less than 1; a text such as `5%` is permitted.
+
+    Raises
+    ------
+    UsageError
+        The argument is not such a ratio.
+    """
     ratio = ratio_of(argument, "damping")
     if ratio is None or not 0.0 <= ratio < 1.0:
         raise UsageError(f"damping must be a ratio in [0, 1), got {argument!r:.60}")
@@ -217,9 +252,12 @@ def damping_of(argument: Any) -> float:
 
 
 def drift_of(argument: Any) -> DriftSize:
-    """Return a drift from a text (see `parse_drift`) or a number (drift ratio).
+    """Return a drift from a text, such as `2%`, `20mm` or `4dy` (yield drifts), or a drift ratio.
 
-    Errors are raised as by `parse_drift` and `number_of`.
+    Raises
+    ------
+    UsageError
+        The argument is neither such a text nor a number.
     """
     if isinstance(argument, DriftSize):
         return argument
@@ -238,7 +276,10 @@ def _type_name(argument: Any) -> str:
 
 @contextmanager
 def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> Iterator[None]:
-    """Add the number of the first sample with a value, from 0, to an error about the value.
+    """Add the number of the first sample with an invalid value to the UsageError of a check.
+
+    A check in this context concerns one value of a parameter, which several random samples can
+    share.
 
     Parameters
     ----------
@@ -252,8 +293,12 @@ def named_sample(numbers: list[float], value: float, samples: Sequence[int]) -> 
     try:
         yield
     except UsageError as error:
-        index = next(i for i, number in enumerate(numbers) if number == value or math.isnan(number))
-        raise UsageError(f"{error} (sample {samples[index]}, counted from 0)") from None
+        position = next(
+            i
+            for i, checked_value in enumerate(numbers)
+            if checked_value == value or math.isnan(checked_value)
+        )
+        raise UsageError(f"{error} (sample {samples[position]}, counted from 0)") from None
 
 
 def as_sequence(argument: Any, name: str) -> Sequence[Any]:

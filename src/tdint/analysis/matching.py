@@ -2,14 +2,15 @@
 
 The response of an oscillator is linear in the samples of the motion. The change d with the minimum
 norm d' P^-1 d is computed for which the maximum response at each period equals the target, and the
-other extremes above `_NEAR` times the target do not exceed it. This is a small quadratic program in
+other extremes above 0.8 times the target do not exceed it. This is a small quadratic program in
 multipliers, d = P H' lambda. The rows of H are the derivatives of the extremes with respect to the
 samples: the impulse responses of the oscillators, reversed in time from the time of the extreme.
 P = F E^2 F, with the envelope E of the record, so that quiet parts remain quiet, and a band-pass
 filter F for the periods. Two more rows preserve the final velocity and displacement of the ground.
-Far from the target each round computes the complete change from the scaled seed; close to the
-target rounds add to the change. Periods between the matched periods are added where the misfit is
-largest (after Hancock et al. 2006; Al Atik and Abrahamson 2010; Grant and Diaferia 2013).
+The program is solved repeatedly (in rounds), because the extremes move. Far from the target each
+round computes the complete change from the scaled seed; close to the target rounds add to the
+change. Periods between the matched periods are added where the misfit is largest (after Hancock et
+al. 2006; Al Atik and Abrahamson 2010; Grant and Diaferia 2013).
 """
 
 from __future__ import annotations
@@ -35,19 +36,22 @@ from tdint.ground_motion.record import Record
 from tdint.tabular import Progress, Tabular, progress_reporter
 
 CHECKED = 1000
-"""Number of periods, in equal ratios, at which a match is judged."""
+"""Number of checked periods, in equal ratios, at which the misfit of a match is computed."""
 
-_FIRST, _STAGES, _ROUNDS = 130, 4, (12, 6, 6, 8, 8)
-"""Number of periods matched at first, number of times that the worst judged periods are added, and
-maximum number of rounds of each stage."""
+_FIRST_PERIODS = 130
+"""Number of periods that are matched in the first stage."""
 
-_SHOWN, _RESOLVED = 200, 5.0
+_STAGES, _MAX_ROUNDS = 4, (12, 6, 6, 8, 8)
+"""Maximum number of further stages, for each of which the periods with the largest misfits are
+added; and maximum number of rounds of each stage, the first included."""
+
+_FIGURE_PERIODS, _SHORTEST_RESOLVED = 200, 5.0
 """Number of periods of a figure; shortest period of a figure in sampling intervals, below which the
 motion between samples determines the spectrum."""
 
-_OF_MEAN = 4.0
-"""Weight of the mean misfit relative to the maximum misfit, which is about four times as large, for
-the selection of the best motion."""
+_MEAN_WEIGHT = 4.0
+"""Weight of the mean misfit in the sum by which the best motion is selected. The weight of the
+maximum misfit is 1; it is about four times as large as the mean misfit."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,66 +108,72 @@ class Match(Tabular):
     @property
     def change(self) -> float:
         """Root mean square of the change relative to the scaled seed."""
-        after, before = (
+        matched, seed = (
             np.array([record.acceleration for record in components(motion)])
             for motion in (self.record, self.seed)
         )
-        scaled = self.factor * before
-        return float(np.linalg.norm(after - scaled) / np.linalg.norm(scaled))
+        scaled_seed = self.factor * seed
+        return float(np.linalg.norm(matched - scaled_seed) / np.linalg.norm(scaled_seed))
 
     @property
     def parts(self) -> tuple[Match, ...]:
-        """Match of each component with the spectra of the pair; the match of a single component."""
+        """One match per component, each with the spectra of the pair; itself if not a pair."""
         if isinstance(self.record, Record):
             return (self,)
-        each = zip(components(self.record), components(self.seed), strict=True)
-        return tuple(replace(self, record=record, seed=seed, further=()) for record, seed in each)
+        component_pairs = zip(components(self.record), components(self.seed), strict=True)
+        return tuple(
+            replace(self, record=record, seed=seed, further=()) for record, seed in component_pairs
+        )
 
     @property
     def after(self) -> Record:
-        """Matched motion of a single component."""
+        """Matched motion (of a pair: its first component)."""
         return components(self.record)[0]
 
     @cached_property
     def before(self) -> Record:
-        """Scaled seed of a single component."""
+        """Scaled seed (of a pair: its first component)."""
         return components(self.seed)[0].scaled(self.factor)
 
     @cached_property
     def measures(self) -> tuple[Measures, Measures]:
-        """Intensity measures of a single component and of its scaled seed."""
+        """Intensity measures of the matched motion and of the scaled seed (first component)."""
         return measure(self.after), measure(self.before)
 
     @cached_property
     def motions(self) -> tuple[Motion, Motion]:
-        """Velocities and displacements of the ground, for a component and its scaled seed."""
+        """Ground velocities and displacements of match and scaled seed (first component)."""
         return integrate(self.after), integrate(self.before)
 
     @cached_property
     def directions(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
-        """Mean ratio of RotD100 to RotD50 and correlation of the accelerations.
+        """Mean ratio of RotD100 to RotD50, and correlation between the two components.
 
-        The values are those of a pair and of its seed; None for a single component.
+        The first tuple contains both values of the matched pair, the second those of its seed. The
+        property is None for a single component.
         """
-        result = []
+        values = []
         for motion in (self.record, self.seed):
             if isinstance(motion, Record):
                 return None
-            middle, largest = rotated_spectrum(
+            rotd50, rotd100 = rotated_spectrum(
                 motion, self.periods[::10], self.damping, [50, 100]
             ).psa
             first, second = components(motion)
             correlation = np.corrcoef(first.acceleration, second.acceleration)[0, 1]
-            result.append((float(np.mean(largest / middle)), float(correlation)))
-        return result[0], result[1]
+            values.append((float(np.mean(rotd100 / rotd50)), float(correlation)))
+        return values[0], values[1]
 
     @property
     def shown_periods(self) -> Array:
-        """Periods of a figure, s: from half of the shortest matched period to twice the longest,
-        as far as the sampling interval resolves them."""
+        """Periods of a figure, s, in equal ratios.
+
+        They extend from half of the shortest matched period to twice the longest matched period.
+        Periods below five sampling intervals are omitted unless they are matched.
+        """
         dt = components(self.record)[0].dt
-        resolved = max(0.5 * self.periods[0], min(_RESOLVED * dt, self.periods[0]))
-        return np.geomspace(resolved, 2.0 * self.periods[-1], _SHOWN)
+        shortest = max(0.5 * self.periods[0], min(_SHORTEST_RESOLVED * dt, self.periods[0]))
+        return np.geomspace(shortest, 2.0 * self.periods[-1], _FIGURE_PERIODS)
 
     def spectra_at(self, periods: Array) -> list[tuple[Array, Array]]:
         """Return pseudo-accelerations after the match and of the scaled seed, m/s^2.
@@ -180,10 +190,10 @@ class Match(Tabular):
             motions += zip(components(self.record), components(self.seed), strict=True)
         return [
             (
-                _judged(after, periods, (self.damping,))[0],
-                self.factor * _judged(before, periods, (self.damping,))[0],
+                _spectra(matched, periods, (self.damping,))[0],
+                self.factor * _spectra(seed, periods, (self.damping,))[0],
             )
-            for after, before in motions
+            for matched, seed in motions
         ]
 
     def _headline(self) -> str:
@@ -247,13 +257,13 @@ def match(
     RecordError
         The record is invalid or cannot be read.
     """
-    seed, aim = motion_of(motion), _Aim.of(target, periods, damping)
+    seed, match_target = motion_of(motion), _MatchTarget.of(target, periods, damping)
     with progress_reporter(progress, _STAGES + 1, "stage") as report_progress:
-        return _matched(
+        return _match_seed(
             seed,
-            aim,
-            _judged(seed, aim.checked, aim.dampings),
-            lambda done: report_progress(done, _STAGES + 1),
+            match_target,
+            _spectra(seed, match_target.checked, match_target.dampings),
+            lambda completed: report_progress(completed, _STAGES + 1),
         )
 
 
@@ -266,9 +276,10 @@ def match_suite(
     factors: Sequence[float] | None = None,
     progress: bool | Progress = False,
 ) -> list[Match]:
-    """Match the mean spectrum of a suite to a target, and preserve the scatter.
+    """Match the mean spectrum of a suite to a target, and preserve the scatter of the spectra.
 
-    Each motion is matched to its own scaled spectrum times the ratio of the target to the mean.
+    Each motion is matched to an own target: its scaled spectrum times the ratio of the target to
+    the mean of all scaled spectra.
 
     Parameters
     ----------
@@ -292,33 +303,47 @@ def match_suite(
     if not motions:
         raise UsageError("a suite must contain at least one motion")
     seeds = [motion_of(motion) for motion in motions]
-    aim = _Aim.of(target, periods, damping)
-    target_psa = aim.at(aim.checked)
-    before = [_judged(seed, aim.checked, aim.dampings) for seed in seeds]
+    match_target = _MatchTarget.of(target, periods, damping)
+    target_psa = match_target.at(match_target.checked)
+    seed_psa = [_spectra(seed, match_target.checked, match_target.dampings) for seed in seeds]
     if factors is None:
-        factors = [float(np.exp(np.mean(np.log(target_psa / psa)))) for psa in before]
+        factors = [
+            float(np.exp(np.mean(np.log(target_psa / unscaled_psa)))) for unscaled_psa in seed_psa
+        ]
     if len(factors) != len(seeds):
         raise UsageError(
             f"factors must contain one factor for each of {len(seeds)} motions, got {len(factors)}"
         )
-    scaled = [abs(factor) * psa for factor, psa in zip(factors, before, strict=True)]
-    ratio = target_psa / np.mean(scaled, axis=0)
+    scaled_psa = [
+        abs(factor) * unscaled_psa for factor, unscaled_psa in zip(factors, seed_psa, strict=True)
+    ]
+    ratio = target_psa / np.mean(scaled_psa, axis=0)
     stages = _STAGES + 1
     matches: list[Match] = []
     with progress_reporter(progress, len(seeds) * stages, "stage") as report_progress:
 
-        def report_stage(done: int) -> None:
-            report_progress(len(matches) * stages + done, len(seeds) * stages)
+        def report_stage(completed: int) -> None:
+            report_progress(len(matches) * stages + completed, len(seeds) * stages)
 
-        for seed, scaled_psa, psa in zip(seeds, scaled, before, strict=True):
-            own_aim = aim.with_spectra(scaled_psa * ratio, len(seeds))
-            matches.append(_matched(seed, own_aim, psa, report_stage))
+        for seed, psa_of_seed, unscaled_psa in zip(seeds, scaled_psa, seed_psa, strict=True):
+            own_target = match_target.with_spectra(psa_of_seed * ratio, len(seeds))
+            matches.append(_match_seed(seed, own_target, unscaled_psa, report_stage))
     return matches
 
 
 @dataclass(frozen=True)
-class _Aim:
-    """Target spectra for the damping ratios, and the periods (s) of the comparison."""
+class _MatchTarget:
+    """Target spectra, one per damping ratio, and the checked periods.
+
+    Attributes
+    ----------
+    targets : tuple of TargetSpectrum
+        Target for each damping ratio.
+    dampings : tuple of float
+        Damping ratios.
+    checked : ndarray, shape (CHECKED,)
+        Periods at which the misfit is computed, s.
+    """
 
     targets: tuple[TargetSpectrum, ...]
     dampings: tuple[float, ...]
@@ -330,7 +355,7 @@ class _Aim:
         target: TargetSpectrum | str | Sequence[TargetSpectrum],
         periods: tuple[float, float],
         damping: float | Sequence[float],
-    ) -> _Aim:
+    ) -> _MatchTarget:
         """Check the arguments `target`, `periods` and `damping` of `match` and combine them."""
         ratios: Any = damping if is_list(damping) else [damping]
         dampings = tuple(map(damping_of, ratios))
@@ -354,31 +379,41 @@ class _Aim:
                 f"the range of periods must rise from a positive number, got {shortest:g} to "
                 f"{longest:g} s"
             )
-        for aimed, ratio in zip(targets, dampings, strict=True):
-            aimed.check_damping(ratio, "of the motion")
-        aim = cls(targets, dampings, np.geomspace(shortest, longest, CHECKED))
-        aim.at(aim.checked)  # raises an error outside the range of a target
-        return aim
+        for spectrum_of_target, ratio in zip(targets, dampings, strict=True):
+            spectrum_of_target.check_damping(ratio, "of the motion")
+        match_target = cls(targets, dampings, np.geomspace(shortest, longest, CHECKED))
+        match_target.at(match_target.checked)  # raises an error outside the range of a target
+        return match_target
 
     def at(self, periods: Array) -> Array:
         """Return the targets at periods (s), m/s^2, shape (damping ratios, k)."""
         return np.array([target.at(periods) for target in self.targets])
 
-    def with_spectra(self, psa: Array, count: int) -> _Aim:
-        """Return the aim of a motion in a suite of `count` motions.
+    def with_spectra(self, psa: Array, count: int) -> _MatchTarget:
+        """Return the target of one motion in a suite of `count` motions.
 
-        `psa` contains the target of the motion at the checked periods, m/s^2, with a row per
-        damping ratio.
+        Parameters
+        ----------
+        psa : ndarray, shape (damping ratios, CHECKED)
+            Pseudo-accelerations of this target at the checked periods, m/s^2.
+        count : int
+            Number of motions in the suite.
         """
         targets = [
-            TargetSpectrum(f"{target.source} in the mean of {count}", self.checked, row)
-            for target, row in zip(self.targets, psa, strict=True)
+            TargetSpectrum(f"{target.source} in the mean of {count}", self.checked, target_psa)
+            for target, target_psa in zip(self.targets, psa, strict=True)
         ]
         return replace(self, targets=tuple(targets))
 
 
-def _judged(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> Array:
-    """Return pseudo-accelerations, m/s^2, with a row per damping ratio; RotD100 for a pair."""
+def _spectra(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> Array:
+    """Return pseudo-accelerations, m/s^2, shape (damping ratios, periods); RotD100 for a pair.
+
+    Raises
+    ------
+    UsageError
+        The motion has fewer than 100 samples or no acceleration, or a damping ratio is zero.
+    """
     is_suitable = all(
         np.any(record.acceleration) and record.acceleration.size >= 100
         for record in components(motion)
@@ -393,108 +428,138 @@ def _judged(motion: GroundMotion, periods: Array, dampings: Sequence[float]) -> 
     return np.array([rotated_spectrum(motion, periods, ratio, [100]).psa[0] for ratio in dampings])
 
 
-def _matched(
+def _match_seed(
     seed: GroundMotion,
-    aim: _Aim,
-    before: Array,
+    match_target: _MatchTarget,
+    seed_spectra: Array,
     report_stage: Callable[[int], None],
 ) -> Match:
-    """Return the match of a seed.
+    """Match a seed to target spectra.
+
+    The factor of the scaled seed minimizes the squares of ln(spectrum / target). In each stage, a
+    matching problem with the present periods is solved. The best motion of all stages is returned,
+    or the scaled seed if no stage reduces the misfit.
 
     Parameters
     ----------
     seed : Record or Horizontals
         Motion to be matched.
-    aim : _Aim
-        Targets, damping ratios and judged periods.
-    before : ndarray, shape (damping ratios, CHECKED)
+    match_target : _MatchTarget
+        Targets, damping ratios and checked periods.
+    seed_spectra : ndarray, shape (damping ratios, CHECKED)
         Spectra of the seed, m/s^2.
     report_stage : callable
         Receives the number of completed stages of this motion.
     """
-    checked, dampings = aim.checked, aim.dampings
-    target_psa = aim.at(checked)
-    factor = float(np.exp(np.mean(np.log(target_psa / before))))
+    checked, dampings = match_target.checked, match_target.dampings
+    target_psa = match_target.at(checked)
+    factor = float(np.exp(np.mean(np.log(target_psa / seed_spectra))))
     records = components(seed)
-    start = factor * np.array([record.acceleration for record in records])
+    scaled_seed = factor * np.array([record.acceleration for record in records])
     # Match at the first periods. Then add periods with the largest misfits until all are small.
-    matched_periods = [np.geomspace(checked[0], checked[-1], _FIRST)] * len(dampings)
-    samples, multiplied, best, least = start, np.zeros(start.size, np.float32), start, np.inf
+    matched_periods = [np.geomspace(checked[0], checked[-1], _FIRST_PERIODS)] * len(dampings)
+    samples, row_sum, best_samples, best_score = (
+        scaled_seed,
+        np.zeros(scaled_seed.size, np.float32),
+        scaled_seed,
+        np.inf,
+    )
     for stage in range(_STAGES + 1):
         report_stage(stage)
         problem = MatchingProblem.of(
-            start,
+            scaled_seed,
             records[0].dt,
             np.concatenate(matched_periods),
             wanted=np.concatenate(
                 [
                     target.at(periods)
-                    for target, periods in zip(aim.targets, matched_periods, strict=True)
+                    for target, periods in zip(match_target.targets, matched_periods, strict=True)
                 ]
             ),
             damping=np.repeat(dampings, [periods.size for periods in matched_periods]),
         )
         if stage == 0:
-            check_peaks(problem, seed, start)
-        samples, multiplied = problem.rounds(samples, multiplied, _ROUNDS[stage], first=stage == 0)
-        off = np.abs(_judged(_with_samples(seed, samples), checked, dampings) / target_psa - 1.0)
-        if (score := float(np.max(off) + _OF_MEAN * np.mean(off))) < least:
-            best, least = samples, score
-        if np.max(off) < SMALL_MISFIT:
+            check_peaks(problem, seed, scaled_seed)
+        samples, row_sum = problem.rounds(
+            samples, row_sum, _MAX_ROUNDS[stage], is_first_stage=stage == 0
+        )
+        misfit = np.abs(
+            _spectra(_with_samples(seed, samples), checked, dampings) / target_psa - 1.0
+        )
+        if (score := float(np.max(misfit) + _MEAN_WEIGHT * np.mean(misfit))) < best_score:
+            best_samples, best_score = samples, score
+        if np.max(misfit) < SMALL_MISFIT:
             break
         matched_periods = [
-            _with_worst(periods, checked, misfit)
-            for periods, misfit in zip(matched_periods, off, strict=True)
+            _with_worst(periods, checked, misfit_of_ratio)
+            for periods, misfit_of_ratio in zip(matched_periods, misfit, strict=True)
         ]
     # Return the scaled seed if it is better than the matched motion.
-    unchanged = np.abs(factor * before / target_psa - 1.0)
-    if not least < np.max(unchanged) + _OF_MEAN * np.mean(unchanged):
-        best = start
-    ratios = ", ".join(f"{100.0 * ratio:g}" for ratio in dampings)
+    seed_misfit = np.abs(factor * seed_spectra / target_psa - 1.0)
+    if not best_score < np.max(seed_misfit) + _MEAN_WEIGHT * np.mean(seed_misfit):
+        best_samples = scaled_seed
+    percentages = ", ".join(f"{100.0 * ratio:g}" for ratio in dampings)
     description = (
-        f"matched to {source_of(aim.targets)} from {checked[0]:g} to {checked[-1]:g} s, {ratios} % "
-        "damping"
+        f"matched to {source_of(match_target.targets)} from {checked[0]:g} to {checked[-1]:g} s, "
+        f"{percentages} % damping"
     )
-    matched = _with_samples(seed, best, description)
-    after = _judged(matched, checked, dampings)
+    motion = _with_samples(seed, best_samples, description)
+    matched_spectra = _spectra(motion, checked, dampings)
     report_stage(_STAGES + 1)
     results = [
-        Match(matched, seed, factor, target, checked, psa, factor * seed_psa, ratio)
-        for target, psa, seed_psa, ratio in zip(aim.targets, after, before, dampings, strict=True)
+        Match(motion, seed, factor, target, checked, psa, factor * seed_psa, ratio)
+        for target, psa, seed_psa, ratio in zip(
+            match_target.targets, matched_spectra, seed_spectra, dampings, strict=True
+        )
     ]
     return replace(results[0], further=tuple(results[1:]))
 
 
 def _with_worst(periods: Array, checked: Array, misfit: Array) -> Array:
-    """Return the matched periods of a damping ratio and the judged periods that match worst.
+    """Return the matched periods of a damping ratio, with additional periods of large misfit.
+
+    Checked periods are added at local maxima of the misfit above `SMALL_MISFIT`, except next to
+    matched periods (within 0.3 %).
 
     Parameters
     ----------
     periods : ndarray
         Matched periods, s.
     checked, misfit : ndarray, shape (CHECKED,)
-        Judged periods, s, and the absolute misfit at each.
+        Checked periods, s, and the absolute misfit at each.
     """
-    worst = (
+    is_maximum = (
         (misfit > SMALL_MISFIT) & (misfit >= np.roll(misfit, 1)) & (misfit >= np.roll(misfit, -1))
     )
-    joining = [
-        period for period in checked[worst] if np.min(np.abs(np.log(periods / period))) > 0.003
+    added = [
+        period for period in checked[is_maximum] if np.min(np.abs(np.log(periods / period))) > 0.003
     ]
-    return np.sort(np.concatenate([periods, joining]))
+    return np.sort(np.concatenate([periods, added]))
 
 
-def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMotion:
-    """Return a motion with other samples, shape (components, n), and more processing notes."""
+def _with_samples(motion: GroundMotion, samples: Array, *notes: str) -> GroundMotion:
+    """Return a motion with new samples, and with additional notes on its processing.
+
+    The stated peaks and header checks of the file are removed, because they concern other samples.
+
+    Parameters
+    ----------
+    motion : Record or Horizontals
+        Motion that supplies all other attributes.
+    samples : ndarray, shape (components, n)
+        New accelerations, m/s^2.
+    *notes : str
+        Additional notes.
+    """
     records = [
         replace(
             record,
-            acceleration=of_one,
-            processing=(*record.processing, *words),
+            acceleration=component_samples,
+            processing=(*record.processing, *notes),
             peaks=(None, None),
             header_checks=(),
         )
-        for record, of_one in zip(components(motion), samples, strict=True)
+        for record, component_samples in zip(components(motion), samples, strict=True)
     ]
     return (
         records[0]

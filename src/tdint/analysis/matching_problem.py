@@ -2,7 +2,8 @@
 
 The change of a motion, d = P H' lambda, follows from the multipliers lambda of a small quadratic
 program. The rows of H are the derivatives of the extremes of the responses with respect to the
-samples. `tdint.analysis.matching` explains P and states the sources.
+samples. P = F E^2 F contains the envelope E of the motion and a band-pass filter F.
+`tdint.analysis.matching` states the sources.
 """
 
 from __future__ import annotations
@@ -26,27 +27,27 @@ Bools: TypeAlias = NDArray[np.bool_]
 SMALL_MISFIT = 0.008
 """Misfit below which a period is not added and no further stage is started."""
 
-_NEAR, _MOST = 0.8, 3.0
+_CONTROLLED_FRACTION, _MAX_EXTREMES = 0.8, 3.0
 """Fraction of the target above which extremes are controlled, and maximum mean number of controlled
 extremes per period. Extremes above the target are controlled beyond this number."""
 
-_MOST_ABOVE = 6.0
+_MAX_EXTREMES_ABOVE = 6.0
 """Maximum mean number of controlled extremes per period, those above the target included; the
 largest are controlled. Long stationary motions have more than 30 per period above the target at
 first, and the matrix of their products would need gigabytes."""
 
-_CLIP, _STEPWISE = 0.3, 0.1
+_MAX_RELATIVE_CHANGE, _STEPWISE_MISFIT = 0.3, 0.1
 """Maximum relative change of a response in a round, and misfit below which rounds add to the
 change."""
 
-_DAMPED, _POLISHED, _LEAST = 1e-2, 1e-4, 1e-6
+_INITIAL_DAMPING, _REFINEMENT_DAMPING, _MIN_DAMPING = 1e-2, 1e-4, 1e-6
 """Levenberg-Marquardt damping relative to the diagonal of the Gram matrix: initial, for refinement,
 and minimum."""
 
-_WINDOW = 2.0
+_ENVELOPE_WINDOW = 2.0
 """Half width of the window of the envelope, s."""
 
-_UNEVEN = 0.03, 10.0
+_ROW_DAMPING_LIMITS = 0.03, 10.0
 """Limits of the relative damping of a row in added changes. Rows with a larger misfit have less
 damping."""
 
@@ -58,20 +59,20 @@ _DECAYED = 1e-6
 """Amplitude of a free vibration, relative to its start, after which it is not stored. The rows are
 in single precision, 6e-8."""
 
-_TOGETHER = 16
+_OSCILLATORS_AT_A_TIME = 16
 """Number of oscillators whose free vibrations are filtered at a time: 60 MB at 60 000 samples."""
 
 _BLOCK = 4096
 """Number of samples per block in the products of rows: 16 MB for 1000 rows."""
 
-_GROWING = 0.5
+_MAX_GROWING_FRACTION = 0.5
 """Maximum fraction of periods without a peak of the response. Motions with a larger fraction are
 rejected; earthquakes have peaks at all periods up to about their duration."""
 
-_TRIES = 6
+_MAX_DAMPING_INCREASES = 6
 """Maximum number of times that the damping of a step is increased, by a factor of four each."""
 
-_ORDER, _CORNER = 8, 1.0
+_ORDER, _CORNER_FREQUENCY = 8, 1.0
 """Order of the band-pass filter; frequency (Hz) below which changes have a larger weight, because
 they cause large ground displacements."""
 
@@ -85,9 +86,9 @@ class SparseRows:
     size : int
         Number of samples of a component.
     starts : ndarray of int, shape (rows,)
-        First sample of each line.
+        Number of the first sample at which a row is not zero.
     lines : list of ndarray
-        Values of each row over the samples, before the factors of the components.
+        Values of each row from this sample on, for a component factor of 1.
     directions : ndarray, shape (rows, components)
         Factor of each row for each component.
     """
@@ -98,39 +99,55 @@ class SparseRows:
     directions: Array
 
     def products(self) -> Array:
-        """Return the scalar products of all rows, shape (rows, rows), summed block by block."""
+        """Return the scalar products of all pairs of rows, shape (rows, rows).
+
+        The sum over the samples is accumulated in blocks of samples, to limit the memory.
+        """
         from scipy.linalg.blas import ssyrk
 
-        stops = self.starts + np.array([line.size for line in self.lines])
+        row_ends = self.starts + np.array([line.size for line in self.lines])
         result = np.zeros((len(self.lines), len(self.lines)))
-        for first in range(0, self.size, _BLOCK):
-            last = min(first + _BLOCK, self.size)
-            indices = np.flatnonzero((self.starts < last) & (stops > first))
-            block = np.zeros((indices.size, last - first), np.float32)
-            for row, index in zip(block, indices, strict=True):
-                start = self.starts[index]
-                begin, end = max(start, first), min(stops[index], last)
-                row[begin - first : end - first] = self.lines[index][begin - start : end - start]
-            half = ssyrk(1.0, block.T, trans=True)
-            result[np.ix_(indices, indices)] += np.triu(half).astype(float) + np.triu(half, 1).T
+        for block_start in range(0, self.size, _BLOCK):
+            block_end = min(block_start + _BLOCK, self.size)
+            indices = np.flatnonzero((self.starts < block_end) & (row_ends > block_start))
+            block = np.zeros((indices.size, block_end - block_start), np.float32)
+            for block_row, index in zip(block, indices, strict=True):
+                row_start = self.starts[index]
+                overlap_start, overlap_end = (
+                    max(row_start, block_start),
+                    min(row_ends[index], block_end),
+                )
+                block_row[overlap_start - block_start : overlap_end - block_start] = self.lines[
+                    index
+                ][overlap_start - row_start : overlap_end - row_start]
+            # `ssyrk` computes only the upper triangle; the lower triangle is its transpose.
+            upper_triangle = ssyrk(1.0, block.T, trans=True)
+            result[np.ix_(indices, indices)] += (
+                np.triu(upper_triangle).astype(float) + np.triu(upper_triangle, 1).T
+            )
         return np.asarray(result * (self.directions @ self.directions.T))
 
     def times(self, samples: NDArray[np.float32]) -> Array:
-        """Return the scalar product of each row with a change, shape (rows,)."""
+        """Return the scalar product of each row with a change, shape (rows,).
+
+        `samples` is the change of all components in a row, shape (components * size,).
+        """
         changes = samples.reshape(-1, self.size)
         result = np.empty(len(self.lines))
-        for index, (start, line) in enumerate(zip(self.starts, self.lines, strict=True)):
-            part = changes[:, start : start + line.size] @ line
-            result[index] = self.directions[index] @ part
+        for index, (row_start, row_values) in enumerate(zip(self.starts, self.lines, strict=True)):
+            component_products = changes[:, row_start : row_start + row_values.size] @ row_values
+            result[index] = self.directions[index] @ component_products
         return result
 
     def sum(self, multipliers: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the sum of the rows times multipliers, shape (components * size,)."""
         result = np.zeros((self.directions.shape[1], self.size), np.float32)
         factors = (multipliers[:, None] * self.directions).astype(np.float32)
-        for start, line, factor in zip(self.starts, self.lines, factors, strict=True):
-            for component, value in zip(result, factor, strict=True):
-                component[start : start + line.size] += value * line
+        for row_start, row_values, factor in zip(self.starts, self.lines, factors, strict=True):
+            for component_sum, component_factor in zip(result, factor, strict=True):
+                component_sum[row_start : row_start + row_values.size] += (
+                    component_factor * row_values
+                )
         return result.ravel()
 
 
@@ -138,34 +155,61 @@ class SparseRows:
 class MatchingProblem:
     """Components of a motion, oscillators to be matched, and filters of a change.
 
-    An oscillator is a period with a damping ratio; `omega`, `damping` and `wanted` have one entry
-    for each.
+    An oscillator is a period with a damping ratio.
+
+    Attributes
+    ----------
+    scaled_seed : ndarray, shape (components, n)
+        Samples of the scaled seed, m/s^2.
+    dt : float
+        Sampling interval, s.
+    wanted, omega, damping : ndarray, shape (oscillators,)
+        Target of each oscillator, m/s^2; its circular frequency, rad/s; its damping ratio.
+    substeps, table : ndarray
+        Number of time steps per sampling interval, and coefficients of the recursion, for each
+        oscillator.
+    envelope : ndarray, shape (n,)
+        Smoothed amplitude of the seed, with a maximum of 1.
+    band : ndarray
+        Factor of the band-pass filter at each frequency of the Fourier transform.
+    size : int
+        Number of samples of the Fourier transform.
+    end_derivatives : ndarray, shape (2, n)
+        Derivatives of the final velocity and displacement of the ground with respect to the
+        samples of a component, s and s^2.
+    free_vibrations : list of ndarray
+        For each oscillator, the filtered free vibration (cosine and sine) over the samples, in
+        reversed order of time.
+    impulse_response : ndarray
+        Impulse response of the band-pass filter, in reversed order of time.
+    filter_reach : int
+        Number of samples to either side over which this impulse response extends.
     """
 
-    start: Array
+    scaled_seed: Array
     dt: float
     wanted: Array
     omega: Array
     damping: Array
-    parts: Array
+    substeps: Array
     table: Array
     envelope: Array
     band: Array
     size: int
-    ends: Array
-    free: list[NDArray[np.float32]]
-    impulse: NDArray[np.float32]
-    reach: int
+    end_derivatives: Array
+    free_vibrations: list[NDArray[np.float32]]
+    impulse_response: NDArray[np.float32]
+    filter_reach: int
 
     @classmethod
     def of(
-        cls, start: Array, dt: float, periods: Array, *, wanted: Array, damping: Array
+        cls, scaled_seed: Array, dt: float, periods: Array, *, wanted: Array, damping: Array
     ) -> MatchingProblem:
-        """Prepare the problem.
+        """Prepare the recursion, the filters and the free vibrations of a matching problem.
 
         Parameters
         ----------
-        start : ndarray, shape (components, n)
+        scaled_seed : ndarray, shape (components, n)
             Samples of the scaled seed, m/s^2.
         dt : float
             Sampling interval, s.
@@ -178,61 +222,75 @@ class MatchingProblem:
         """
         from scipy.fft import irfft, next_fast_len, rfft
 
-        n, omega = start.shape[1], 2.0 * np.pi / periods
-        parts = len(start) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
-        table = recursion_table(omega, dt / parts, damping, 2)
+        sample_count, omega = scaled_seed.shape[1], 2.0 * np.pi / periods
+        substeps = len(scaled_seed) * 2.0 ** np.ceil(np.log2(np.maximum(1.0, omega * dt / 0.5)))
+        table = recursion_table(omega, dt / substeps, damping, 2)
         table[BY_DISPLACEMENT], table[BY_VELOCITY] = omega**2, 2.0 * damping * omega
-        window = np.hanning(2 * max(int(_WINDOW / dt), 1) + 1)
-        mean_square = np.convolve(np.sum(start**2, axis=0), window / window.sum(), "same")
-        envelope = np.sqrt(np.maximum(mean_square, 0.0))[:n]
-        # The impulse response of the band-pass filter extends over `reach` samples to either side.
-        low, high = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
-        reach = int(3.0 / low / dt)
-        size = next_fast_len(n + 2 * reach, real=True)
+        window = np.hanning(2 * max(int(_ENVELOPE_WINDOW / dt), 1) + 1)
+        mean_square = np.convolve(np.sum(scaled_seed**2, axis=0), window / window.sum(), "same")
+        envelope = np.sqrt(np.maximum(mean_square, 0.0))[:sample_count]
+        # The impulse response of the band-pass filter extends over `filter_reach` samples to either
+        # side.
+        low_frequency, high_frequency = 0.6 / np.max(periods), min(1.5 / np.min(periods), 0.45 / dt)
+        filter_reach = int(3.0 / low_frequency / dt)
+        size = next_fast_len(sample_count + 2 * filter_reach, real=True)
         f = np.maximum(np.fft.rfftfreq(size, dt), 1e-12)
-        band = np.minimum(f / _CORNER, 1.0) / np.sqrt(
-            (1.0 + (low / f) ** _ORDER) * (1.0 + (f / high) ** _ORDER)
+        band = np.minimum(f / _CORNER_FREQUENCY, 1.0) / np.sqrt(
+            (1.0 + (low_frequency / f) ** _ORDER) * (1.0 + (f / high_frequency) ** _ORDER)
         )
         band[0] = 0.0
         # Derivatives of the final velocity and displacement with respect to the samples
-        remaining = np.arange(n - 1, -1, -1.0)
-        ends = np.stack([np.full(n, dt), dt * dt * remaining])
+        remaining = np.arange(sample_count - 1, -1, -1.0)
+        end_derivatives = np.stack([np.full(sample_count, dt), dt * dt * remaining])
         # Compute free vibrations (cosine and sine) over the samples since their start, from the
-        # latest back to `reach` samples before it. Only the part that has not decayed is stored,
-        # and few oscillators are computed at a time: 60 000 samples of all would need a gigabyte.
-        rate = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
-        lasting = np.minimum(np.log(1.0 / _DECAYED) / (damping * omega * dt), n - 1).astype(int)
-        band32, after = (
+        # latest back to `filter_reach` samples before it. Only the part that has not decayed is
+        # stored, and few oscillators are computed at a time: 60 000 samples of all oscillators
+        # would need a gigabyte.
+        exponent = omega * (-damping + 1j * np.sqrt(1.0 - damping**2))
+        stored_samples = np.minimum(
+            np.log(1.0 / _DECAYED) / (damping * omega * dt), sample_count - 1
+        ).astype(int)
+        band32, sample_order = (
             band.astype(np.float32),
-            np.concatenate([np.arange(n - 1, -1, -1), -np.arange(1, reach + 1)]),
+            np.concatenate([np.arange(sample_count - 1, -1, -1), -np.arange(1, filter_reach + 1)]),
         )
-        free: list[NDArray[np.float32]] = []
-        for first in range(0, omega.size, _TOGETHER):
-            vibrations = np.exp(rate[first : first + _TOGETHER, None] * dt * np.arange(n))
+        free_vibrations: list[NDArray[np.float32]] = []
+        for first_oscillator in range(0, omega.size, _OSCILLATORS_AT_A_TIME):
+            vibrations = np.exp(
+                exponent[first_oscillator : first_oscillator + _OSCILLATORS_AT_A_TIME, None]
+                * dt
+                * np.arange(sample_count)
+            )
             vibrations[:, 0] = 0.0  # the two samples at the start are treated separately
-            lines = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
-            filtered = irfft(rfft(lines, size) * band32, size)[..., after]
-            free += [
-                line[:, max(n - 1 - reach - last, 0) :].copy()
-                for line, last in zip(filtered, lasting[first : first + _TOGETHER], strict=True)
+            cosine_and_sine = np.stack([vibrations.real, vibrations.imag], axis=1).astype(
+                np.float32
+            )
+            filtered = irfft(rfft(cosine_and_sine, size) * band32, size)[..., sample_order]
+            free_vibrations += [
+                filtered_pair[:, max(sample_count - 1 - filter_reach - stored_count, 0) :].copy()
+                for filtered_pair, stored_count in zip(
+                    filtered,
+                    stored_samples[first_oscillator : first_oscillator + _OSCILLATORS_AT_A_TIME],
+                    strict=True,
+                )
             ]
-        impulse = irfft(band32, size)[after]
+        impulse_response = irfft(band32, size)[sample_order]
         envelope /= envelope.max()
         return cls(
-            start,
+            scaled_seed,
             dt,
             wanted,
             omega,
             damping,
-            parts,
+            substeps,
             table,
             envelope,
             band,
             size,
-            ends,
-            free,
-            impulse,
-            reach,
+            end_derivatives,
+            free_vibrations,
+            impulse_response,
+            filter_reach,
         )
 
     def filtered(self, rows: Array) -> Array:
@@ -244,84 +302,127 @@ class MatchingProblem:
         )
 
     def extremes(self, samples: Array, level: Array) -> tuple[Array, Array]:
-        """Return extremes above a level, and the maximum of each oscillator.
+        """Return the extremes of the responses above a level, and the maximum of each oscillator.
 
-        The extremes have the rows OSCILLATOR, TIME and VALUE of each component. The maxima have
-        two rows: their value, and their index in the extremes.
+        Parameters
+        ----------
+        samples : ndarray, shape (components, n)
+            Motion, m/s^2.
+        level : ndarray, shape (oscillators,)
+            Level above which extremes are returned, m/s^2.
+
+        Returns
+        -------
+        tuple of ndarray
+            Extremes (one per column; rows OSCILLATOR, TIME and, from VALUE on, the response to each
+            component). Maxima (one per oscillator; row 0: value, row 1: column of the extremes, or
+            a negative number if the maximum is not an extreme above the level).
         """
-        found, largest = (
+        found_extremes, maxima = (
             np.empty((VALUE + len(samples), 400 * level.size)),
             np.empty((2, level.size)),
         )
         kernel = (extremes if len(samples) == 1 else radii).variant(EVERYTHING)
         motions = np.array(samples[0] if len(samples) == 1 else samples)
-        count = kernel(motions, self.dt, self.parts, self.table, level, found, largest)
+        count = kernel(motions, self.dt, self.substeps, self.table, level, found_extremes, maxima)
         # Oscillators at rest need a positive value for the logarithm.
-        largest[0] = np.maximum(largest[0], np.finfo(float).tiny)
-        return found[:, :count], largest
+        maxima[0] = np.maximum(maxima[0], np.finfo(float).tiny)
+        return found_extremes[:, :count], maxima
 
     def rows(self, oscillator: NDArray[np.int64], when: Array, directions: Array) -> SparseRows:
         """Return derivatives of extremes with respect to the samples of all components.
 
         The derivatives include the band-pass filter and the envelope. The last rows are the
-        derivatives of the final velocity and displacement. A sample changes the ground acceleration
-        by a hat function, the second difference of a ramp. After the hat, the oscillator is in
-        free vibration. The effect of earlier samples on an extreme is thus one vibration, with a
-        cosine and a sine part.
+        derivatives of the final velocity and displacement of each component. A sample changes the
+        ground acceleration by a hat function (linear interpolation between samples), which is the
+        second difference of a ramp. After the hat, the oscillator is in free vibration. As a
+        function of the sample, the derivative of an extreme is thus a free vibration that is
+        reversed in time, with a cosine and a sine part. The two samples next to the extreme are
+        treated separately.
 
         Parameters
         ----------
         oscillator : ndarray of int
-            Oscillator of each extreme.
+            Index of the oscillator of each extreme.
         when : ndarray
             Time of each extreme, s.
         directions : ndarray, shape (components, extremes)
-            Direction of each extreme.
+            Unit vector of each extreme over the components.
         """
-        n, w, z, dt = self.envelope.size, self.omega[oscillator], self.damping[oscillator], self.dt
-        before = np.minimum((when / dt).astype(int), n - 2)
-        late = when - dt * before
+        sample_count, w, z, dt = (
+            self.envelope.size,
+            self.omega[oscillator],
+            self.damping[oscillator],
+            self.dt,
+        )
+        sample_before = np.minimum((when / dt).astype(int), sample_count - 2)
+        time_after_sample = when - dt * sample_before
         # Displacement over -g for a ground acceleration t / dt: a particular solution minus the
         # free vibration from rest.
-        rate = w * (-z + 1j * np.sqrt(1.0 - z * z))
+        exponent = w * (-z + 1j * np.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
-        begun = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / rate.imag
-        ramps = [
-            -t / dt / w**2 + constant - (begun * np.exp(rate * t)).real for t in (late + dt, late)
+        free_amplitude = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / exponent.imag
+        ramp_responses = [
+            -t / dt / w**2 + constant - (free_amplitude * np.exp(exponent * t)).real
+            for t in (time_after_sample + dt, time_after_sample)
         ]
-        after = (
-            -w * w * begun * (np.exp(rate * dt) - 2.0 + np.exp(-rate * dt)) * np.exp(rate * late)
+        vibration_after = (
+            -w
+            * w
+            * free_amplitude
+            * (np.exp(exponent * dt) - 2.0 + np.exp(-exponent * dt))
+            * np.exp(exponent * time_after_sample)
         )
-        about = w * w * np.stack([ramps[0] - 2.0 * ramps[1], ramps[1]])
-        parts = np.stack([after.real, -after.imag, *about], axis=1).astype(np.float32)
+        hat_responses = (
+            w * w * np.stack([ramp_responses[0] - 2.0 * ramp_responses[1], ramp_responses[1]])
+        )
+        factors_of_rows = np.stack(
+            [vibration_after.real, -vibration_after.imag, *hat_responses], axis=1
+        ).astype(np.float32)
         starts, lines = [], list[NDArray[np.float32]]()
         envelope = self.envelope.astype(np.float32)
-        for k, part, moment in zip(oscillator, parts, before, strict=True):
+        for k, row_factors, sample_of_extreme in zip(
+            oscillator, factors_of_rows, sample_before, strict=True
+        ):
             # Use samples from the decay of the vibration before the extreme to the reach of the
-            # filter after it, where `free` ends.
-            free = self.free[k]
-            start = max(moment + 1 + self.reach - free.shape[1], 0)
-            stop = min(n, moment + 1 + self.reach)
-            index = free.shape[1] - self.reach - 1 - moment + start
-            size = stop - start
-            line = part[:2] @ free[:, index : index + size]
-            first = n - 1 - moment + start
-            line += part[2] * self.impulse[first : first + size]
-            line += part[3] * self.impulse[first - 1 : first - 1 + size]
-            line *= envelope[start:stop]
-            starts.append(start)
-            lines.append(line)
-        scaled = directions / self.wanted[oscillator]
-        count = len(directions)
-        for component in range(count):
-            for end in self.filtered(self.ends) * self.envelope:
+            # filter after it, where `vibration` ends.
+            vibration = self.free_vibrations[k]
+            row_start = max(sample_of_extreme + 1 + self.filter_reach - vibration.shape[1], 0)
+            row_end = min(sample_count, sample_of_extreme + 1 + self.filter_reach)
+            first_vibration = (
+                vibration.shape[1] - self.filter_reach - 1 - sample_of_extreme + row_start
+            )
+            row_size = row_end - row_start
+            row_values = (
+                row_factors[:2] @ vibration[:, first_vibration : first_vibration + row_size]
+            )
+            first_impulse = sample_count - 1 - sample_of_extreme + row_start
+            row_values += (
+                row_factors[2] * self.impulse_response[first_impulse : first_impulse + row_size]
+            )
+            row_values += (
+                row_factors[3]
+                * self.impulse_response[first_impulse - 1 : first_impulse - 1 + row_size]
+            )
+            row_values *= envelope[row_start:row_end]
+            starts.append(row_start)
+            lines.append(row_values)
+        relative_directions = directions / self.wanted[oscillator]
+        component_count = len(directions)
+        for component in range(component_count):
+            for end in self.filtered(self.end_derivatives) * self.envelope:
                 starts.append(0)
                 lines.append(end.astype(np.float32))
-            scaled = np.hstack([scaled, np.repeat(np.eye(count)[:, component, None], 2, axis=1)])
-        return SparseRows(n, np.array(starts), lines, scaled.T)
+            relative_directions = np.hstack(
+                [
+                    relative_directions,
+                    np.repeat(np.eye(component_count)[:, component, None], 2, axis=1),
+                ]
+            )
+        return SparseRows(sample_count, np.array(starts), lines, relative_directions.T)
 
     def equations(
-        self, found: Array, largest: Array
+        self, found_extremes: Array, maxima: Array
     ) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
         """Return the equations that the next correction of the motion must satisfy.
 
@@ -330,12 +431,12 @@ class MatchingProblem:
 
         Parameters
         ----------
-        found : ndarray
+        found_extremes : ndarray
             Extrema of the responses, with the rows OSCILLATOR, TIME and, from VALUE on, the value
             of each component.
-        largest : ndarray
-            For each oscillator, in row 1 the column of its maximum in `found`; negative for an
-            oscillator at rest.
+        maxima : ndarray
+            For each oscillator, in row 1 the column of its maximum in `found_extremes`; negative
+            for an oscillator at rest.
 
         Returns
         -------
@@ -343,116 +444,154 @@ class MatchingProblem:
             Oscillator, time, direction over the components, relative difference from the target,
             and True for equality with the target (False for an upper limit).
         """
-        oscillator, values = found[OSCILLATOR].astype(int), found[VALUE:]
-        size = np.linalg.norm(values, axis=0)
-        # The maximum at each period must equal the target; other extremes above `_NEAR` times the
-        # target must not exceed it.
-        equal = np.zeros(oscillator.size, bool)
-        moved = largest[1] >= 0.0  # an oscillator at rest has no maximum
-        equal[largest[1, moved].astype(int)] = True
-        relative = np.where(equal, np.inf, size / self.wanted[oscillator])
-        ordered = np.sort(relative)
+        oscillator, values = found_extremes[OSCILLATOR].astype(int), found_extremes[VALUE:]
+        magnitude = np.linalg.norm(values, axis=0)
+        # The maximum at each period must equal the target; other extremes above
+        # `_CONTROLLED_FRACTION` times the target must not exceed it.
+        is_equality = np.zeros(oscillator.size, bool)
+        has_maximum = maxima[1] >= 0.0  # an oscillator at rest has no maximum
+        is_equality[maxima[1, has_maximum].astype(int)] = True
+        relative_magnitude = np.where(is_equality, np.inf, magnitude / self.wanted[oscillator])
+        sorted_magnitudes = np.sort(relative_magnitude)
         cut, cut_above = (
-            ordered[-min(int(count * self.omega.size), relative.size)]
-            for count in (_MOST, _MOST_ABOVE)
+            sorted_magnitudes[-min(int(count * self.omega.size), relative_magnitude.size)]
+            for count in (_MAX_EXTREMES, _MAX_EXTREMES_ABOVE)
         )
-        cut = max(min(max(cut, _NEAR), 1.0), cut_above)
-        controlled = np.flatnonzero(equal | (relative >= cut))
-        oscillator, equal = oscillator[controlled], equal[controlled]
-        shortfall = 1.0 - size[controlled] / self.wanted[oscillator]
+        cut = max(min(max(cut, _CONTROLLED_FRACTION), 1.0), cut_above)
+        controlled = np.flatnonzero(is_equality | (relative_magnitude >= cut))
+        oscillator, is_equality = oscillator[controlled], is_equality[controlled]
+        shortfall = 1.0 - magnitude[controlled] / self.wanted[oscillator]
         shortfall = np.where(
-            equal | (shortfall < 0.0), np.clip(shortfall, -_CLIP, _CLIP), shortfall
+            is_equality | (shortfall < 0.0),
+            np.clip(shortfall, -_MAX_RELATIVE_CHANGE, _MAX_RELATIVE_CHANGE),
+            shortfall,
         )
         return (
             oscillator,
-            found[TIME, controlled],
-            values[:, controlled] / size[controlled],
+            found_extremes[TIME, controlled],
+            values[:, controlled] / magnitude[controlled],
             shortfall,
-            equal,
+            is_equality,
         )
 
     def rounds(
-        self, samples: Array, multiplied: NDArray[np.float32], most: int, *, first: bool
+        self, samples: Array, row_sum: NDArray[np.float32], max_rounds: int, *, is_first_stage: bool
     ) -> tuple[Array, NDArray[np.float32]]:
-        """Return the samples after some rounds, and the multiplied rows that form their change.
+        """Return the samples of the best round, and the sum of rows that forms their change.
+
+        Each round solves a quadratic program. Its damping (Levenberg-Marquardt) is increased until
+        the misfit decreases. The rounds end early if the misfit is small.
 
         Parameters
         ----------
         samples : ndarray, shape (components, n)
-            Samples, m/s^2.
-        multiplied : ndarray
-            Sum of the rows times multipliers so far.
-        most : int
+            Present samples, m/s^2.
+        row_sum : ndarray
+            Sum of the rows times multipliers that forms the change of these samples from the seed.
+        max_rounds : int
             Maximum number of rounds.
-        first : bool
+        is_first_stage : bool
             True in the first stage.
         """
-        damped, stepwise = _DAMPED if first else _POLISHED, not first
-        ends = np.kron(np.eye(len(samples)), self.ends)
-        found, largest = self.extremes(samples, _NEAR * self.wanted)
-        merit, misfit = self.merits(largest, stepwise)
-        best, least = (samples, multiplied), misfit
-        for number in range(most):
+        damping, is_stepwise = (
+            _INITIAL_DAMPING if is_first_stage else _REFINEMENT_DAMPING,
+            not is_first_stage,
+        )
+        end_derivatives = np.kron(np.eye(len(samples)), self.end_derivatives)
+        found_extremes, maxima = self.extremes(samples, _CONTROLLED_FRACTION * self.wanted)
+        merit, misfit = self.merits(maxima, is_stepwise)
+        best_state, best_misfit = (samples, row_sum), misfit
+        for round_number in range(max_rounds):
             if misfit < 0.5 * SMALL_MISFIT:
                 break
-            if np.any(largest[1] < 0.0):
-                found, largest = self.extremes(
-                    samples, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0])
+            if np.any(maxima[1] < 0.0):
+                found_extremes, maxima = self.extremes(
+                    samples, np.minimum(_CONTROLLED_FRACTION * self.wanted, 0.9999 * maxima[0])
                 )
             # Set up the quadratic program: derivatives, differences and products of the rows.
-            oscillator, when, directions, shortfall, equal = self.equations(found, largest)
-            table = self.rows(oscillator, when, directions)
-            shortfall = np.concatenate([shortfall, -ends @ (samples - self.start).ravel()])
-            equal = np.concatenate([equal, np.ones(len(ends), bool)])
-            gram = table.products()
+            oscillator, when, directions, shortfall, is_equality = self.equations(
+                found_extremes, maxima
+            )
+            sparse_rows = self.rows(oscillator, when, directions)
+            shortfall = np.concatenate(
+                [shortfall, -end_derivatives @ (samples - self.scaled_seed).ravel()]
+            )
+            is_equality = np.concatenate([is_equality, np.ones(len(end_derivatives), bool)])
+            gram = sparse_rows.products()
             scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
             gram *= scales[:, None] * scales
-            if not stepwise and (misfit < _STEPWISE or 2 * number > most):
-                stepwise, damped = True, min(damped, _POLISHED)
-                merit, _ = self.merits(largest, stepwise)
-            toward = shortfall if stepwise else shortfall + table.times(multiplied)
-            uneven = np.ones(shortfall.size)
-            if stepwise:
-                far = np.abs(shortfall) + 1e-4  # differences below 0.01 % are not relevant
-                uneven = np.clip(np.median(far) / far, *_UNEVEN)
+            if not is_stepwise and (misfit < _STEPWISE_MISFIT or 2 * round_number > max_rounds):
+                is_stepwise, damping = True, min(damping, _REFINEMENT_DAMPING)
+                merit, _ = self.merits(maxima, is_stepwise)
+            required_change = shortfall if is_stepwise else shortfall + sparse_rows.times(row_sum)
+            row_damping = np.ones(shortfall.size)
+            if is_stepwise:
+                absolute_shortfall = (
+                    np.abs(shortfall) + 1e-4
+                )  # differences below 0.01 % are not relevant
+                row_damping = np.clip(
+                    np.median(absolute_shortfall) / absolute_shortfall, *_ROW_DAMPING_LIMITS
+                )
                 _exchange_equalities(
-                    gram, toward * scales, equal, damped * uneven, oscillator, scales
+                    gram,
+                    required_change * scales,
+                    is_equality,
+                    damping * row_damping,
+                    oscillator,
+                    scales,
                 )
             # Increase the damping of the step until it reduces the misfit.
-            for tried in range(_TRIES):  # noqa: B007
+            for damping_increases in range(_MAX_DAMPING_INCREASES):  # noqa: B007
                 multipliers = (
-                    scales * program(gram, toward * scales, equal, damped * uneven)
+                    scales
+                    * program(gram, required_change * scales, is_equality, damping * row_damping)
                 ).astype(np.float32)
-                update = table.sum(multipliers) - (0.0 if stepwise else 1.0) * multiplied
-                changed = samples + self.filtered(self.envelope * update.reshape(samples.shape))
-                found, largest = self.extremes(changed, _NEAR * self.wanted)
-                new_merit, misfit = self.merits(largest, stepwise)
+                update = sparse_rows.sum(multipliers) - (0.0 if is_stepwise else 1.0) * row_sum
+                changed_samples = samples + self.filtered(
+                    self.envelope * update.reshape(samples.shape)
+                )
+                found_extremes, maxima = self.extremes(
+                    changed_samples, _CONTROLLED_FRACTION * self.wanted
+                )
+                new_merit, misfit = self.merits(maxima, is_stepwise)
                 if new_merit < merit:
                     break
-                damped *= 4.0
-            samples, multiplied, merit = changed, multiplied + update, new_merit
-            damped = max(damped / 5.0, _LEAST) if tried == 0 else damped
-            if misfit < least:
-                best, least = (samples, multiplied), misfit
-        return best
+                damping *= 4.0
+            samples, row_sum, merit = changed_samples, row_sum + update, new_merit
+            damping = max(damping / 5.0, _MIN_DAMPING) if damping_increases == 0 else damping
+            if misfit < best_misfit:
+                best_state, best_misfit = (samples, row_sum), misfit
+        return best_state
 
-    def merits(self, largest: Array, stepwise: bool) -> tuple[float, float]:
-        """Return the sum of powers of ln(maximum / target), and the maximum misfit."""
-        part = largest[0] / self.wanted
-        return float(np.sum(np.abs(np.log(part)) ** _POWERS[stepwise])), float(
-            np.max(np.abs(part - 1.0))
+    def merits(self, maxima: Array, is_stepwise: bool) -> tuple[float, float]:
+        """Return the sum of powers of |ln(maximum / target)|, and the maximum misfit.
+
+        Parameters
+        ----------
+        maxima : ndarray
+            Maximum of each oscillator in row 0, m/s^2.
+        is_stepwise : bool
+            True if rounds add to the change; selects the exponent.
+        """
+        ratio = maxima[0] / self.wanted
+        return float(np.sum(np.abs(np.log(ratio)) ** _POWERS[is_stepwise])), float(
+            np.max(np.abs(ratio - 1.0))
         )
 
 
 def _exchange_equalities(
     gram: Array,
     shortfall: Array,
-    equal: Bools,
-    damped: Array,
+    is_equality: Bools,
+    damping: Array,
     oscillator: NDArray[np.int64],
     scales: Array,
 ) -> None:
-    """Exchange the equality of a period if another extreme will be closer to the target.
+    """Select another extreme of an oscillator as its maximum if it will be closer to the target.
+
+    The equality of an oscillator requires that one of its extremes equals the target. If the
+    solution would leave this extreme below the target, and another extreme closer to it, the
+    equality is moved to the other extreme.
 
     Parameters
     ----------
@@ -460,9 +599,9 @@ def _exchange_equalities(
         Scaled scalar products of the rows.
     shortfall : ndarray
         Scaled differences from the targets.
-    equal : ndarray of bool
-        True for equalities; changed in index.
-    damped : ndarray
+    is_equality : ndarray of bool
+        True for equalities, False for upper limits; changed by this function.
+    damping : ndarray
         Damping of each row.
     oscillator : ndarray of int
         Oscillator of each extreme.
@@ -470,23 +609,34 @@ def _exchange_equalities(
         Scale factor of each row.
     """
     for _ in range(2):
-        left = (shortfall - gram @ program(gram, shortfall, equal, damped)) / scales
-        changed = False
+        remaining_shortfall = (
+            shortfall - gram @ program(gram, shortfall, is_equality, damping)
+        ) / scales
+        has_changed = False
         for index in np.flatnonzero(
-            equal[: oscillator.size] & (left[: oscillator.size] > SMALL_MISFIT)
+            is_equality[: oscillator.size] & (remaining_shortfall[: oscillator.size] > SMALL_MISFIT)
         ):
-            others = np.flatnonzero((oscillator == oscillator[index]) & ~equal[: oscillator.size])
-            if others.size and left[nearest := others[np.argmin(left[others])]] < 0.7 * left[index]:
-                equal[index], equal[nearest], changed = False, True, True
-        if not changed:
+            other_extremes = np.flatnonzero(
+                (oscillator == oscillator[index]) & ~is_equality[: oscillator.size]
+            )
+            if (
+                other_extremes.size
+                and remaining_shortfall[
+                    nearest := other_extremes[np.argmin(remaining_shortfall[other_extremes])]
+                ]
+                < 0.7 * remaining_shortfall[index]
+            ):
+                is_equality[index], is_equality[nearest], has_changed = False, True, True
+        if not has_changed:
             return
 
 
-def program(gram: Array, shortfall: Array, equal: Bools, damped: Array) -> Array:
-    """Return the multipliers l that minimize l' (G + diag(damped)) l / 2 - shortfall' l.
+def program(gram: Array, shortfall: Array, is_equality: Bools, damping: Array) -> Array:
+    """Return the multipliers l that minimize l' (G + diag(damping)) l / 2 - shortfall' l.
 
-    Multipliers of inequalities must not be positive. A primal-dual active set method is used:
-    inequalities with a positive multiplier become inactive, violated inequalities become active.
+    G is `gram`. Multipliers of inequalities (upper limits) must not be positive. A primal-dual
+    active set method is used: inequalities with a positive multiplier become inactive, violated
+    inequalities become active.
 
     Parameters
     ----------
@@ -494,33 +644,33 @@ def program(gram: Array, shortfall: Array, equal: Bools, damped: Array) -> Array
         Scalar products of the rows.
     shortfall : ndarray, shape (n,)
         Differences from the targets.
-    equal : ndarray of bool, shape (n,)
+    is_equality : ndarray of bool, shape (n,)
         True for equalities, False for inequalities.
-    damped : ndarray, shape (n,)
+    damping : ndarray, shape (n,)
         Damping of each row.
     """
     from scipy.linalg import cho_factor, cho_solve
 
-    active, result = equal | (shortfall < 0.0), np.zeros(shortfall.size)
-    slack = 1e-3 * float(np.median(np.abs(shortfall[equal])))
+    is_active, multipliers = is_equality | (shortfall < 0.0), np.zeros(shortfall.size)
+    tolerance = 1e-3 * float(np.median(np.abs(shortfall[is_equality])))
     for _ in range(20):
-        indices = np.flatnonzero(active)
-        part = gram[np.ix_(indices, indices)]
-        part[np.diag_indices(indices.size)] += damped[indices]
+        indices = np.flatnonzero(is_active)
+        active_gram = gram[np.ix_(indices, indices)]
+        active_gram[np.diag_indices(indices.size)] += damping[indices]
         try:
-            factors = cho_factor(part, check_finite=False)
+            factors = cho_factor(active_gram, check_finite=False)
         except np.linalg.LinAlgError:
-            damped = np.maximum(10.0 * damped, 1e-5)
+            damping = np.maximum(10.0 * damping, 1e-5)
             continue
-        result[:] = 0.0
-        result[indices] = cho_solve(factors, shortfall[indices], check_finite=False)
-        leaving = active & ~equal & (result > 0.0)
-        joining = ~active & (gram @ result > shortfall + slack)
-        if not leaving.any() and not joining.any():
-            return result
-        active = (active & ~leaving) | joining
-    result[~equal] = np.minimum(result[~equal], 0.0)
-    return result
+        multipliers[:] = 0.0
+        multipliers[indices] = cho_solve(factors, shortfall[indices], check_finite=False)
+        is_leaving = is_active & ~is_equality & (multipliers > 0.0)
+        is_joining = ~is_active & (gram @ multipliers > shortfall + tolerance)
+        if not is_leaving.any() and not is_joining.any():
+            return multipliers
+        is_active = (is_active & ~is_leaving) | is_joining
+    multipliers[~is_equality] = np.minimum(multipliers[~is_equality], 0.0)
+    return multipliers
 
 
 def check_peaks(problem: MatchingProblem, seed: GroundMotion, samples: Array) -> None:
@@ -532,13 +682,13 @@ def check_peaks(problem: MatchingProblem, seed: GroundMotion, samples: Array) ->
         The response increases until the end of the record at more than half of the periods, as
         under a ramp. A change cannot bring such a response to the target.
     """
-    largest = problem.extremes(samples, _NEAR * problem.wanted)[1]
-    level = np.minimum(_NEAR * problem.wanted, 0.9999 * largest[0])
-    largest = problem.extremes(samples, level)[1]
-    growing = int(np.sum(largest[1] < 0.0))
-    if growing > _GROWING * problem.omega.size:
+    maxima = problem.extremes(samples, _CONTROLLED_FRACTION * problem.wanted)[1]
+    level = np.minimum(_CONTROLLED_FRACTION * problem.wanted, 0.9999 * maxima[0])
+    maxima = problem.extremes(samples, level)[1]
+    growing_count = int(np.sum(maxima[1] < 0.0))
+    if growing_count > _MAX_GROWING_FRACTION * problem.omega.size:
         raise RecordError(
-            f"{seed.source} {seed.component}: cannot be matched: at {growing} of "
+            f"{seed.source} {seed.component}: cannot be matched: at {growing_count} of "
             f"{problem.omega.size} periods the response has no peak before the end of the record, "
             "as under a ramp or an offset; remove the trend (--baseline linear), or use another "
             "record"

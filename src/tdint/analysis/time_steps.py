@@ -94,38 +94,49 @@ def choose_steps(
         return Steps(record_dt, _count(duration, record_dt), end=duration)
     # If the time step divides the sampling interval or is a multiple of it, except for rounding, it
     # is computed from the sampling interval, so that steps and samples coincide exactly.
-    for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
+    for ratio, divides in ((record_dt / dt, True), (dt / record_dt, False)):
         factor = round(ratio)
         if factor >= 1 and abs(ratio - factor) <= _STEP_TOLERANCE * factor:
-            h = record_dt / factor if per_sample else record_dt * factor
-            return Steps(
-                h, _count(duration, h), *((factor, 1) if per_sample else (1, factor)), end=duration
-            )
+            h = record_dt / factor if divides else record_dt * factor
+            per_sample, stride = (factor, 1) if divides else (1, factor)
+            return Steps(h, _count(duration, h), per_sample, stride, end=duration)
     # Otherwise, report the next smaller and the next larger compatible time step.
     factor = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
     if dt > record_dt:
-        below, above = record_dt * factor, record_dt * (factor + 1)
+        smaller, larger = record_dt * factor, record_dt * (factor + 1)
     else:
-        below, above = record_dt / (factor + 1), record_dt / factor
+        smaller, larger = record_dt / (factor + 1), record_dt / factor
     raise UsageError(
-        f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: the "
-        f"nearest steps are {below:.12g} and {above:.12g} s"
+        f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s; dt must "
+        f"be this interval divided or multiplied by a whole number, such as {smaller:.12g} or "
+        f"{larger:.12g} s"
     )
 
 
 def _count(duration: float, h: float) -> int:
-    """Return the number of steps for a duration; UsageError if there are too many."""
+    """Return the number of steps (h, s) for a duration (s), rounded up.
+
+    A remainder within the rounding errors does not count as a further step.
+
+    Raises
+    ------
+    UsageError
+        There are more than `MAX_STEPS` steps.
+    """
     count = duration / h * (1.0 - _STEP_TOLERANCE)
     if not count <= MAX_STEPS:
         raise UsageError(
-            f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most "
-            f"{MAX_STEPS:.0e} are allowed; use a longer dt or a shorter duration"
+            f"a duration of {duration:.6g} s has {count:.3g} steps of {h:.6g} s, but at most "
+            f"{MAX_STEPS:.0e} steps are allowed; use a longer dt or a shorter duration"
         )
     return max(1, math.ceil(count))
 
 
 def finer(steps: Steps) -> Steps:
-    """Return half the time step over the same duration."""
+    """Return time steps of half the length over the same duration.
+
+    `done` is not changed.
+    """
     if steps.per_sample == 1 and steps.stride % 2 == 0:
         return replace(steps, h=steps.h / 2, count=2 * steps.count, stride=steps.stride // 2)
     return replace(steps, h=steps.h / 2, count=2 * steps.count, per_sample=2 * steps.per_sample)

@@ -567,7 +567,7 @@ def _opensees_results(
     gap, note = opensees_gap(posed, reference, _SURE * min(TOLERANCES))
     if not gap <= _SURE * min(TOLERANCES):
         return [], gap, f"omitted: {note}"
-    peak_errors = partial(PeakErrors.between, true=true_peaks)
+    peak_errors = partial(PeakErrors.between, true_peaks=true_peaks)
     points, notes = openseespy_points(
         posed, dts, reference, repeats=1, share=_SHARE, judge=peak_errors
     )
