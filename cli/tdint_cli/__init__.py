@@ -12,13 +12,13 @@ def start() -> None:
     try:
         import signal
 
+        # Replace only the default handlers; another handler was set on purpose (`nohup`). Some
+        # systems do not have all signals.
+        defaults = (signal.SIG_DFL, signal.default_int_handler)
         for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU"):
             number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) in (
-                signal.SIG_DFL,
-                signal.default_int_handler,
-            ):
-                signal.signal(number, lambda ended, _: os._exit(128 + ended))
+            if number is not None and signal.getsignal(number) in defaults:
+                signal.signal(number, lambda received, _: os._exit(128 + received))
     except KeyboardInterrupt:
         os._exit(130)
     from tdint_cli.main import main

@@ -42,16 +42,19 @@ if TYPE_CHECKING:
 # ---- This part contains results over a suite: profiles.csv and its figure, the drift limit, and
 # the comparison of buildings.
 
-_NOT_KEPT = "peaks of stories are not stored; set `outputs: {profiles: true}` in the campaign file"
+_NOT_STORED = (
+    "peaks of stories are not stored; set `outputs: {profiles: true}` in the campaign file"
+)
 
 
-def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
+def apply_style(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     """Apply the figure style of a campaign; settings of the command line have priority.
 
     Parameters
     ----------
     style : tuple of (str, str)
-        The text of the style, and the directory for relative paths of a style sheet.
+        The text of the key `style` of the campaign (empty without a style), and the directory for
+        relative paths of a style sheet.
     source : str
         The campaign file, for error messages.
     drawn : bool
@@ -65,25 +68,25 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     from tdint.output.printed import PRINTED, parse_style
 
     # Without a style of the campaign, only the style of the command line applies.
-    text, folder = style
-    if not text:
+    style_text, folder = style
+    if not style_text:
         return
     try:
-        looks = parse_style(text, "style:")
-        looks = PRINTED.get().over(
-            replace(looks, style=looks.style and str(Path(folder, looks.style)))
+        settings = parse_style(style_text, "style:")
+        settings = PRINTED.get().over(
+            replace(settings, style=settings.style and str(Path(folder, settings.style)))
         )
         if drawn:
-            figures.style.check_print(looks)
+            figures.style.check_print(settings)
     except UsageError as error:
         raise ModelError(f"{source}: {error}") from None
     # A style sheet is an input, which the command must not replace.
-    if drawn and looks.style:
-        protect_input(looks.style)
-    PRINTED.set(looks)
+    if drawn and settings.style:
+        protect_input(settings.style)
+    PRINTED.set(settings)
 
 
-_MOST_TOLD = 10  # maximum number of lines about buildings with collapsed or failed runs
+_MAX_LINES = 10  # maximum number of lines about buildings with collapsed or failed runs
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ class Profiles:
         return self.request.output_units or self.store.output_units()
 
     @cached_property
-    def found(self) -> list[Profile]:
+    def profiles(self) -> list[Profile]:
         """Profiles of each building and intensity level."""
         from tdint.campaign.profiles import profiles
 
@@ -124,7 +127,7 @@ class Profiles:
 
         self._need("--baseline")
         return tables.campaign.ratio_table(
-            self.store, ratios(self.found, self.request.baseline or ""), stories=stories
+            self.store, ratios(self.profiles, self.request.baseline or ""), stories=stories
         )
 
     def draw(self, file: Path) -> Content:
@@ -143,7 +146,7 @@ class Profiles:
         self._need("--plot")
         draw = partial(
             figures.suites.profile_picture,
-            self.found,
+            self.profiles,
             self.units,
             limit=self.limits.drift_line,
             title=self.store.meta("name"),
@@ -155,11 +158,11 @@ class Profiles:
         """Comparison of the demands with the limits."""
         from tdint_cli.suite_limits import SuiteLimits
 
-        return SuiteLimits(self.found, self.request.limit)
+        return SuiteLimits(self.profiles, self.request.limit)
 
     def _need(self, option: str) -> None:
-        if not self.found:
-            raise AnalysisError(f"{option}: {_NOT_KEPT}")
+        if not self.profiles:
+            raise AnalysisError(f"{option}: {_NOT_STORED}")
 
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
         """Return the report of the suite with the requested floor spectra. Units and head are
@@ -172,48 +175,47 @@ class Profiles:
         floors : sequence of FloorSuite
             Floor spectra of the suite; empty by default.
         """
-        from tdint.output.page import Told, page_units
+        from tdint.output.page import PageText, page_units
         from tdint.output.report import suite_page
         from tdint.output.summary import files_read
 
         request = self.request
         # A collapse is part of the verdict; failed runs are warnings.
-        lost = [
-            (profile.collapsed, text) for profile in self.found if (text := self._lost(profile))
-        ]
+        lost_motions = []
+        for profile in self.profiles:
+            if text := self._lost_motions_text(profile):
+                lost_motions.append((profile.collapsed > 0, text))
         # Use the units and the head of the models if they agree.
-        models = {profile.source: profile for profile in plan.models}.values()
-        units, heads = (
-            {profile.page_units for profile in models},
-            {profile.page_head for profile in models},
-        )
-        shown = request.output_units or (units.pop() if len(units) == 1 else self.units)
-        told = Told(
+        models = {model.source: model for model in plan.models}.values()
+        units = {model.page_units for model in models}
+        heads = {model.page_head for model in models}
+        shown_units = request.output_units or (units.pop() if len(units) == 1 else self.units)
+        page_text = PageText(
             warnings=[
                 *(str(error) for error in plan.failures),
-                *(text for collapsed, text in lost if not collapsed),
+                *(text for collapsed, text in lost_motions if not collapsed),
             ],
             head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
             inputs=files_read(),
             verdict=[
-                *((False, text) for collapsed, text in lost if collapsed),
-                *self.limits.page_verdicts(page_units(shown)),
+                *((False, text) for collapsed, text in lost_motions if collapsed),
+                *self.limits.page_verdicts(page_units(shown_units)),
             ],
-            limits=self.limits.table(page_units(shown)),
+            limits=self.limits.table(page_units(shown_units)),
         )
         ratios = self.ratios(stories=False) if request.baseline is not None else None
         return suite_page(
             plan,
             self.store,
-            self.found,
-            told,
+            self.profiles,
+            page_text,
             limit=self.limits.drift_line,
             ratios=ratios,
             floors=floors,
-            units=shown,
+            units=shown_units,
         )
 
-    def _lost(self, profile: Profile) -> str:
+    def _lost_motions_text(self, profile: Profile) -> str:
         """Return a sentence about the motions that the means of a building exclude.
 
         The text is empty if no run collapsed or failed.
@@ -223,17 +225,20 @@ class Profiles:
         profile : Profile
             Results of one building under the suite at one intensity level.
         """
-        lost = {"collapsed": profile.collapsed, "failed": profile.failed}
-        told = " and ".join(f"{count} {kind}" for kind, count in lost.items() if count)
-        if not told:
+        counts = {"collapsed": profile.collapsed, "failed": profile.failed}
+        counts_text = " and ".join(
+            f"{count} {outcome}" for outcome, count in counts.items() if count
+        )
+        if not counts_text:
             return ""
-        left = len(profile.motions)
-        others = pluralize(left, "motion")
-        means = f"the means are over the remaining {others}" if left else "no mean can be computed"
+        if remaining := len(profile.motions):
+            means = f"the means are over the remaining {pluralize(remaining, 'motion')}"
+        else:
+            means = "no mean can be computed"
         name = self.limits.building(profile) or profile.building
-        return f"{name}: of {pluralize(profile.runs, 'ground motion')}, {told}; {means}"
+        return f"{name}: of {pluralize(profile.runs, 'ground motion')}, {counts_text}; {means}"
 
-    def tell(self) -> list[TdintError]:
+    def report_results(self) -> list[TdintError]:
         """Report the motions that the means exclude, and compare the mean drifts with the limit.
 
         Both are reported only after all runs are done, because a mean over some of the motions
@@ -244,10 +249,10 @@ class Profiles:
         list of TdintError
             With --require: an error if the limit is exceeded or cannot be checked yet.
         """
-        limit, limited = self.request.limit, self.store.has_limits
-        if self.request.require and limit is None and not limited:
+        limit, models_have_limits = self.request.limit, self.store.has_limits
+        if self.request.require and limit is None and not models_have_limits:
             raise without_limits()
-        named = (
+        limit_is = (
             f"the drift limit of {100.0 * limit:g} % is"
             if isinstance(limit, float)
             else f"the limits of {limit} are"
@@ -256,31 +261,34 @@ class Profiles:
         )
         # Some of the motions are not sufficient for the check, because the building may exceed the
         # limit or collapse under the other motions.
-        if left := unfinished(self.store):
+        if progress := unfinished(self.store):
             if limit is None and not self.request.require:
                 note(
-                    f"{left}; results over all ground motions (means, figures, reports) are "
+                    f"{progress}; results over all ground motions (means, figures, reports) are "
                     "written when all runs are done"
                 )
                 return []
-            text = f"{named} not checked: {left}"
+            text = f"{limit_is} not checked: {progress}"
             if self.request.require:
                 return [AnalysisError(text)]
             warn(text)
             return []
-        lost = [text for profile in self.found if (text := self._lost(profile))]
-        if (more := len(lost) - _MOST_TOLD) > 0:
-            lost[_MOST_TOLD:] = [
-                f"{pluralize(more, 'more building')} or intensity levels with collapsed or "
+        lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
+        # In a region, collapses of some of the many buildings are a result, not a warning.
+        omitted = len(lines) - _MAX_LINES
+        if omitted > 0:
+            lines[_MAX_LINES:] = [
+                f"{pluralize(omitted, 'more building')} or intensity levels with collapsed or "
                 f"failed runs: see the columns collapsed and failed of {PROFILES}"
             ]
-        # In a region, collapses of some buildings are a result, not a warning.
-        (warn if more <= 0 else note)(*lost)
-        if limit is None and not limited:
+            note(*lines)
+        else:
+            warn(*lines)
+        if limit is None and not models_have_limits:
             return []
         # Limits of the models are checked if this is possible; a request must be fulfilled.
-        if not self.found and limit is None and not self.request.require:
-            note(f"the limits of the models are not checked: {_NOT_KEPT}")
+        if not self.profiles and limit is None and not self.request.require:
+            note(f"the limits of the models are not checked: {_NOT_STORED}")
             return []
         self._need("--limit" if limit is not None else "--require")
         unmet: list[str] = []
@@ -290,10 +298,11 @@ class Profiles:
                 unmet.append(self.limits.building(profile) or profile.building)
         unmet = list(dict.fromkeys(unmet))
         # An unreadable record counts against the limit, because its motion was not run.
-        for kind, reasons in self.store.unused().items():
-            unmet += [f"{pluralize(len(reasons), kind)} could not be used"] if reasons else []
+        for input_kind, reasons in self.store.unused().items():
+            if reasons:
+                unmet.append(f"{pluralize(len(reasons), input_kind)} could not be used")
         if unmet and self.request.require:
-            return [AnalysisError(f"{named} not met: {'; '.join(unmet)}")]
+            return [AnalysisError(f"{limit_is} not met: {'; '.join(unmet)}")]
         return []
 
 
@@ -308,10 +317,17 @@ SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts
 MEASURES = "measures.csv"
 """Name of the table of the intensity measures of the runs, for `tdint fragility`."""
 
-OF_FLOORS = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
+_WRITTEN_FILES = (
+    *(RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE, PICTURE),
+    *(MEASURES, SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS),
+    SUMMARY,
+)
+"""Names of all files that a campaign can write; --overwrite removes them with the campaign."""
+
+FLOOR_FILES = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
 
 
-def carry_out(
+def execute_campaign(
     plan: Plan,
     engine: Engine,
     request: SuiteRequest,
@@ -357,53 +373,40 @@ def carry_out(
 
     report_pairs(plan, request)
     check_limit_options(request.limit, request.require, plan.models)
-    for option, asked in (
-        ("--plot", request.plot),
-        ("--baseline", request.baseline),
-        ("--limit", request.limit),
-        ("--require", request.require or None),
-    ):
-        if asked is not None and not plan.settings.keeps_stories:
-            raise AnalysisError(f"{option}: {_NOT_KEPT}")
+    needs_stories = {
+        "--plot": request.plot is not None,
+        "--baseline": request.baseline is not None,
+        "--limit": request.limit is not None,
+        "--require": request.require,
+    }
+    for option, is_requested in needs_stories.items():
+        if is_requested and not plan.settings.keeps_stories:
+            raise AnalysisError(f"{option}: {_NOT_STORED}")
     if request.baseline is not None:
         check_baseline(request.baseline, (building.name for building in plan.buildings))
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
-    kept = None if shard is None else plan.buildings_of(shard.chunks(plan))
+    shard_buildings = None if shard is None else plan.buildings_of(shard.chunks(plan))
     with locked(folder):
-        named = check_names(folder, request)
+        extra_files = check_names(folder, request)
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
         try:
-            store, remarks = open_store(folder, plan, kept)
+            store, store_notes = open_store(folder, plan, shard_buildings)
         except (UntrustedStoreError, UsageError):
             if not overwrite:
                 raise
             # Remove another campaign, or an unusable store, together with the tables that were
             # written from it.
-            made = (
-                RUNS,
-                STORIES,
-                SHOCKS,
-                PROFILES,
-                RATIOS,
-                DAMAGE,
-                TYPES,
-                LOSSES,
-                EXCEEDANCE,
-                PICTURE,
-                MEASURES,
-            )
-            names = (*made, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS, SUMMARY)
-            refuse_protected(folder / name for name in names)
+            refuse_protected(folder / name for name in _WRITTEN_FILES)
             remove_store(folder / FILE)
-            for name in names:
+            for name in _WRITTEN_FILES:
                 remove(folder / name)
-            store, remarks = open_store(folder, plan, kept)
+            store, store_notes = open_store(folder, plan, shard_buildings)
         warn_of_plan(plan)
-        note(*plan.notes, *remarks)
+        note(*plan.notes, *store_notes)
         with store:
             if not overwrite:
-                store.refuse_foreign(named)
+                store.refuse_foreign(extra_files)
             advance = advance_with_bar(plan, store, engine, shard=shard, max_runs=max_runs)
             profiles = Profiles(store, request)
             finish(profiles, folder, plan)
@@ -411,28 +414,29 @@ def carry_out(
                 emit_table(tables.campaign.runs_table(store).in_units(profiles.units))
             if request.baseline is not None and is_complete(store):
                 emit_table(profiles.ratios(stories=False))
-            # Report the number of runs, and the runs that the user must check.
-            new = advance.done - advance.before
-            if new:
-                before = f", {advance.before} before" if advance.before else ""
-                say(
-                    f"{pluralize(new, 'run')} in {advance.seconds:.3g} s "
-                    f"({_rate(advance)}){before}."
-                )
-            else:
-                say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
-            tell_outcomes(store)
-            unmet = profiles.tell()
+            _report_progress(advance)
+            report_outcomes(store)
+            unmet_limits = profiles.report_results()
     # A building without a motion is omitted and reported in the same way as an unreadable record.
-    far: list[TdintError] = []
+    without_motion: list[TdintError] = []
     if too_far := plan.too_far_from_sites:
-        many = (
+        text = (
             f"{pluralize(len(too_far), 'building')} skipped: farther from every site than "
-            "max_distance of the records"
+            f"max_distance of the records, such as {too_far[0]}"
         )
-        far = [RecordError(f"{many}, such as {too_far[0]}")]
-    if plan.failures or unmet or far:
-        raise Failures([*plan.failures, *far, *unmet])
+        without_motion = [RecordError(text)]
+    if plan.failures or unmet_limits or without_motion:
+        raise Failures([*plan.failures, *without_motion, *unmet_limits])
+
+
+def _report_progress(advance: Advance) -> None:
+    """Report the number of runs of this call and of earlier calls, and the rate of the runs."""
+    new_runs = advance.done - advance.before
+    if new_runs:
+        before = f", {advance.before} before" if advance.before else ""
+        say(f"{pluralize(new_runs, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
+    else:
+        say(f"All runs ({advance.done}) were completed by an earlier call; nothing to do.")
 
 
 def report_pairs(plan: Plan, request: SuiteRequest) -> None:
@@ -497,16 +501,22 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     """
     from tdint.campaign.store import FILE
 
-    replaced = request.overwrite or (folder is not None and is_there(folder / FILE))
-    pages = [
+    may_replace = request.overwrite or (folder is not None and is_there(folder / FILE))
+    page_files = [
         file
         for file in (request.picture(folder), Path(request.report) if request.report else None)
         if file
     ]
-    asked_of = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
-    named = pages + ([folder / name for name, asked in asked_of.items() if asked] if folder else [])
-    check_outputs(named, overwrite=replaced)
-    return named
+    options_of_files = {
+        RATIOS: request.baseline,
+        MEASURES: request.im,
+        SPECTRA: request.of_floors.floors,
+    }
+    files = page_files + (
+        [folder / name for name, option in options_of_files.items() if option] if folder else []
+    )
+    check_outputs(files, overwrite=may_replace)
+    return files
 
 
 def unfinished(store: Store) -> str:
@@ -517,8 +527,8 @@ def unfinished(store: Store) -> str:
     store : Store
         Store of the campaign.
     """
-    every, done = int(store.meta("runs")), sum(store.statuses().values())
-    return f"{done} of {pluralize(every, 'run')} are done" if done < every else ""
+    run_count, done = int(store.meta("runs")), sum(store.statuses().values())
+    return f"{done} of {pluralize(run_count, 'run')} are done" if done < run_count else ""
 
 
 def warn_unfinished(store: Store) -> None:
@@ -529,8 +539,8 @@ def warn_unfinished(store: Store) -> None:
     store : Store
         Store of the campaign.
     """
-    if left := unfinished(store):
-        warn(f"{store.name}: {left}; the following results use only these runs")
+    if progress := unfinished(store):
+        warn(f"{store.name}: {progress}; the following results use only these runs")
 
 
 def is_complete(store: Store) -> bool:
@@ -598,12 +608,14 @@ def advance_with_bar(
 
     with progress_bar(to_terminal=False) as progress:
 
-        def tell(advance: Advance) -> None:
+        def show_progress(advance: Advance) -> None:
             progress(
                 f"{advance.done}/{advance.runs} runs, {_rate(advance)}", advance.done / advance.runs
             )
 
-        return execute_plan(plan, store, engine, shard=shard, max_runs=max_runs, on_chunk=tell)
+        return execute_plan(
+            plan, store, engine, shard=shard, max_runs=max_runs, on_chunk=show_progress
+        )
 
 
 def _rate(advance: Advance) -> str:
@@ -627,14 +639,15 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read
 
+    # Update only exports that an earlier call has written to this directory.
     optional = (*PARQUET, SIMCENTER, GEOJSON, DISTRICTS)
-    ours = [name for name in optional if profiles.store.is_ours(folder / name)]
-    again = _exports(profiles, ours)
-    written = {name: writer for name, writer in again.items() if writer}
-    contents = {**_of_suite(profiles, folder, plan), **written}
-    made = {"arguments": current().arguments, "time_loops": time_loops()}
-    _write(profiles, folder, contents, files_read(), made)
-    for name, writer in again.items():
+    existing_exports = [name for name in optional if profiles.store.is_ours(folder / name)]
+    export_writers = _exports(profiles, existing_exports)
+    updated = {name: writer for name, writer in export_writers.items() if writer}
+    contents = {**_suite_contents(profiles, folder, plan), **updated}
+    provenance = {"arguments": current().arguments, "time_loops": time_loops()}
+    _write(profiles, folder, contents, files_read(), provenance)
+    for name, writer in export_writers.items():
         if writer:
             note(f"{folder / name}: updated to the current state of the campaign")
         else:
@@ -645,11 +658,14 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
             )
 
 
-def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dict[str, Content]:
-    """Return the requested results over all motions, or no results until all runs are done.
+def _suite_contents(
+    profiles: Profiles, folder: Path, plan: Plan | None = None
+) -> dict[str, Content]:
+    """Return the requested files with results over all motions: file name and content.
 
-    The results are the figure of the profiles and the ratios to the baseline. With a plan, they
-    include the floor spectra, the report and the intensity measures of the runs.
+    The files are the figure of the profiles and the ratios to the baseline. With a plan, they
+    include the floor spectra, the report and the intensity measures of the runs. The dictionary is
+    empty until all runs are done.
 
     Parameters
     ----------
@@ -672,12 +688,12 @@ def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dic
         contents[RATIOS] = profiles.ratios(stories=True).csv()
     if plan is None:
         return contents
-    of_floors, floors = request.of_floors.of_suite(
+    floor_files, floor_spectra = request.of_floors.of_suite(
         plan, store, request.jobs, profiles.units, plot=request.plot is not None
     )
-    contents |= of_floors
+    contents |= floor_files
     if request.report is not None:
-        contents[str(Path(request.report).absolute())] = profiles.report(plan, floors)
+        contents[str(Path(request.report).absolute())] = profiles.report(plan, floor_spectra)
     if request.im:
         from tdint.campaign.fragility.measures import measured, run_measure
 
@@ -709,39 +725,40 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
         A map is requested, but the buildings have no coordinates, not all runs are done, an event
         or a column is unknown, or there are no losses for a map of districts.
     """
-    from tdint.output.summary import files_read, merged_inputs, told_of
+    from tdint.output.summary import files_read, merged_inputs, stored_summary
 
     store, by = profiles.store, profiles.request.by
-    if maps.asked:
+    if maps.is_requested:
         check_map(store, maps, by, complete=is_complete(store))
-    districts = maps.asked and by is not None
-    asked = {SIMCENTER: simcenter, GEOJSON: maps.asked, DISTRICTS: districts}
-    exported = {
-        *PARQUET,
-        *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name)),
-    }
+    districts = maps.is_requested and by is not None
+    optional = {SIMCENTER: simcenter, GEOJSON: maps.is_requested, DISTRICTS: districts}
+    # Write the requested files, and update files that an earlier call has written.
+    exported = {*PARQUET}
+    for name, is_requested in optional.items():
+        if is_requested or store.is_ours(folder / name):
+            exported.add(name)
     writers = _exports(profiles, exported, maps)
-    others = {name: writer for name, writer in writers.items() if writer}
+    export_contents = {name: writer for name, writer in writers.items() if writer}
     # A map of districts that this call does not write again would be of an earlier state.
-    if DISTRICTS in exported and DISTRICTS not in others:
+    if DISTRICTS in exported and DISTRICTS not in export_contents:
         (folder / DISTRICTS).unlink(missing_ok=True)
         note(
             f"{folder / DISTRICTS}: removed, because it was outdated; add --geojson --by COLUMN "
             "to write it again"
         )
     # The summary keeps the provenance of the runs that the last call of the campaign has recorded.
-    before = told_of(folder / SUMMARY)
-    made = {
-        "arguments": before.get("arguments", []),
-        "time_loops": before.get("time_loops"),
+    last_summary = stored_summary(folder / SUMMARY)
+    provenance = {
+        "arguments": last_summary.get("arguments", []),
+        "time_loops": last_summary.get("time_loops"),
         "export": list(current().arguments),
     }
     _write(
         profiles,
         folder,
-        {**_of_suite(profiles, folder), **others},
-        merged_inputs(before.get("inputs", ()), files_read()),
-        made,
+        {**_suite_contents(profiles, folder), **export_contents},
+        merged_inputs(last_summary.get("inputs", ()), files_read()),
+        provenance,
     )
 
 
@@ -762,11 +779,11 @@ def _exports(
     if not names:
         return {}
     from tdint.output.tables import exports
-    from tdint.output.tables import maps as of_maps
+    from tdint.output.tables import maps as map_tables
 
     maps, by = maps or MapRequest(), profiles.request.by
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
-    # Each entry states whether the file can be written here, and contains its writer.
+    # Each entry contains True if the file can be written here, and its writer.
     runs, stories, damage = PARQUET
     writers: dict[str, tuple[bool, Writer | None]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
@@ -780,16 +797,18 @@ def _exports(
         ),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
         GEOJSON: (
-            is_complete(store) and of_maps.is_mapped(store),
-            partial(of_maps.write_geojson, store, units=profiles.units, events=maps.events),
+            is_complete(store) and map_tables.is_mapped(store),
+            partial(map_tables.write_geojson, store, units=profiles.units, events=maps.events),
         ),
         DISTRICTS: (
-            is_complete(store) and of_maps.is_mapped(store),
+            is_complete(store) and map_tables.is_mapped(store),
             maps.districts(store, by) if by is not None else None,
         ),
     }
     return {
-        name: writer if can else None for name, (can, writer) in writers.items() if name in names
+        name: writer if can_write else None
+        for name, (can_write, writer) in writers.items()
+        if name in names
     }
 
 
@@ -797,8 +816,8 @@ def _write(
     profiles: Profiles,
     folder: Path,
     contents: Mapping[str, Content],
-    read: Iterable[Mapping[str, str]],
-    made: Mapping[str, Any],
+    input_files: Iterable[Mapping[str, str]],
+    provenance: Mapping[str, Any],
 ) -> None:
     """Write the tables of a store, additional files and, last, the summary.
 
@@ -810,9 +829,9 @@ def _write(
         Output directory.
     contents : mapping
         Content of each additional file.
-    read : iterable of mapping
+    input_files : iterable of mapping
         Input files that the summary lists.
-    made : mapping
+    provenance : mapping
         Provenance for the summary: command lines of the runs and of the export, and the execution
         of the time loops.
     """
@@ -833,18 +852,18 @@ def _write(
     if settings["profiles"] and is_complete(store):
         files[PROFILES] = lambda stream: tables.campaign.write_profiles(store, stream, units)
     files |= _damage(store, units, request.by)
-    told = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
-    told["inputs"] = merged_inputs(told["inputs"], read)
-    keys = {key: unit for key, (unit, _) in LIMIT_MEANINGS.items()}
-    files[SUMMARY] = json_bytes({**in_units(told, units, keys), **made})
-    here = {folder / name: content for name, content in files.items()}
+    summary = campaign_summary(store) | (profiles.limits.summary() if is_complete(store) else {})
+    summary["inputs"] = merged_inputs(summary["inputs"], input_files)
+    unit_of_key = {key: unit for key, (unit, _) in LIMIT_MEANINGS.items()}
+    files[SUMMARY] = json_bytes({**in_units(summary, units, unit_of_key), **provenance})
+    contents_of_paths = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
-        store.refuse_foreign(here)
-    write_files(here, overwrite=True, on_written=store.record_written)
+        store.refuse_foreign(contents_of_paths)
+    write_files(contents_of_paths, overwrite=True, on_written=store.record_written)
 
 
 def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:
-    """Return the damage tables if the campaign computes damage.
+    """Return the damage tables as file name and writer; empty if the campaign computes no damage.
 
     Means over the motions are included only after all runs are done.
 
@@ -881,7 +900,7 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     return writers
 
 
-def tell_outcomes(store: Store) -> None:
+def report_outcomes(store: Store) -> None:
     """Report the numbers of runs that failed, collapsed, were repeated, have no error estimate, or
     did not come to rest.
 
@@ -903,15 +922,16 @@ def tell_outcomes(store: Store) -> None:
             f"{pluralize(sum(failed.values()), 'run')} without a result ({listed}); the cells of "
             "these runs are empty"
         )
-    fell = {name: statuses[name] for name in FALLEN if name in statuses}
-    if fell:
-        say(", ".join(f"{pluralize(count, 'run')} {name}" for name, count in fell.items()) + ".")
+    collapsed = {name: statuses[name] for name in FALLEN if name in statuses}
+    if collapsed:
+        listed = ", ".join(f"{pluralize(count, 'run')} {name}" for name, count in collapsed.items())
+        say(f"{listed}.")
     if repeated := store.count("repeats > 0"):
         note(f"{pluralize(repeated, 'run')} repeated with smaller time steps (column dt_s)")
-    if unknown := without_error(store):
+    if without_estimate := without_error(store):
         note(
-            f"{pluralize(unknown, 'run')} without error estimates, because the second run failed "
-            "or collapsed earlier; these cells are empty"
+            f"{pluralize(without_estimate, 'run')} without error estimates, because the second run "
+            "failed or collapsed earlier; these cells are empty"
         )
     if moving := store.count("at_rest = 0"):
         warn(

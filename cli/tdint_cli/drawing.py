@@ -42,41 +42,44 @@ def table_bytes(table: Table, width: int | None) -> bytes:
     """Return a table as text for a screen of `width` characters, or as CSV if `width` is None."""
     if width is None:
         return table.csv()
-    table = _errors_beside(table)
-    units = {name: said.get("unit", "1") for name, said in table.meanings.items()}
+    table = _with_percent_errors(table)
+    units = {name: meaning.get("unit", "1") for name, meaning in table.meanings.items()}
     return draw(table.columns, table.rows, width, units).encode("utf-8", "replace")
 
 
-def _errors_beside(table: Table) -> Table:
+def _with_percent_errors(table: Table) -> Table:
     """Return the table with each error column directly after its value column, to save width.
 
-    The errors are in percent of the value, with two significant digits.
+    The errors are in percent of the value, with two significant digits. The percentage is None if
+    the value is zero or one of the two is not a number.
     """
     from tdint.output.tables.table import Table
 
-    places = {name: i for i, name in enumerate(table.columns)}
-    errors = {i: places[f"{name}_error"] for name, i in places.items() if f"{name}_error" in places}
+    indices = {name: i for i, name in enumerate(table.columns)}
+    # Map the index of each value column to the index of its error column.
+    error_columns = {
+        i: indices[f"{name}_error"] for name, i in indices.items() if f"{name}_error" in indices
+    }
     names: list[str] = []
     rows: list[list[Cell]] = [[] for _ in table.rows]
-    for name, i in places.items():
-        if i in errors.values():
+    for name, i in indices.items():
+        if i in error_columns.values():
             continue
-        names += [name, _ERROR] if i in errors else [name]
+        names += [name, _ERROR] if i in error_columns else [name]
         for row, cells in zip(rows, table.rows, strict=True):
             row.append(cells[i])
-            if i in errors:
-                # The percentage is undefined if the value is zero or is not a number.
-                value, error = cells[i], cells[errors[i]]
-                percent = None
-                if (
-                    isinstance(error, float)
-                    and isinstance(value, float)
-                    and not math.isnan(error)
-                    and value
-                ):
-                    percent = float(f"{100.0 * error / abs(value):.2g}")
-                row.append(percent)
+            if i in error_columns:
+                row.append(_percent(cells[error_columns[i]], cells[i]))
     return Table(tuple(names), list(map(tuple, rows)), table.meanings)
+
+
+def _percent(error: Cell, value: Cell) -> float | None:
+    """Return an error in percent of a value; None if the value is zero or one is not a number."""
+    if not isinstance(error, float) or not isinstance(value, float):
+        return None
+    if math.isnan(error) or value == 0.0:
+        return None
+    return float(f"{100.0 * error / abs(value):.2g}")
 
 
 def emit_table(table: Table) -> None:
@@ -109,6 +112,7 @@ def draw(
         Unit of each column name. The default unit is 1.
     """
     cells = [[_cell(value) for value in row] for row in rows]
+    # The following lists contain column indices.
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
     numeric = {
         i
@@ -122,26 +126,14 @@ def draw(
         for i in filled[:-1]
         if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1
     ]
-    above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
-    folders = ""
+    common_text = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
+    folder_text = ""
     shown = [i for i in filled if i not in common]
     for i in shown:
         if i in numeric or columns[i] in _NO_FILES or len(cells) < 2:
             continue
-        first, last = (
-            min(_at(cells, i)),
-            max(_at(cells, i)),
-        )  # Their common prefix is common to all.
-        same = next(
-            (
-                k
-                for k, (letter, other) in enumerate(zip(first, last, strict=False))
-                if letter != other
-            ),
-            len(first),
-        )
-        if folder := first[: first.rfind(_FOLDER, 0, same) + 1]:
-            folders += f"{columns[i]}: in {folder}\n"
+        if folder := _common_folder(_at(cells, i)):
+            folder_text += f"{columns[i]}: in {folder}\n"
             for row in cells:
                 row[i] = row[i].removeprefix(folder)
     units = units or {}
@@ -155,30 +147,61 @@ def draw(
         )
         for i in shown
     ]
-    # Transpose a wide table with few rows: each line contains the name and values of a column.
-    whole = sum(len(column[0]) + len(_GAP) for column in drawn) - len(_GAP)
-    if whole > width and 0 < len(rows) <= _MAX_TRANSPOSED_ROWS:
-        longest = max(len(columns[i]) for i in filled)
-        room = max(
-            8, (width - longest) // len(cells) - len(_GAP)
-        )  # The minimum leaves room for the three dots of a shortened text.
-        wides = [
-            min(room, max(len(row[i]) for i in filled)) if len(cells) > 1 else None for row in cells
-        ]
-        text = folders
-        for i in filled:
-            values = [
-                value.ljust(wide or 0)
-                for value, wide in zip(_shortened(_at(cells, i), wides), wides, strict=True)
-            ]
-            text += _GAP.join([columns[i].ljust(longest), *values]).rstrip() + "\n"
-        return text
+    table_width = sum(len(lines[0]) + len(_GAP) for lines in drawn) - len(_GAP)
+    if table_width > width and 0 < len(rows) <= _MAX_TRANSPOSED_ROWS:
+        # The transposed table also shows the columns with equal texts.
+        names = [columns[i] for i in filled]
+        return folder_text + _transposed(names, [_at(cells, i) for i in filled], width)
     texts = [i not in numeric for i in shown]
-    errors = {place for place, i in enumerate(shown) if columns[i] == _ERROR}
-    return above + folders + _side_by_side(drawn, texts, errors, width)
+    errors = {position for position, i in enumerate(shown) if columns[i] == _ERROR}
+    return common_text + folder_text + _side_by_side(drawn, texts, errors, width)
+
+
+def _common_folder(files: Sequence[str]) -> str:
+    """Return the directory, with its slash, with which all texts begin; empty without one."""
+    # In alphabetical order, the common prefix of the first and the last text is common to all.
+    first, last = min(files), max(files)
+    prefix_length = 0
+    while first[prefix_length : prefix_length + 1] == last[prefix_length : prefix_length + 1] != "":
+        prefix_length += 1
+    return first[: first.rfind(_FOLDER, 0, prefix_length) + 1]
+
+
+def _transposed(names: Sequence[str], columns: Sequence[Sequence[str]], width: int) -> str:
+    """Return a table as text in which each line contains the name and the values of a column.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Column names.
+    columns : sequence of sequence of str
+        Cells of each column, one for each row of the table.
+    width : int
+        Width of the screen in characters.
+    """
+    row_count = len(columns[0])
+    name_width = max(map(len, names))
+    # The minimum leaves room for the three dots of a shortened text.
+    room = max(8, (width - name_width) // row_count - len(_GAP))
+    # The values of a single row are not shortened.
+    value_widths = [
+        min(room, max(len(cells[k]) for cells in columns)) if row_count > 1 else None
+        for k in range(row_count)
+    ]
+    text = ""
+    for name, cells in zip(names, columns, strict=True):
+        values = [
+            value.ljust(value_width or 0)
+            for value, value_width in zip(
+                _shortened(cells, value_widths), value_widths, strict=True
+            )
+        ]
+        text += _GAP.join([name.ljust(name_width), *values]).rstrip() + "\n"
+    return text
 
 
 def _at(rows: Sequence[Sequence[T]], i: int) -> list[T]:
+    """Return column `i` of the rows."""
     return [row[i] for row in rows]
 
 
@@ -212,27 +235,31 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
     from tdint.units import suffix
 
     # Split the name into words. The unit is the last word and is not split.
-    bare = name.removesuffix("_error")
-    end = suffix(unit) if bare.endswith(suffix(unit)) else ""
-    error = ["error"] if bare != name else []
-    words = [*bare.removesuffix(end).split("_"), *error, *([unit] if end else [])]
+    name_without_error = name.removesuffix("_error")
+    unit_suffix = suffix(unit) if name_without_error.endswith(suffix(unit)) else ""
+    error_word = ["error"] if name_without_error != name else []
+    words = [
+        *name_without_error.removesuffix(unit_suffix).split("_"),
+        *error_word,
+        *([unit] if unit_suffix else []),
+    ]
     # Wrap the words to the width of the cells. A longer word has a line of its own.
     cells = _shortened(cells, [limit] * len(cells))
     room = max(_NARROWEST, *map(len, cells), 0)
-    head = [""]
+    header = [""]
     for word in words:
-        joined = f"{head[-1]} {word}".strip()
-        if len(joined) <= room or not head[-1]:
-            head[-1] = joined
+        joined = f"{header[-1]} {word}".strip()
+        if len(joined) <= room or not header[-1]:
+            header[-1] = joined
         else:
-            head.append(word)
-    wide = max(map(len, [*head, *cells]))
-    lines = [*head, "-" * wide, *cells]
-    return [line.rjust(wide) if right else line.ljust(wide) for line in lines]
+            header.append(word)
+    column_width = max(map(len, [*header, *cells]))
+    lines = [*header, "-" * column_width, *cells]
+    return [line.rjust(column_width) if right else line.ljust(column_width) for line in lines]
 
 
 def _shortened(texts: Sequence[str], rooms: Sequence[int | None]) -> list[str]:
-    """Shorten texts to a number of characters each (None: unlimited) and keep them distinct.
+    """Shorten each text to its number of characters in `rooms` (None: unlimited).
 
     The end of each text is removed. If this makes two different texts equal, for example file names
     with different last letters, the middle of each text is removed instead.
@@ -271,31 +298,33 @@ def _side_by_side(
     widths = [len(column[0]) for column in columns]
     # Every block repeats the leading text columns, which identify the row. These columns use at
     # most a third of the screen, but at least one column is repeated.
-    names, used = 1, 0
+    key_count, used = 1, 0
     for count, is_text in enumerate(texts):
         used += widths[count] + len(_GAP)
         if not is_text or used > width // 3:
-            names = max(1, count)
+            key_count = max(1, count)
             break
-    keys = list(range(min(names, len(columns))))
+    key_columns = list(range(min(key_count, len(columns))))
     # Keep each error column in the same block as its value column.
-    blocks = [list(keys)]
-    for i in range(len(keys), len(columns)):
+    blocks = [list(key_columns)]
+    for i in range(len(key_columns), len(columns)):
+        # A value column needs room for the error column that follows it.
         used = sum(widths[k] + len(_GAP) for k in blocks[-1])
-        both = widths[i] + (len(_GAP) + widths[i + 1] if i + 1 in errors else 0)
-        if i not in errors and used + both > width and len(blocks[-1]) > len(keys):
-            blocks.append(list(keys))
+        needed_width = widths[i] + (len(_GAP) + widths[i + 1] if i + 1 in errors else 0)
+        if i not in errors and used + needed_width > width and len(blocks[-1]) > len(key_columns):
+            blocks.append(list(key_columns))
         blocks[-1].append(i)
-    # Align the rules of a block in one line by padding the shorter headers at the top.
+    # Align the rules of a block in one line by padding the shorter headers at the top. The rule is
+    # the line that consists of hyphens.
     text = []
     for block in blocks:
-        rules = [
+        rule_lines = [
             next(k for k, line in enumerate(columns[i]) if line and not line.strip("-"))
             for i in block
         ]
         padded = [
-            [" " * widths[i]] * (max(rules) - rule) + columns[i]
-            for i, rule in zip(block, rules, strict=True)
+            [" " * widths[i]] * (max(rule_lines) - rule) + columns[i]
+            for i, rule in zip(block, rule_lines, strict=True)
         ]
         text.append(
             "".join(f"{_GAP.join(cells).rstrip()}\n" for cells in zip(*padded, strict=True))

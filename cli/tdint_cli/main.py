@@ -88,16 +88,20 @@ class LazyGroup(HelpAsData, click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the name, the command and its arguments, and store its options in the settings.
+
+        An unknown name raises an error with similar names, or with all names.
+        """
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
             hint = did_you_mean(name, COMMANDS) or f"; the commands are {', '.join(COMMANDS)}"
             raise click.UsageError(f"No such command {name!r}{hint}", ctx)
-        full, command, rest = super().resolve_command(ctx, args)
+        resolved_name, command, arguments = super().resolve_command(ctx, args)
         if command:
             settings = ctx.ensure_object(Settings)
             settings.options = frozenset(flag for option in command.params for flag in option.opts)
-            settings.arguments = (name, *recorded_words(command, rest))
-        return full, command, rest
+            settings.arguments = (name, *recorded_words(command, arguments))
+        return resolved_name, command, arguments
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         width = max(map(len, COMMANDS))
@@ -119,12 +123,11 @@ class LazyGroup(HelpAsData, click.Group):
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
-        context = copy_context()  # settings of options end with the command
-        for files in (
-            INPUT_DIGESTS,
-            PROTECTED,
-        ):  # from now on, record the files that the command reads
-            context.run(files.set, {})
+        # Options set context variables. In a copy of the context, their values end with the
+        # command. Record the input files of this command only.
+        context = copy_context()
+        for input_files in (INPUT_DIGESTS, PROTECTED):
+            context.run(input_files.set, {})
         sys.exit(context.run(exit_code_of, run, settings))
 
 

@@ -19,7 +19,7 @@ class MapRequest:
 
     Attributes
     ----------
-    asked : bool
+    is_requested : bool
         Write the GeoJSON map of the buildings and, with `--by`, the map of the districts.
     events : tuple of str
         Events on the maps; all if empty.
@@ -27,7 +27,7 @@ class MapRequest:
         GeoJSON file with the polygons of the districts; by default their buildings are points.
     """
 
-    asked: bool = False
+    is_requested: bool = False
     events: tuple[str, ...] = ()
     polygons: str | None = None
 
@@ -41,12 +41,12 @@ class MapRequest:
         """
         from tdint.output.tables.maps import read_polygons, write_districts
 
-        shapes = None
+        polygons = None
         if self.polygons is not None:
-            place = [title.lower() for title in store.inventory_columns()].index(by.lower())
-            parts = {store.copied_cells(number)[place] for number in store.buildings()}
-            shapes = read_polygons(self.polygons, by, sorted(parts))
-        return partial(write_districts, store, by=by, polygons=shapes, events=self.events)
+            column = [title.lower() for title in store.inventory_columns()].index(by.lower())
+            districts = {store.copied_cells(number)[column] for number in store.buildings()}
+            polygons = read_polygons(self.polygons, by, sorted(districts))
+        return partial(write_districts, store, by=by, polygons=polygons, events=self.events)
 
 
 def has_losses(store: Store) -> bool:

@@ -73,57 +73,58 @@ class Workers(Generic[Result]):
             Tasks to which the function is applied.
         """
         waiting = deque(enumerate(tasks))
-        while waiting or any(worker.place is not None for worker in self._workers):
+        while waiting or any(worker.task_index is not None for worker in self._workers):
             self._hand_out(waiting)
-            busy = [worker for worker in self._workers if worker.place is not None]
+            busy = [worker for worker in self._workers if worker.task_index is not None]
             ready = connection.wait(
-                [end for worker in busy for end in (worker.pipe, worker.process.sentinel)]
+                [handle for worker in busy for handle in (worker.pipe, worker.process.sentinel)]
             )
             for worker in busy:
                 if worker.pipe not in ready and worker.process.sentinel not in ready:
                     continue
-                assert worker.place is not None
-                place = worker.place
+                assert worker.task_index is not None
+                task_index = worker.task_index
                 try:
                     succeeded, outcome = worker.pipe.recv()
                 except (EOFError, OSError):  # The worker ended, and its task is lost.
                     self._remove(worker)
-                    yield place, Lost()
+                    yield task_index, Lost()
                     continue
-                worker.place = None
+                worker.task_index = None
                 if not succeeded:
                     raise outcome
-                yield place, outcome
+                yield task_index, outcome
 
     def _hand_out(self, waiting: deque[tuple[int, Task]]) -> None:
         """Assign waiting tasks to idle workers; start new workers up to the requested number."""
         while waiting:
-            idle = next((worker for worker in self._workers if worker.place is None), None)
+            idle = next((worker for worker in self._workers if worker.task_index is None), None)
             if idle is None:
                 if len(self._workers) == self._count:
                     return
                 idle = self._start()
             try:
                 idle.pipe.send(waiting[0][1])
-                idle.place, _ = waiting.popleft()
+                idle.task_index, _ = waiting.popleft()
             except OSError:  # The worker ended while it was idle.
                 self._remove(idle)
 
     def _start(self) -> _Worker:
-        ours, theirs = self._context.Pipe()
+        """Start a worker process that waits for tasks."""
+        local_end, worker_end = self._context.Pipe()
         with warnings.catch_warnings():
             # The only threads are those of NumPy, which are safe to fork.
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
             process = self._context.Process(
-                target=_work, args=(self._function, theirs, os.getpid()), daemon=True
+                target=_work, args=(self._function, worker_end, os.getpid()), daemon=True
             )
-            worker = _Worker(process, ours)
+            worker = _Worker(process, local_end)
             # Python discards an exception that is raised in its hooks after a fork. The signal
             # would be lost with the exception.
             with block_signals(ENDING):
                 self._workers.append(worker)
                 process.start()
-        theirs.close()
+        worker_end.close()
         return worker
 
     def _remove(self, worker: _Worker) -> None:
@@ -137,7 +138,7 @@ class _Worker:
     def __init__(self, process: BaseProcess, pipe: Connection) -> None:
         self.process = process
         self.pipe = pipe
-        self.place: int | None = None
+        self.task_index: int | None = None
 
     def end(self) -> None:
         """Terminate the process, kill it if necessary, and wait until it has ended."""
@@ -209,8 +210,9 @@ def outcomes(
     label: str,
     to_terminal: bool,
 ) -> Iterator[Iterable[Result | TdintError]]:
-    """Apply `work` to all tasks; yield the result or the error (RecordError, AnalysisError) of
-    each.
+    """Apply `work` to all tasks; yield an iterator over their results or errors, in their order.
+
+    An error is a RecordError or AnalysisError.
 
     Parameters
     ----------
@@ -256,11 +258,11 @@ def _outcomes(
     for done, task in enumerate(tasks, start=1):
         outcome = attempt(task)
         yield outcome
-        rest = tasks[done:]
-        if jobs > 1 and not isinstance(outcome, TdintError) and len(rest) > 1:
-            workers = Workers(attempt, min(jobs, len(rest)))
+        remaining_tasks = tasks[done:]
+        if jobs > 1 and not isinstance(outcome, TdintError) and len(remaining_tasks) > 1:
+            workers = Workers(attempt, min(jobs, len(remaining_tasks)))
             stack.callback(workers.end)
-            yield from _shared(attempt, rest, workers)
+            yield from _shared(attempt, remaining_tasks, workers)
             return
 
 
@@ -271,7 +273,7 @@ def _shared(
 ) -> Iterator[Result | TdintError]:
     """Yield the outcomes of the workers in the order of the tasks.
 
-    A lost process affects only its own record.
+    If a process ends unexpectedly, only the outcome of its own record is an error.
 
     Parameters
     ----------
@@ -282,32 +284,33 @@ def _shared(
     workers : Workers
         Worker processes that apply `attempt`.
     """
-    from_stdin = [
-        place for place, task in enumerate(tasks) if task.source == STDIN
+    stdin_tasks = [
+        task_index for task_index, task in enumerate(tasks) if task.source == STDIN
     ]  # Worker processes have no standard input.
-    shared = [place for place in range(len(tasks)) if place not in from_stdin]
-    come = workers.outcomes([tasks[place] for place in shared])
+    worker_tasks = [task_index for task_index in range(len(tasks)) if task_index not in stdin_tasks]
+    worker_outcomes = workers.outcomes([tasks[task_index] for task_index in worker_tasks])
     done: dict[int, Result | TdintError] = {}
-    for place, task in enumerate(tasks):
-        if place in from_stdin:
+    for task_index, task in enumerate(tasks):
+        if task_index in stdin_tasks:
             yield attempt(task)
             continue
-        while place not in done:
-            number, outcome = next(come)
+        while task_index not in done:
+            worker_index, outcome = next(worker_outcomes)
             if isinstance(outcome, Lost):
-                source = tasks[shared[number]].source
+                source = tasks[worker_tasks[worker_index]].source
                 outcome = AnalysisError(
                     f"{source}: the process for this record ended unexpectedly, because it was "
                     "killed or because memory was insufficient; use fewer --jobs"
                 )
-            done[shared[number]] = outcome
-        yield done.pop(place)
+            done[worker_tasks[worker_index]] = outcome
+        yield done.pop(task_index)
 
 
 def _attempt(work: Callable[[Task], Result], task: Task) -> Result | TdintError:
+    """Return the result of a task, or its RecordError or AnalysisError."""
     try:
-        # Do not register the files that are read here, as in a worker process. Only the records
-        # report their files.
+        # A worker process cannot register its input files in this process. Register no files here
+        # either, so that the lists do not depend on the process. Each record reports its files.
         context = copy_context()
         context.run(INPUT_DIGESTS.set, None)
         return context.run(work, task)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from tdint_cli.options.suite import kept_words
+from tdint_cli.options.suite import outcome_text
 
 if TYPE_CHECKING:
     from tdint.campaign.profiles import Profile
@@ -59,18 +59,19 @@ class SuiteLimits:
             if not self.is_limited(profile):
                 continue
             lost = LostMotions(profile.collapsed + profile.failed, profile.runs)
-            found = suite_verdicts(checks, lost, profile.pair_demand, units)
+            verdicts = suite_verdicts(checks, lost, profile.pair_demand, units)
             if not profile.motions:
                 limit = self.limit
-                shown = f", limit {100.0 * limit:g} %" if isinstance(limit, float) else ""
-                found = [
+                limit_text = f", limit {100.0 * limit:g} %" if isinstance(limit, float) else ""
+                verdicts = [
                     Verdict(
                         False,
-                        f"None of {profile.runs} ground motions was completed{shown}: exceeded",
+                        f"None of {profile.runs} ground motions was completed{limit_text}: "
+                        "exceeded",
                         single_limit=True,
                     )
                 ]
-            for verdict in found:
+            for verdict in verdicts:
                 yield profile, verdict
             # The displacement of isolators is a result that a drift limit does not cover.
             if not has_isolator_limit(checks) and (
@@ -129,7 +130,7 @@ class SuiteLimits:
         from tdint.output.verdicts import isolator_sentence
 
         for profile, verdict in self.verdicts(units):
-            outcome = kept_words(bool(verdict.met)) if verdict.single_limit else ""
+            outcome = outcome_text(bool(verdict.met)) if verdict.single_limit else ""
             yield verdict.met, outcome + self.named(profile, verdict.text)
         for profile in self.profiles:
             text = isolator_sentence(profile.isolator_check, units, mean=True)
@@ -137,19 +138,24 @@ class SuiteLimits:
                 yield None, self.named(profile, text)
 
     def building(self, profile: Profile) -> str:
-        """Return the building and the level, if they are needed to identify a profile."""
+        """Return the name of a profile, which is empty if there is only one profile."""
         return profile_name(profile, self.profiles)
 
     def named(self, profile: Profile, text: str) -> str:
-        """Return a sentence with the building and the level, if they are needed."""
+        """Return a sentence that begins with the name of the profile, if the name is not empty."""
         name = self.building(profile)
         return f"{name}: {text[0].lower()}{text[1:]}" if name else text
 
 
-def profile_name(profile: Profile, among: list[Profile]) -> str:
-    """Return the building and the level, if they are needed to identify the profile."""
-    parts = [profile.building] if len({other.building for other in among}) > 1 else []
-    levels = {(repr(other.scale), repr(other.level)) for other in among}
+def profile_name(profile: Profile, profiles: list[Profile]) -> str:
+    """Return the name of one of the profiles: its building and its intensity level.
+
+    The name contains the building only if the profiles have several buildings, and the level only
+    if they have several levels; otherwise it is empty.
+    """
+    parts = [profile.building] if len({other.building for other in profiles}) > 1 else []
+    # A missing scale or level is NaN, which is not equal to itself: compare the texts.
+    levels = {(repr(other.scale), repr(other.level)) for other in profiles}
     if len(levels) > 1:
         parts.append(profile.level_text)
     return ", ".join(parts)

@@ -119,24 +119,34 @@ _SINGLE = 2  # maximum number of files with the same message that are listed on 
 
 
 def _of_a_kind(texts: Sequence[str]) -> list[str]:
-    """Combine equal messages (`FILE: MESSAGE`) about many files; put the combined lines last."""
-    files: dict[str, list[str]] = {}
+    """Combine equal messages about more than two files to one line.
+
+    Each text is `FILE: MESSAGE`, or a message without a file, which is not combined. The combined
+    lines, `FILE and N more: MESSAGE`, follow after the other texts.
+    """
+    files_of_message: dict[str, list[str]] = {}
     for text in texts:
-        file, _, words = text.rpartition(": ")
-        files.setdefault(words, []).append(file)
-    many = {words: named for words, named in files.items() if len(named) > _SINGLE and all(named)}
-    single = [text for text in texts if text.rpartition(": ")[2] not in many]
-    return single + [
-        f"{named[0]} and {len(named) - 1} more: {words}" for words, named in many.items()
+        file, _, message = text.rpartition(": ")
+        files_of_message.setdefault(message, []).append(file)
+    common_messages = {
+        message: files
+        for message, files in files_of_message.items()
+        if len(files) > _SINGLE and all(files)
+    }
+    single_lines = [text for text in texts if text.rpartition(": ")[2] not in common_messages]
+    return single_lines + [
+        f"{files[0]} and {len(files) - 1} more: {message}"
+        for message, files in common_messages.items()
     ]
 
 
 def complain(text: str, settings: Settings | None = None) -> None:
     """Write a line to standard error, also with --quiet.
 
-    The line is discarded if standard error is closed. A library argument such as `skip_lines=1` is
-    shown as --skip-lines 1 if the command has this option. Otherwise it is shown as a key of a
-    file.
+    The line is discarded if standard error is closed. Messages of the library contain arguments in
+    backticks, such as `skip_lines=1`. If the command has the corresponding option, the line shows
+    the option, --skip-lines 1. Otherwise it shows the key of a model or campaign file,
+    `skip_lines: 1`.
 
     Parameters
     ----------
@@ -149,19 +159,20 @@ def complain(text: str, settings: Settings | None = None) -> None:
         return
     settings = settings or current()
 
-    def in_words_of_the_command(match: re.Match[str]) -> str:
+    def setting_of_command(match: re.Match[str]) -> str:
+        """Return the option, or the key of a file, for a library argument in backticks."""
         name, value = match.groups()
         option = f"--{name.replace('_', '-')}"
         if option not in settings.options:
             return f"`{name}: {value}`" if value else match[0]
         return f"{option} {shlex.quote(value)}" if value else option
 
-    text = abridged(_SETTING.sub(in_words_of_the_command, text))
+    text = abridged(_SETTING.sub(setting_of_command, text))
     # File names and headers may contain terminal control characters. Show these as text.
     text = _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
     try:
-        over_the_bar = _EMPTY_LINE if settings.bar else ""
-        sys.stderr.write(f"{over_the_bar}{text}\n")
+        clear_progress_bar = _EMPTY_LINE if settings.bar else ""
+        sys.stderr.write(f"{clear_progress_bar}{text}\n")
         sys.stderr.flush()
     except OSError:
         pass
@@ -179,12 +190,12 @@ def _discard_from_now_on() -> None:
 
     Data that remain in the buffer then raise no error when Python exits.
     """
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
+    null_device = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null_device, sys.stdout.fileno())
+    os.close(null_device)
 
 
-_PARTS = 1000  # Number of steps of a progress bar; each step is 0.1 percent.
+_BAR_STEPS = 1000  # number of steps of a progress bar; each step is 0.1 percent
 
 Item = TypeVar("Item")
 
@@ -205,19 +216,19 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
         bar is shown.
     """
     if is_quiet() or not is_terminal(sys.stderr) or (to_terminal and is_terminal(sys.stdout)):
-        yield lambda label, part: None
+        yield lambda label, fraction: None
         return
-    # The callback receives the completed fraction, 0 to 1. The bar counts thousandths.
-    with click.progressbar(length=_PARTS, file=sys.stderr) as bar:
+    with click.progressbar(length=_BAR_STEPS, file=sys.stderr) as bar:
 
-        def tell(label: str, part: float) -> None:
+        def update_bar(label: str, fraction: float) -> None:
             bar.label = f"{label:<12}"
-            bar.update(max(0, round(part * _PARTS) - bar.pos))
+            # `update` receives the number of additional steps. The bar never moves back.
+            bar.update(max(0, round(fraction * _BAR_STEPS) - bar.pos))
 
         settings = current()
         settings.bar = True
         try:
-            yield tell
+            yield update_bar
         finally:
             settings.bar = False
 
@@ -226,7 +237,8 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
 def counted(
     items: Iterable[Item], count: int, label: str, *, to_terminal: bool
 ) -> Iterator[Iterable[Item]]:
-    """Yield the items with a progress bar that counts the items if there are several.
+    """Yield the items; if there are at least two, show a progress bar with the number of done
+    items.
 
     Parameters
     ----------
@@ -243,14 +255,14 @@ def counted(
         yield items
         return
 
-    def told(progress: Progress) -> Iterator[Item]:
+    def items_with_progress(progress: Progress) -> Iterator[Item]:
         progress(f"{label} 0/{count}", 0.0)
         for done, item in enumerate(items, start=1):
             yield item
             progress(f"{label} {done}/{count}", done / count)
 
     with progress_bar(to_terminal) as progress:
-        yield told(progress)
+        yield items_with_progress(progress)
 
 
 def part_of(progress: Progress, start: float, end: float, name: str = "") -> Progress:
@@ -265,7 +277,7 @@ def part_of(progress: Progress, start: float, end: float, name: str = "") -> Pro
     name : str
         Prefix of the labels. The default is empty.
     """
-    return lambda label, part: progress(f"{name}{label}", start + (end - start) * part)
+    return lambda label, fraction: progress(f"{name}{label}", start + (end - start) * fraction)
 
 
 def is_terminal(stream: object) -> bool:
@@ -334,7 +346,7 @@ class Failures(TdintError):
 def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
     """Run a command, report its error, if any, and return the exit code.
 
-    After a signal, only the signal is reported.
+    After a signal, only the signal is reported, and the exit code is 128 plus its number.
 
     Parameters
     ----------
@@ -343,25 +355,30 @@ def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
     settings : Settings
         Settings of the command.
     """
-    came: list[int] = []
+    received: list[int] = []  # numbers of the received signals
     try:
-        with _signals_as_an_exception(came), _warnings_as_lines(), _notes_of_the_library():
+        with _signals_as_exception(received), _warnings_as_lines(), _notes_of_library():
             code = command()
             code = code if isinstance(code, int) else 0
-    except BaseException as error:  # An import may convert the exception of the signal.
-        code = 0 if came else _reported(error, settings)
-    if not came:
+    except BaseException as error:
+        # Do not rely on the class `Ended`: a signal during an import can raise another exception.
+        code = 0 if received else _report_error(error, settings)
+    if not received:
         return code
-    complain(_word_of(came[0]))
-    return AFTER_SIGNAL + came[0]
+    complain(_signal_word(received[0]))
+    return AFTER_SIGNAL + received[0]
 
 
-def _word_of(number: int) -> str:
+def _signal_word(number: int) -> str:
     return "Interrupted" if number == signal.SIGINT else "Terminated"
 
 
-def _reported(error: BaseException, settings: Settings) -> int:
-    """Print the error message and return the exit code."""
+def _report_error(error: BaseException, settings: Settings) -> int:
+    """Print the error message and return the exit code.
+
+    Errors of click and of tdint, insufficient memory, a full disk and a missing package have their
+    own messages. Any other exception is reported as a bug, with exit code 1.
+    """
     try:
         raise error
     except getattr(
@@ -375,7 +392,7 @@ def _reported(error: BaseException, settings: Settings) -> int:
         complain(f"Error: {' '.join(error.format_message().split())}{hint}")
         return error.exit_code
     except (click.Abort, KeyboardInterrupt):
-        complain(_word_of(signal.SIGINT))
+        complain(_signal_word(signal.SIGINT))
         return INTERRUPTED
     except Exception as error:
         if settings.debug:
@@ -406,9 +423,9 @@ def _reported(error: BaseException, settings: Settings) -> int:
             text = " ".join(f"{type(error).__name__}: {error}".split())
             lines, code = [f"internal error (a bug): {text}; run again with --debug"], BUG
         # A message about a model file uses the keys of the file instead of the option names.
-        said_by = Settings() if code == ModelError.exit_code else settings
+        line_settings = Settings() if code == ModelError.exit_code else settings
         for line in lines:
-            complain(f"Error: {line}", said_by)
+            complain(f"Error: {line}", line_settings)
         return code
 
 
@@ -426,28 +443,29 @@ def _lacks_memory(error: BaseException | None) -> bool:
 
 
 @contextmanager
-def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
-    """Raise `Ended` for a signal and append the signal number to `came`.
+def _signals_as_exception(received: list[int]) -> Iterator[None]:
+    """Raise `Ended` for a signal and append the signal number to `received`.
 
     Further signals are ignored while the command cleans up.
     """
 
     def end(number: int, _: Any) -> None:
-        came.append(number)
-        sys.unraisablehook = lambda _: (
-            None
-        )  # If no exception can be raised, the watch thread ends the process.
+        received.append(number)
+        # In a finalizer, Python prints the exception `Ended` instead of raising it. Print nothing:
+        # the watch thread ends the process.
+        sys.unraisablehook = lambda _: None
         for ending in handled:
             signal.signal(ending, signal.SIG_IGN)
         raise Ended
 
     handled: dict[signal.Signals, Any] = {}
     hook = sys.unraisablehook
-    if threading.current_thread() is threading.main_thread():  # Python allows handlers only there.
+    # Python allows signal handlers only in the main thread.
+    if threading.current_thread() is threading.main_thread():
         handled = {
             ending: signal.getsignal(ending)
             for ending in ENDING
-            if signal.getsignal(ending) in _NOBODY_S
+            if signal.getsignal(ending) in _DEFAULT_HANDLERS
         }
     for ending in handled:
         signal.signal(ending, end)
@@ -479,16 +497,16 @@ class _Notes(logging.Handler):
 
 
 @contextmanager
-def _notes_of_the_library() -> Iterator[None]:
+def _notes_of_library() -> Iterator[None]:
+    """Print the log messages of the library `tdint` on standard error."""
     logger, handler = logging.getLogger("tdint"), _Notes(logging.INFO)
-    if any(
-        isinstance(other, _Notes) for other in logger.handlers
-    ):  # The handler of an outer command is active. A second handler would print messages twice.
+    # If the handler of an outer command is active, a second handler would print messages twice.
+    if any(isinstance(other, _Notes) for other in logger.handlers):
         yield
         return
     before, propagates = logger.level, logger.propagate
-    # Each record contains its assumptions, also if a worker process reads the record. The command
-    # reports the assumptions.
+    # Omit the assumptions that are made when a record is read. The command reports them from the
+    # record itself, because the log messages of a worker process do not reach this process.
     handler.addFilter(lambda record: record.name != "tdint.assumptions")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -518,53 +536,61 @@ def end_in_time() -> Callable[..., None]:
     """
     if threading.current_thread() is not threading.main_thread():
         return lambda code=None: None
-    said = threading.Event()
-    source, told = os.pipe()
-    set_nonblocking(told)
+    is_reported = threading.Event()
+    read_end, write_end = os.pipe()  # Python writes the numbers of received signals to this pipe.
+    set_nonblocking(write_end)
 
     def watch() -> None:
-        # Python does not report ignored signals. The first reported signal ends the process.
-        while data := os.read(source, 1):
+        # Python writes the number of each handled signal to the pipe; ignored signals are not
+        # written. The first signal in the pipe ends the process.
+        while data := os.read(read_end, 1):
             if data[0] in ENDING:
                 threading.Event().wait(_PATIENCE)
-                _end(data[0], said)
+                _end(data[0], is_reported)
 
     def ended(code: object = None) -> None:
-        said.set()
+        is_reported.set()
         if code in [AFTER_SIGNAL + number for number in ENDING]:
-            _end(int(str(code)) - AFTER_SIGNAL, said)
+            _end(int(str(code)) - AFTER_SIGNAL, is_reported)
 
     try:
         threading.Thread(target=watch, daemon=True).start()
     except RuntimeError:
         # The thread limit is reached (ulimit -u, container). The handlers of Python remain active.
-        os.close(source)
-        os.close(told)
+        os.close(read_end)
+        os.close(write_end)
         return lambda code=None: None
-    signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
     # The handlers of Python would show a traceback after the end of the command. Replace only these
-    # handlers, because other handlers were set on purpose.
+    # handlers and the handler of `tdint_cli.start`, because other handlers were set on purpose.
     for number in ENDING:
         handler = signal.getsignal(number)
-        if (
-            handler in _NOBODY_S or getattr(handler, "__module__", "") == "tdint_cli"
-        ):  # The handler of `tdint_cli.start` is replaced, too.
-            signal.signal(number, _left_to_the_watch)
+        if handler in _DEFAULT_HANDLERS or getattr(handler, "__module__", "") == "tdint_cli":
+            signal.signal(number, _leave_to_watch_thread)
     return ended
 
 
-def _left_to_the_watch(*_: Any) -> None:
+def _leave_to_watch_thread(*_: Any) -> None:
     """Ignore a signal outside of the command; the watch thread ends the process.
 
     Otherwise Python would show a traceback or would be interrupted during its exit.
     """
 
 
-_NOBODY_S = (signal.SIG_DFL, signal.default_int_handler, _left_to_the_watch)
+_DEFAULT_HANDLERS = (signal.SIG_DFL, signal.default_int_handler, _leave_to_watch_thread)
 """Default handlers. Any other handler, or SIG_IGN (`nohup`), was set on purpose."""
 
 
-def _end(number: int, said: threading.Event) -> None:
+def _end(number: int, is_reported: threading.Event) -> None:
+    """End the process at once with the exit code of a signal.
+
+    Parameters
+    ----------
+    number : int
+        Number of the signal.
+    is_reported : threading.Event
+        Set after the command has reported its result; the signal is then not reported.
+    """
     import multiprocessing
 
     from tdint.files import remove_unfinished
@@ -574,6 +600,6 @@ def _end(number: int, said: threading.Event) -> None:
         for process in multiprocessing.active_children():
             process.kill()
         remove_unfinished()
-        if not said.is_set():
-            complain(_word_of(number))
+        if not is_reported.is_set():
+            complain(_signal_word(number))
     os._exit(AFTER_SIGNAL + number)

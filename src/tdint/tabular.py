@@ -223,7 +223,8 @@ def import_optional(package: str, purpose: str, extra: str = "notebook") -> Any:
         return import_module(package)
     except ImportError:
         raise UsageError(
-            f"{purpose} needs {package.partition('.')[0]}: pip install 'tdint[{extra}]'"
+            f"{purpose} requires {package.partition('.')[0]}, which is not installed; install it "
+            f"with: pip install 'tdint[{extra}]'"
         ) from None
 
 

@@ -151,7 +151,7 @@ def test_at_the_end_of_a_range_neighbors_stand_on_one_side():
         ("stories.stiffness", "must be the same in all stories"),
         ("stories[0].stiffness", "counting starts at 1"),
         ("stiffnes_factor", "did you mean 'stiffness_factor'"),
-        ("damping", "damping needs damping ratios"),
+        ("damping", "damping requires a model with damping ratios"),
     ],
 )
 def test_what_has_no_derivative_is_told(name, words):

@@ -364,7 +364,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--dt", "0.013"], 2, "dt 0.013 s does not fit the record's sampling interval 0.01 s"),
+        (["--dt", "0.013"], 2, "dt must be the sampling interval of the record, 0.01 s"),
         (["--dt", "-1"], 2, "-1.0 is not in the range 0.0<x<=1000000.0"),
         (["--dt", "nan"], 2, "nan is not a finite number"),
         (["--stories", "1,2.5"], 2, "'2.5' is not a valid integer"),
@@ -501,7 +501,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        ((), 2, "MODEL.yaml is required"),
+        ((), 2, "a model is required; specify one or several MODEL.yaml"),
         (
             ("shaken.yaml", "--problems", "standard"),
             2,

@@ -239,7 +239,7 @@ def test_a_run_without_ground_motion_reports_that_it_is_missing(
     )
     force = "excitation: {forces: [{floor: 1, amplitude: 1, omega: 2}]}\n"
     Path("forced.yaml").write_text(text + force)
-    assert "no time step" in tdint("run", "forced.yaml", code=2).stderr
+    assert "the time step is required" in tdint("run", "forced.yaml", code=2).stderr
 
 
 def test_a_wrong_unit_is_reported_before_a_smaller_step_is_recommended(

@@ -646,7 +646,7 @@ def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Comma
         groups == 3 + 8 + 6 and len(found) == groups + 8
     )  # events; types, districts, buildings in events
     again = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "county", code=2)
-    assert "--by county: the inventory has no such column; it has" in again.stderr
+    assert "--by county: column not found in the inventory; available" in again.stderr
     change("buildings.csv", ("1.5e6", "much"))
     wrong = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
     assert "buildings.csv:3:9: cost: must be zero or a positive number, got 'much'" in wrong.stderr
@@ -897,7 +897,7 @@ def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
 @pytest.mark.parametrize(
     ("arguments", "shapes", "message"),
     [
-        (("--by", "quarter"), "", "--by quarter: the inventory has no such column"),
+        (("--by", "quarter"), "", "--by quarter: column not found in the inventory"),
         (
             ("--event", "M9"),
             "",

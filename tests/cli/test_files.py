@@ -529,7 +529,10 @@ def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
     mine = {"history.csv": b"mine", "response.png": b"mine", "notes.txt": b"mine"}
     for name, data in mine.items():
         (study / "out" / name).write_bytes(data)
-    assert "history.csv, response.png: changed since an earlier run" in tdint(*whole, code=0).stderr
+    assert (
+        "history.csv, response.png is not removed, because it was changed"
+        in tdint(*whole, code=0).stderr
+    )
     left = files_in(study / "out")
     assert set(left) == {"stories.csv", "summary.json", *mine}
     assert {name: left[name] for name in mine} == mine
@@ -618,5 +621,6 @@ def test_parquet_without_pyarrow_is_refused_before_the_work(folder, tdint, monke
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     result = tdint("modes", "none.yaml", "-o", "a.parquet", code=2)
     assert result.stderr.splitlines() == [
-        "Error: a Parquet file needs pyarrow: pip install 'tdint[parquet]'"
+        "Error: a Parquet file requires pyarrow, which is not installed; install it with: pip "
+        "install 'tdint[parquet]'"
     ]

@@ -202,7 +202,7 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
             "im,edp\n1,2\n2,3\n3,5\n",
             ("--threshold", "3", "--edp-range", "3:2"),
             2,
-            "LOW must be below HIGH",
+            "LOW must be less than HIGH",
         ),
         (
             "im,edp\n1,2\n",

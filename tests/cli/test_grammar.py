@@ -118,7 +118,7 @@ def test_an_empty_word_behind_plot_is_a_name_that_is_missing(tdint):
     assert with_named_files(["--plot", "", "a"]) == ["--plot=", "a"]
     assert (
         tdint("info", "--plot", "", "other.mseed", code=2).stderr
-        == "Error: --plot is empty; specify a name\n"
+        == "Error: --plot must not be empty; specify a name, or omit it\n"
     )
 
 
@@ -537,7 +537,7 @@ def test_options_of_before_name_what_does_their_work(name, tdint):
         assert before not in own
         said = tdint(name, before, "90mm", code=2).stderr.splitlines()
         assert len(said) == 1
-        assert (f"{before} is now {now}: {now} " in said[0]) == (now in own), said
+        assert (f"{before} was replaced by {now}; use {now} " in said[0]) == (now in own), said
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["shaken.yaml"], 2, "no drifts are given; add --drift or --path"),
+        (["shaken.yaml"], 2, "the imposed drifts are required; add --drift or --path"),
         (["shaken.yaml", "--path", "path.csv"], 2, "path.csv:3: drift_m must be a number, got 'x'"),
         (
             ["shaken.yaml", "--path", "forced.yaml"],

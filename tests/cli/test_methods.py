@@ -74,7 +74,7 @@ def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
     ("arguments", "code", "message"),
     [
         (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs have this file name"),
-        (["-o", ""], 2, "-o is empty"),
+        (["-o", ""], 2, "-o must not be empty"),
         (
             ["--method", "newmrk"],
             2,

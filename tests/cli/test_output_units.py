@@ -204,7 +204,7 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
             ("--history=h.txt",),
             "--history h.txt: the file of a response history must end in .csv or .csv.gz",
         ),
-        (("--history=",), "--history is empty; specify a name"),
+        (("--history=",), "--history must not be empty; specify a name"),
         (("--history=h.csv", "--history-every", 0), "--history-every"),
         (("--output-units", "kips,in"), "unknown unit 'kips'; did you mean 'kip'?"),
     ],

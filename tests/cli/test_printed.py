@@ -70,7 +70,7 @@ def test_words_are_those_of_the_paper(here, tdint, drawn):
         ("widht=90mm", "--style 'widht=90mm': unknown key; did you mean 'width'?"),
         ("title=maybe", "--style 'title=maybe': title must be yes or no"),
         ("font=", "--style 'font=': font requires a value"),
-        ("font='Times", "write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."),
+        ("font='Times", "must be a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."),
         ("font=No Such Font", "font 'No Such Font' is not installed on this machine"),
         ("label:impulse4", "--style 'label:impulse4': a label must be label:NAME=TEXT"),
         ("label:nothing=x", "label 'nothing': the figure contains no label with this name"),

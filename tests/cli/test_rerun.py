@@ -221,7 +221,10 @@ def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
         and "simcenter.csv: the same" in words
     )
     (folder / "study/runs.parquet").unlink()
-    assert "runs.parquet: is written now" in rerun("study", code=5).stderr
+    assert (
+        "runs.parquet: not compared, because the original file is missing"
+        in rerun("study", code=5).stderr
+    )
     for part in ("1", "2"):
         tdint("campaign", "campaign.yaml", "-o", f"part-{part}", "--shard", f"{part}/2", code=0)
     tdint("campaign", "merge", "part-1", "part-2", "-o", "whole", code=0)
@@ -372,7 +375,7 @@ def test_latex_that_is_not_there(folder, tdint, monkeypatch):
     (folder / "a.mplstyle").write_text("text.usetex: true\n")
     monkeypatch.setenv("PATH", str(folder))
     tdint.refused(
-        "text.usetex needs latex",
+        "text.usetex requires latex",
         "modes",
         "forced.yaml",
         "--plot",
@@ -488,14 +491,17 @@ def test_matched_motions_are_compared(folder, tdint, rerun):
         changed = rerun("matched/matched.json", code=5)
         assert f"{name}: not comparable: its bytes differ" in changed.stderr
         file.unlink()
-        assert f"{name}: is written now" in rerun("matched/matched.json", code=5).stderr
+        assert (
+            f"{name}: not compared, because the original file is missing"
+            in rerun("matched/matched.json", code=5).stderr
+        )
         file.write_bytes(whole)
     # A motion that the JSON file lists, and the command does not write now
     told = json.loads((folder / "matched/matched.json").read_text())
     told["motions"].append("another.mseed")
     (folder / "matched/matched.json").write_text(json.dumps(told))
     (folder / "matched/another.mseed").write_bytes(whole)
-    assert "another.mseed: not comparable" in rerun("matched/matched.json", code=5).stderr
+    assert "another.mseed: not compared" in rerun("matched/matched.json", code=5).stderr
 
 
 def test_numbers_of_the_json_file_are_compared(folder, tdint, rerun):
@@ -530,7 +536,9 @@ def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
     file.write_text(json.dumps(told | {"export": ["campaign", "export", "study", "--geojson"]}))
     said = rerun("study", code=2).stderr
     assert "the command failed, with exit code 2" in said
-    assert "simcenter.csv: not comparable: it was written originally" in said
+    assert (
+        "simcenter.csv: not compared, because the repeated command did not write this file" in said
+    )
 
 
 def test_a_plugin_that_is_missing(folder, tdint, rerun):

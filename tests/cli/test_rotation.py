@@ -89,7 +89,7 @@ def test_components_of_unequal_length_are_cut_and_it_is_said(folder, tdint):
         ),
         (
             ("A000.AT2", "A030.AT2"),
-            "A000.AT2+A030.AT2: 0 and 30 are 30 degrees apart, not at right angles",
+            "the directions 0 and 30 differ by 30 degrees",
         ),
         (("A000.AT2", "missing.AT2"), "A000.AT2: the file has only one horizontal component, 0"),
     ],

@@ -190,7 +190,11 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
         ),
         (["forced.yaml", "--dt", "-1"], 2, "dt must be a positive number"),
         (["forced.yaml", "--duration", "nan"], 2, "duration must be a number, got nan"),
-        (["shaken.yaml", "--dt", "0.003"], 2, "does not fit the record's sampling interval"),
+        (
+            ["shaken.yaml", "--dt", "0.003"],
+            2,
+            "dt must be the sampling interval of the record, 0.01 s",
+        ),
         (["shaken.yaml", "--scale", "0"], 2, "must not be zero"),
         (["shaken.yaml", "--scale", "inf"], 2, "inf is not a finite number"),
         (
@@ -200,7 +204,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
             "0.148233 s",
         ),
         (["forced.yaml", *UNSTABLE], 5, "diverged after"),
-        (["forced.yaml", "-o", ""], 2, "-o is empty; specify a name"),
+        (["forced.yaml", "-o", ""], 2, "-o must not be empty; specify a name"),
         (["forced.yaml", "-o", "forced.yaml"], 6, "forced.yaml is a file, not a directory"),
         (
             ["shaken.yaml", "--tolerance", "1%", "--no-check"],

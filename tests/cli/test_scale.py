@@ -213,8 +213,8 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "no target is given: give one of --target"),
-        (("--sa", "0.5g"), "--sa needs a period: add --at"),
+        ((), "no target is specified; specify one of --target"),
+        (("--sa", "0.5g"), "--sa requires a period; add --at"),
         (("--sa", "0.5", "--at", 1), "'0.5' must be a number with a unit of"),
         (("--sa", "5cm/s", "--at", 1), "must be a number with a unit of"),
         (("--pgv", "0.4g"), "such as 40cm/s"),
@@ -223,7 +223,7 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
         (("--pga", "0.4g", "--at", 1), "--at requires --sa"),
         (("--p695", "--pga", "0.4g"), "--p695 cannot be used with --pga"),
         (("--p695", "--pairs", "rotd50"), "--pairs rotd50 cannot be used with --p695"),
-        ((*TARGET, "--range", "2"), "'2' is not a range; use FIRST:LAST"),
+        ((*TARGET, "--range", "2"), "'2' must be a range FIRST:LAST"),
         ((*TARGET, "--range", "0.2:9"), "must be within the spectrum, 0.02 to 5 s, got 0.2 to 9 s"),
         ((*TARGET, "--rule", "asce7"), "add --at, --building or --range"),
         ((*TARGET, "--rule", "ec8"), "--rule ec8 compares spectra from 0.2 T to 2 T"),
@@ -359,9 +359,9 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
     matched = rows("matched/matched.csv")
     assert [(row["record"], row["component"]) for row in matched] == [row[:2] for row in listed]
     for command in (("match", *target, "-o", "m"), ("ida", "shaken.yaml")):
-        tdint.refused("no RECORD is given; specify either records", *command, code=2)
+        tdint.refused("RECORD is required; specify either records", *command, code=2)
         both = (*command, "pool", "--factors", "factors.csv")
-        tdint.refused("RECORD and --factors are given", *both, code=2)
+        tdint.refused("RECORD and --factors cannot be used together", *both, code=2)
 
 
 def test_pairs_of_the_table_of_factors(folder, tdint, make_record):

@@ -73,7 +73,7 @@ def test_one_factor_is_for_all_shocks(folder, tdint):
             "requires two or more records, got 1",
         ),
         ((*SHOCKS, "--rest", -1), "-1"),
-        ((*SHOCKS, "--scale", "1,2,3"), "3 factors for 2 events"),
+        ((*SHOCKS, "--scale", "1,2,3"), "for each of 2 events, got 3 factors"),
         (("run", "shaken.yaml", "motion.mseed", "-", "--sequence"), "not standard input"),
     ],
 )

@@ -120,8 +120,8 @@ def test_names_that_tell_no_direction_are_taken_with_a_note():
             "two horizontal components are required, but the source contains 0: none",
         ),
         ([record("HNE"), record("HNN"), record("HN1")], "the source contains 3: HNE, HNN, HN1"),
-        ([record("67"), record("90")], "67 and 90 are 23 degrees apart, not at right angles"),
-        ([record("EW"), record("EW", seed=1)], "EW and EW are 0 degrees apart"),
+        ([record("67"), record("90")], "the directions 67 and 90 differ by 23 degrees"),
+        ([record("EW"), record("EW", seed=1)], "the directions EW and EW differ by 0 degrees"),
         ([record("H1"), record("H1", seed=1)], "both components are called H1"),
         ([record("HNE"), record("HNN", dt=0.02)], "different sampling intervals, 0.01 and 0.02 s"),
         (

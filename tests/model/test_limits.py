@@ -62,9 +62,9 @@ def test_levels_keep_their_names_and_order():
     [
         ("{drift_ration: 2%}", 10, "limits.drift_ration: unknown key; did you mean 'drift_ratio'?"),
         ("{drift_ratio: two}", 23, "limits.drift_ratio: must be a positive number, got 'two'"),
-        ("{drift_ratio: {7: 1%}}", 27, "there is no story 7; story numbers are from 1 to 4"),
+        ("{drift_ratio: {7: 1%}}", 27, "story 7 not found; story numbers are from 1 to 4"),
         ("{drift_ratio: {1: 1%}}", 27, "a drift ratio requires a story with `height`"),
-        ("{drift_ratio: {liner: 1%}}", 31, "has the type 'liner'; did you mean 'linear'?"),
+        ("{drift_ratio: {liner: 1%}}", 31, "has a law of the type 'liner'; did you mean 'linear'?"),
         ("{isolator_displacement: 5 g}", 33, "must be a number with its unit, such as 500 mm"),
         ("{isolator_displacement: 0}", 33, "must be a positive number, got '0'"),
         ("{floor_acceleration: {linear: 1}}", 39, "floors have no type"),

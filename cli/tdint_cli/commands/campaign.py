@@ -17,12 +17,12 @@ from tdint.units import OutputUnits
 from tdint_cli import options
 from tdint_cli.campaigns import (
     Profiles,
-    carry_out,
+    apply_style,
     check_names,
+    execute_campaign,
     export,
     finish,
     refuse_foreign,
-    set_looks,
 )
 from tdint_cli.drawing import emit_table
 from tdint_cli.maps import MapRequest
@@ -153,17 +153,20 @@ class CampaignRequest(SuiteRequest):
     )
 
 
-_OF_TABLES = frozenset(
+# Each mode of the command lists its options. The advice states why an option cannot be used.
+_TABLE_OPTIONS = frozenset(
     ("output_units", "overwrite", "plot", "limit", "baseline", "by", "pair_demand")
 )
-_OF_RUNS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors"))
+_RUN_OPTIONS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors"))
 _NO_MODELS = dict.fromkeys(
     ("im", "report", "floors"), "it requires the models; add it to the call that executes the runs"
 )
-_RUN = Mode("with `tdint campaign CAMPAIGN.yaml`", _OF_TABLES | _OF_RUNS | {"output"})
+_RUN = Mode("with `tdint campaign CAMPAIGN.yaml`", _TABLE_OPTIONS | _RUN_OPTIONS | {"output"})
 _STATUS = Mode("with `tdint campaign status`", advice=_NO_MODELS)
-_EXPORT = Mode("with `tdint campaign export`", _OF_TABLES | {"simcenter", "geojson"}, _NO_MODELS)
-_MERGE = Mode("with `tdint campaign merge`", _OF_TABLES | {"output", "partial"}, _NO_MODELS)
+_EXPORT = Mode(
+    "with `tdint campaign export`", _TABLE_OPTIONS | {"simcenter", "geojson"}, _NO_MODELS
+)
+_MERGE = Mode("with `tdint campaign merge`", _TABLE_OPTIONS | {"output", "partial"}, _NO_MODELS)
 MODES = (_RUN, _STATUS, _EXPORT, _MERGE)
 
 
@@ -244,8 +247,8 @@ def _run(request: CampaignRequest) -> None:
     campaign = load_campaign(request.words[0])
     campaign = replace(campaign, pair_demand=request.pair_demand or campaign.pair_demand)
     plan = make_plan(campaign, read_inputs(campaign))
-    set_looks(plan.style, campaign.source, drawn=bool(request.plot or request.report))
-    carry_out(plan, engine, request, shard=shard, max_runs=request.max_runs)
+    apply_style(plan.style, campaign.source, drawn=bool(request.plot or request.report))
+    execute_campaign(plan, engine, request, shard=shard, max_runs=request.max_runs)
 
 
 def _status(request: CampaignRequest) -> None:
@@ -261,13 +264,16 @@ def _status(request: CampaignRequest) -> None:
 
     with open_existing(_folder(request)) as store:
         check_chunks(store)
-        statuses, every = store.statuses(), int(store.meta("runs"))
+        statuses, run_count = store.statuses(), int(store.meta("runs"))
         done = sum(statuses.values())
-        emit_table(status_table(statuses, every - done))
-        say(f"{store.meta('name')}: {done} of {pluralize(every, 'run')} completed.")
-        for kind, reasons in store.unused().items():
+        emit_table(status_table(statuses, run_count - done))
+        say(f"{store.meta('name')}: {done} of {pluralize(run_count, 'run')} completed.")
+        for input_kind, reasons in store.unused().items():
             if reasons:
-                warn(f"{pluralize(len(reasons), kind)} could not be used:\n" + "\n".join(reasons))
+                warn(
+                    f"{pluralize(len(reasons), input_kind)} could not be used:\n"
+                    + "\n".join(reasons)
+                )
 
 
 def _export(request: CampaignRequest) -> None:
@@ -282,10 +288,10 @@ def _export(request: CampaignRequest) -> None:
 
     folder = _folder(request)
     with open_existing(folder, write=True) as store:
-        named = check_names(folder, request)
-        set_looks(store.style(), str(folder), drawn=bool(request.plot or request.report))
+        extra_files = check_names(folder, request)
+        apply_style(store.style(), str(folder), drawn=bool(request.plot or request.report))
         if not request.overwrite:
-            store.refuse_foreign(named)
+            store.refuse_foreign(extra_files)
         check_chunks(store)
         if request.pair_demand is not None:
             store.choose_pair_demand(request.pair_demand)
@@ -294,8 +300,8 @@ def _export(request: CampaignRequest) -> None:
             raise UsageError("--polygons requires --by COLUMN, the column of the districts")
         maps = MapRequest(request.geojson, request.event or (), request.polygons)
         export(profiles, folder, simcenter=request.simcenter, maps=maps)
-        if unmet := profiles.tell():
-            raise Failures(unmet)
+        if unmet_limits := profiles.report_results():
+            raise Failures(unmet_limits)
 
 
 def _merge(request: CampaignRequest) -> None:
@@ -309,7 +315,8 @@ def _merge(request: CampaignRequest) -> None:
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
         raise UsageError(
-            "directories to merge and -o DIR are required: tdint campaign merge out-*/ -o all/"
+            "the directories to merge and -o DIR are required, such as: tdint campaign merge "
+            "out-*/ -o all/"
         )
     from tdint.campaign.execute import merge
     from tdint.campaign.store_schema import locked
@@ -320,16 +327,16 @@ def _merge(request: CampaignRequest) -> None:
         check_names(target, request)
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target, partial=request.partial) as store:
-            set_looks(store.style(), str(target), drawn=bool(request.plot or request.report))
+            apply_style(store.style(), str(target), drawn=bool(request.plot or request.report))
             if request.pair_demand is not None:
                 store.choose_pair_demand(request.pair_demand)
             profiles = Profiles(store, request)
             finish(profiles, target)
-            every, done = int(store.meta("runs")), sum(store.statuses().values())
-            if done < every:
-                remedy = f"`tdint campaign FILE -o {target}` executes them"
-                warn(f"{every - done} of {every} runs are missing in the directories; {remedy}")
-            failures = [*_unused_inputs(store), *profiles.tell()]
+            run_count, done = int(store.meta("runs")), sum(store.statuses().values())
+            if done < run_count:
+                missing = f"{run_count - done} of {run_count} runs are missing in the directories"
+                warn(f"{missing}; `tdint campaign FILE -o {target}` executes them")
+            failures = [*_unused_inputs(store), *profiles.report_results()]
             if failures:
                 raise Failures(failures)
 
@@ -345,19 +352,19 @@ def _unused_inputs(store: Store) -> list[TdintError]:
     store : Store
         Store of the campaign.
     """
-    kinds: tuple[tuple[str, type[TdintError]], ...] = (
+    error_types: tuple[tuple[str, type[TdintError]], ...] = (
         ("building", ModelError),
         ("record", RecordError),
     )
     errors = []
-    for kind, error in kinds:
-        reasons = store.unused()[kind]
+    for input_kind, error_type in error_types:
+        reasons = store.unused()[input_kind]
         # A building without a ground motion is reported in the same way as an unreadable record.
-        if kind == "building" and all("max_distance is " in reason for reason in reasons):
-            error = RecordError
+        if input_kind == "building" and all("max_distance is " in reason for reason in reasons):
+            error_type = RecordError
         if reasons:
-            text = f"{store.name}: {pluralize(len(reasons), kind)} could not be used"
-            errors.append(error(f"{text}, such as {reasons[0]}"))
+            text = f"{store.name}: {pluralize(len(reasons), input_kind)} could not be used"
+            errors.append(error_type(f"{text}, such as {reasons[0]}"))
     return errors
 
 
@@ -370,7 +377,10 @@ def _folder(request: CampaignRequest) -> Path:
         Options of the command line.
     """
     if len(request.words) != 2:
-        raise UsageError(f"one directory is required: tdint campaign {request.words[0]} DIR")
+        raise UsageError(
+            f"exactly one directory is required, got {len(request.words) - 1}; use: tdint campaign "
+            f"{request.words[0]} DIR"
+        )
     return Path(request.words[1])
 
 

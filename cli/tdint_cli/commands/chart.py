@@ -265,11 +265,12 @@ def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
     """
     from tdint.system import CLOCKS
 
-    worst = max(timings, key=lambda timing: timing.stretch or 0.0)
-    say(f"Times are {CLOCKS[worst.clock]}, {worst.description}, {worst.processor}.")
-    if worst.disturbed:
+    # Report the timing with the largest ratio of wall time to processor time.
+    timing = max(timings, key=lambda timing: timing.stretch or 0.0)
+    say(f"Times are {CLOCKS[timing.clock]}, {timing.description}, {timing.processor}.")
+    if timing.disturbed:
         warn(
-            f"timing was disturbed: wall time was {worst.stretch:.3g} times the processor time "
+            f"timing was disturbed: wall time was {timing.stretch:.3g} times the processor time "
             "because other processes used the processors and their caches; repeat the timing on an "
             "idle machine"
         )
@@ -279,7 +280,9 @@ def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
 def _check(request: Request) -> BuildingRequest:
     """Check the options for one building and return the request for it."""
     if not request.models:
-        raise UsageError("MODEL.yaml is required (one or several), or --problems standard")
+        raise UsageError(
+            "a model is required; specify one or several MODEL.yaml, or --problems standard"
+        )
     if request.target_error not in QUANTITIES:
         raise UsageError(
             f"--target-error {request.target_error} requires many problems; for one building use "
@@ -318,18 +321,18 @@ def _chart_many(request: Request) -> None:
     from tdint.analysis.chart.profiles import METHODS, measure_all
     from tdint.output.summary import field_summary
 
-    given = _problems(request)
+    problems = _problems(request)
     integrators = _integrators(request, METHODS)
     with progress_bar(request.outputs.table is None) as progress:
         chart = measure_all(
-            given,
+            problems,
             integrators,
             repeats=request.repeat,
             tolerances=request.tolerances or (),
             peers=request.peers,
             progress=progress,
         )
-    # List the problems with references that are not accurate enough for all tolerances.
+    # List the problems with references that are not accurate enough for the smallest tolerance.
     notes = []
     for case in chart.measured:
         if uncertain := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
@@ -458,6 +461,7 @@ def _chart(
             else default_steps(problem, len(integrators), request.repeat)
         )
     problem = ending_together(problem, steps)
+    # The methods of tdint take about a fifth of the time if other programs also run.
     own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def recommended(points: Sequence[Point]) -> list[tuple[str, float]]:
@@ -468,8 +472,8 @@ def _chart(
         points : sequence of Point
             Measured times and errors of the methods and time steps.
         """
-        best = [cheapest(points, request.target_error, limit) for limit in LIMITS]
-        return [(point.line, point.dt) for point in best if point]
+        cheapest_points = [cheapest(points, request.target_error, limit) for limit in LIMITS]
+        return [(point.line, point.dt) for point in cheapest_points if point]
 
     chart = measure(
         problem,
@@ -485,21 +489,23 @@ def _chart(
 
         chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
     # Recommend methods only for one building, and only if the errors are meaningful.
-    is_for_one = len(request.stories or ()) < 2 and not _peaks_at_start(request, chart)
-    advice = _advice(request, chart, problem) if is_for_one else []
+    can_recommend = len(request.stories or ()) < 2 and not _peaks_at_start(request, chart)
+    advice = _advice(request, chart, problem) if can_recommend else []
     omissions: list[str] = []
-    others = part_of(progress, 0.2, 1.0)
+    peer_progress = part_of(progress, 0.2, 1.0)
     if request.peers:
         from tdint.analysis.chart.peers import with_peers
 
         chart, omissions = with_peers(
-            problem, chart, steps, repeats=request.repeat, progress=others
+            problem, chart, steps, repeats=request.repeat, progress=peer_progress
         )
     if peers():
         from tdint.analysis.chart.peers import with_plugins
 
-        chart, more = with_plugins(problem, chart, repeats=request.repeat, progress=others)
-        omissions = [*omissions, *more]
+        chart, plugin_omissions = with_plugins(
+            problem, chart, repeats=request.repeat, progress=peer_progress
+        )
+        omissions = [*omissions, *plugin_omissions]
     return chart, advice, omissions
 
 
@@ -529,15 +535,17 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
         if best is None:
             advice.append(Advice(limit, None, None, math.nan))
             continue
-        other = alternative(with_dt, request.target_error, limit, best)
+        next_best = alternative(with_dt, request.target_error, limit, best)
         estimated_error = problem.estimate_error(parse(best.method), problem.steps(best.dt))
-        advice.append(Advice(limit, best, other, estimated_error))
+        advice.append(Advice(limit, best, next_best, estimated_error))
     return advice
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
-    """Return True if the target error is the error of peak drifts and these occur at the start, as
-    in free vibration.
+    """Return True if the target error is peak-drift and the peak drifts occur at the start.
+
+    This is the case for free vibration from an initial displacement. The errors of the peak drifts
+    are then zero for all methods.
 
     Parameters
     ----------
@@ -629,55 +637,60 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
         Recommended methods and time steps, one for each error of `LIMITS`.
     """
 
-    def cost(point: Point) -> str:
-        """Return the time and the error of a point, or its outcome if it failed."""
-        error = point.error(request.target_error)
-        return (
-            f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %"
-            if point.errors
-            else point.outcome
-        )
-
-    for advised in advice:
-        goal = f"For {100.0 * advised.limit:g} % ({request.target_error}): "
-        if best := advised.point:
-            estimate = (
-                f", estimated error {100.0 * advised.told:.2g} % of the peak drifts"
-                if advised.told < math.inf
-                else ""
-            )
-            # List only alternatives that meet the tolerance and take at least as long.
-            others = [("next best: ", advised.next_best)]
-            default = chart.usual
-            meets = (
-                default.error(request.target_error) <= advised.limit
-                and default.fastest >= best.fastest
-            )
-            if meets and default.line != (advised.next_best and advised.next_best.line):
-                others.append(("common choice: ", default))
-            alternatives = [
-                f"; {label}{other.line} with dt {other.dt:.6g} s, "
-                f"{other.fastest / best.fastest:.2g} times as long, error "
-                f"{100.0 * other.error(request.target_error):.2g} %"
-                for label, other in others
-                if other and other.errors and (other.line, other.dt) != (best.line, best.dt)
-            ]
-            say(
-                f"{goal}{best.line} with dt {best.dt:.6g} s, {cost(best)}{estimate}"
-                f"{''.join(alternatives)}."
-            )
-        else:
-            say(
-                f"{goal}no method meets this error with these time steps; add smaller steps with "
-                "--dt or --halvings."
-            )
+    for recommendation in advice:
+        say(_recommendation_text(request, chart.usual, recommendation))
     source = "record" if chart.recorded else "model"
     say(
         f"Common choice, {chart.usual.line} with dt {chart.usual.dt:.6g} s of the {source}: "
-        f"{cost(chart.usual)}."
+        f"{_cost_text(chart.usual, request.target_error)}."
     )
     if advice:
         say(_RULE)
+
+
+def _cost_text(point: Point, target_error: str) -> str:
+    """Return the time and the error of a point, or its outcome if the run failed."""
+    if not point.errors:
+        return point.outcome
+    return f"{1e3 * point.fastest:.3g} ms, error {100.0 * point.error(target_error):.2g} %"
+
+
+def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
+    """Return a sentence with the cheapest method for an error limit and its alternatives.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    usual : Point
+        Result of the common choice of method and time step.
+    advice : Advice
+        Recommended method and time step for one error limit.
+    """
+    target = request.target_error
+    goal = f"For {100.0 * advice.limit:g} % ({target}): "
+    best, next_best = advice.point, advice.next_best
+    if best is None:
+        return (
+            f"{goal}no method meets this error with these time steps; add smaller steps with "
+            "--dt or --halvings."
+        )
+    text = f"{goal}{best.line} with dt {best.dt:.6g} s, {_cost_text(best, target)}"
+    if advice.estimated_error < math.inf:
+        text += f", estimated error {100.0 * advice.estimated_error:.2g} % of the peak drifts"
+    alternatives = [("next best", next_best)]
+    # The common choice is an alternative if it meets the tolerance and takes at least as long.
+    is_alternative = usual.error(target) <= advice.limit and usual.fastest >= best.fastest
+    if is_alternative and not (next_best and usual.line == next_best.line):
+        alternatives.append(("common choice", usual))
+    for label, point in alternatives:
+        if point and point.errors and (point.line, point.dt) != (best.line, best.dt):
+            text += (
+                f"; {label}: {point.line} with dt {point.dt:.6g} s, "
+                f"{point.fastest / best.fastest:.2g} times as long, error "
+                f"{100.0 * point.error(target):.2g} %"
+            )
+    return f"{text}."
 
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
@@ -697,23 +710,23 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
     # The methods of tdint use the impulse of all samples in a long time step. Other programs use
-    # only the sample at its end.
-    coarse = dict.fromkeys(
+    # only the sample at its end. The factor allows for rounding of the time step.
+    with_long_steps = dict.fromkeys(
         p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001
     )
-    skipping = [name for name in coarse if name not in catalogue()]
-    if record and skipping:
+    skipping_samples = [name for name in with_long_steps if name not in catalogue()]
+    if record and skipping_samples:
         notes.append(
             f"time steps longer than {charts[0].interval:.6g} s skip samples of the record in "
-            f"{', '.join(skipping)}"
+            f"{', '.join(skipping_samples)}"
         )
-    for label, outcome in dict.fromkeys(
-        (point.line, point.outcome) for point in points if not point.errors
-    ):
+    # Write one note for each method and outcome, with the time steps of the failed runs.
+    failed = [point for point in points if not point.errors]
+    for line, outcome in dict.fromkeys((point.line, point.outcome) for point in failed):
         steps = dict.fromkeys(
-            f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome)
+            f"{p.dt:.6g}" for p in failed if (p.line, p.outcome) == (line, outcome)
         )
-        notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")
+        notes.append(f"{line}: {outcome} with dt {', '.join(steps)} s")
     for chart in charts:
         gap = chart.reference.gap.of(request.target_error)
         if _peaks_at_start(request, chart):

@@ -93,25 +93,27 @@ def command(
 
     # An invalid file does not prevent the check of other files. The models of a campaign file
     # replace it in the list.
-    sound: list[Overview] = []
+    overviews: list[Overview] = []
     failures: list[TdintError] = []
-    waiting = list(models)
-    while waiting:
-        file = waiting.pop(0)
+    waiting_files = list(models)
+    while waiting_files:
+        file = waiting_files.pop(0)
         try:
-            named = _named_by(file)
-            sound += [overview(file)] if named is None else []
-            failures += _faults_of_laws(file, plugins) if named is None else []
-            waiting = [*(named or ()), *waiting]
+            campaign_models = _models_of_campaign(file)
+            if campaign_models is None:
+                overviews.append(overview(file))
+                failures += _law_errors(file, plugins)
+            else:
+                waiting_files = [*campaign_models, *waiting_files]
         except (ModelError, RecordError) as error:
             failures.append(error)
     from tdint.model.plausibility import suppression_reason
 
-    for subject in sound:
-        note(*(f"{subject.model.source}: {text}" for text in suppression_reason(subject.model)))
-        warn(*(f"{subject.model.source}: {text}" for text in subject.warnings))
-    if sound:
-        emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))
+    for valid in overviews:
+        note(*(f"{valid.model.source}: {text}" for text in suppression_reason(valid.model)))
+        warn(*(f"{valid.model.source}: {text}" for text in valid.warnings))
+    if overviews:
+        emit_table(Table.of_results(columns.OVERVIEW, overviews).in_units(output_units or SI))
     if failures:
         raise Failures(failures)
 
@@ -124,43 +126,48 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
     from tdint.output.tables.table import Table
     from tdint_cli.drawing import emit_table
 
-    plugin_checks = [load_plugin(file) for file in plugins]
-    checks = [
-        check_method(parse(method.name)) for methods, _ in plugin_checks for method in methods
-    ]
+    # A plug-in defines methods and laws.
+    definitions = [load_plugin(file) for file in plugins]
+    checks = [check_method(parse(method.name)) for methods, _ in definitions for method in methods]
     # Report the errors after the table that shows them.
     if checks:
         emit_table(Table.of_results(DECLARATION, checks))
-    if laws := [law.name for _, laws in plugin_checks for law in laws]:
-        note(f"to check the laws ({', '.join(laws)}), add a model file that uses them")
-    if faults := [AnalysisError(fault) for check in checks for fault in check.faults]:
-        raise Failures([*faults])
+    if law_names := [law.name for _, laws in definitions for law in laws]:
+        note(f"to check the laws ({', '.join(law_names)}), add a model file that uses them")
+    if errors := [AnalysisError(fault) for check in checks for fault in check.faults]:
+        raise Failures([*errors])
 
 
-def _faults_of_laws(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
-    """Return the errors of the plug-in laws that a model uses."""
+def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
+    """Return the errors of the plug-in laws that a model uses.
+
+    Each law with its parameters is tested once, in the last story that has it. The list is empty
+    without plug-ins, and for a model on standard input, which can be read only once.
+    """
     if not plugins or file == "-":
         return []
     from tdint.analysis.assessment.order import check_law
     from tdint.methods.catalogue import load_plugin
     from tdint.model.config.model_file import load_model
 
-    names = {law.name for plugin in plugins for law in load_plugin(plugin)[1]}
+    plugin_laws = {law.name for plugin in plugins for law in load_plugin(plugin)[1]}
     model = load_model(file)
-    stories = {
+    story_of_law = {
         story.law: number
         for number, story in enumerate(model.stories, start=1)
-        if story.law.name in names
+        if story.law.name in plugin_laws
     }
     return [
         AnalysisError(f"{file}: {fault}")
-        for number in stories.values()
+        for number in story_of_law.values()
         for fault in check_law(model, number)
     ]
 
 
-def _named_by(file: str) -> tuple[str, ...] | None:
-    """Return the model files of a campaign file, or None if the file is not a campaign file.
+def _models_of_campaign(file: str) -> tuple[str, ...] | None:
+    """Return the model files of a campaign file; None if the file is not a campaign file.
+
+    The tuple is empty if the buildings of the campaign are derived from an inventory.
 
     Raises
     ------

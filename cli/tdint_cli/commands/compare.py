@@ -173,12 +173,14 @@ def command(request: Request) -> None:
     recordings = [load_recording(file, len(model.stories)) for file in files]
     events = [Event.of(recording) for recording in recordings]
     fitted = fit(model, events[0], request.fit) if request.fit else None
-    best = fitted.model if fitted else model
-    comparisons = [compare(best, event, method=request.method, dt=request.dt) for event in events]
+    used_model = fitted.model if fitted else model
+    comparisons = [
+        compare(used_model, event, method=request.method, dt=request.dt) for event in events
+    ]
     if not request.output:
         emit_table(comparison_table(comparisons))
     _write(request, model, comparisons, fitted, units)
-    _remark(comparisons, fitted, units)
+    _report(comparisons, fitted, units)
     # Unmet requirements are an error only after all files are written.
     if failures := [
         text for comparison in comparisons for text in unmet(comparison, request.require or ())
@@ -216,16 +218,18 @@ def _write(
         fitted_table,
     )
 
-    # Use the requested periods, or the periods of `PERIODS` that the sampling interval and the band
-    # of the recording allow.
+    # Use the requested periods, or the periods of `PERIODS` that are within the band of the
+    # recording and not shorter than two sampling intervals. At least one period is used.
     periods = options.spectra.chosen_periods(request.periods, PERIODS)
     if request.periods is None:
-        event, every = comparisons[0].event, periods
-        low, high = event.recording.band or (0.0, float("inf"))
-        periods = every[
-            (every * high >= 1.0) & (every * low <= 1.0) & (every >= 2.0 * event.base.dt)
+        first_event, all_periods = comparisons[0].event, periods
+        low, high = first_event.recording.band or (0.0, float("inf"))
+        periods = all_periods[
+            (all_periods * high >= 1.0)
+            & (all_periods * low <= 1.0)
+            & (all_periods >= 2.0 * first_event.base.dt)
         ]
-        periods = periods if periods.size else every[-1:]
+        periods = periods if periods.size else all_periods[-1:]
     files: dict[Path, Content] = {}
     if request.output:
         files[request.file(TABLE)] = comparison_table(comparisons).csv()
@@ -284,21 +288,21 @@ def _page(
     """
     from tdint.analysis.compare import absolute_displacements, unmet
     from tdint.output.building_report import comparison_page
-    from tdint.output.page import Told, page_units
+    from tdint.output.page import PageText, page_units
     from tdint.output.summary import files_read
     from tdint.output.tables.buildings import fitted_table
 
     model = comparisons[0].response.model
     units = page_units(request.output_units or model.page_units)
     verdict: list[tuple[bool | None, str]] = []
-    if required := request.require:
-        failures = [text for item in comparisons for text in unmet(item, required)]
-        limits = ", ".join(f"{name} {value:g}" for name, value in required)
+    if requirements := request.require:
+        failures = [text for item in comparisons for text in unmet(item, requirements)]
+        limits = ", ".join(f"{name} {value:g}" for name, value in requirements)
         verdict = [
             (not failures, f"Required of every floor: {limits}. {'; '.join(failures) or 'Met'}.")
         ]
     verdict.append((None, _least_agreement(comparisons)))
-    sentences = [_driven(item, units) for item in comparisons]
+    sentences = [_motion_sentence(item, units) for item in comparisons]
     sentences += [f"The values were fitted in {pluralize(fitted.runs, 'run')}."] if fitted else []
     # The notes of the terminal: removed offsets, disabled checks.
     notes = [text for item in comparisons for text in (*item.event.notes, *item.response.notes)]
@@ -309,12 +313,16 @@ def _page(
         for item in comparisons
         for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
     ]
-    told = Told(sentences, warnings, model.page_head, files_read(), verdict)
-    draw = partial(
+    page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
+    draw_figure = partial(
         figures.comparison.comparison_picture, comparisons, periods, request.damping, units
     )
     return comparison_page(
-        comparisons, draw, told, fitted_table(fitted.values, units) if fitted else None, units
+        comparisons,
+        draw_figure,
+        page_text,
+        fitted_table(fitted.values, units) if fitted else None,
+        units,
     )
 
 
@@ -327,19 +335,21 @@ def _least_agreement(comparisons: Sequence[Comparison]) -> str:
         Comparisons of the computed response with the recordings.
     """
     floors = [floor for item in comparisons for floor in item.floors]
-    least = min(floors, key=lambda floor: floor.correlation)
-    farthest = max(floors, key=lambda floor: abs(math.log(abs(floor.peak_ratio))))
-    largest = max(floors, key=lambda floor: floor.rms_difference)
-    parts = [
-        f"lowest correlation {number_text(least.correlation)} (floor {least.floor})",
-        f"peak ratio farthest from 1: {number_text(farthest.peak_ratio)} (floor {farthest.floor})",
-        f"largest rms difference {number_text(largest.rms_difference)} (floor {largest.floor})",
+    lowest = min(floors, key=lambda floor: floor.correlation)
+    farthest_peak = max(floors, key=lambda floor: abs(math.log(abs(floor.peak_ratio))))
+    largest_difference = max(floors, key=lambda floor: floor.rms_difference)
+    clauses = [
+        f"lowest correlation {number_text(lowest.correlation)} (floor {lowest.floor})",
+        f"peak ratio farthest from 1: {number_text(farthest_peak.peak_ratio)} "
+        f"(floor {farthest_peak.floor})",
+        f"largest rms difference {number_text(largest_difference.rms_difference)} "
+        f"(floor {largest_difference.floor})",
     ]
-    sentence = ", ".join(parts)
+    sentence = ", ".join(clauses)
     return f"{sentence[0].upper()}{sentence[1:]}."
 
 
-def _driven(item: Comparison, units: OutputUnits) -> str:
+def _motion_sentence(item: Comparison, units: OutputUnits) -> str:
     """Return a sentence about the ground motion and the method of a comparison.
 
     Parameters
@@ -349,18 +359,20 @@ def _driven(item: Comparison, units: OutputUnits) -> str:
     units : OutputUnits
         Units of the values in the text.
     """
-    event, run, (acceleration, g) = item.event, item.response, units.unit("m/s^2")
-    band = event.recording.band
-    return (
+    event, run, band = item.event, item.response, item.event.recording.band
+    band_text = f"{band[0]:g} to {band[1]:g} Hz" if band else "unfiltered"
+    pga, pga_unit = units.of(event.base.pga, "m/s^2"), units.unit("m/s^2")[0]
+    text = (
         f"{run.model.name} compared with {event.recording.source}: {event.count} samples at "
-        f"{event.base.dt:.6g} s, "
-        + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
-        + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
-        + (f"; recordings shifted by {item.shift:.6g} s." if item.shift else ".")
+        f"{event.base.dt:.6g} s, {band_text}, PGA {pga:.3g} {pga_unit}; {run.method}, dt "
+        f"{run.dt:.6g} s"
     )
+    if item.shift:
+        text += f"; recordings shifted by {item.shift:.6g} s"
+    return f"{text}."
 
 
-def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
+def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
     """Write the comparisons and the fit to the terminal, then warnings and notes.
 
     Parameters
@@ -376,13 +388,14 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
     from tdint.output.tables.buildings import fitted_in
 
     for item in comparisons:
-        say(_driven(item, units))
+        say(_motion_sentence(item, units))
         warn(*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
     # Show only the first values, because a building with many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
+        # Parameters of the complete building have no place, such as the number of a story.
         changes = [
-            f"{item.name}{f' {item.place}' if item.place else ''} {item.value:.5g}"
+            " ".join(filter(None, (item.name, str(item.place or ""), f"{item.value:.5g}")))
             for item in values
         ]
         source = comparisons[0].event.recording.source

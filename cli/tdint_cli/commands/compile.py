@@ -13,11 +13,14 @@ from tdint_cli import options
 from tdint_cli.options.grammar import ListOf, Mode, refuse_idle
 from tdint_cli.terminal import emit, progress_bar, say
 
-_HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
+_PROCESSORS = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
 _SYSTEMS = ("linux", "macos", "windows")
-TARGETS = ("native", *_HERE, *(f"{system}-{target}" for system in _SYSTEMS for target in _HERE))[
-    :-1
-]  # Windows: x86-64 only
+TARGETS = (
+    "native",
+    *_PROCESSORS,
+    *(f"{system}-{processor}" for system in _SYSTEMS for processor in _PROCESSORS),
+)[:-1]
+"""Target processors. The last combination, windows-aarch64, is not supported."""
 
 
 _COMPILE, _SHOW = (
@@ -38,8 +41,8 @@ class Request:
         "--target",
         type=ListOf(click.Choice(TARGETS)),
         metavar="NAME,...",
-        help=f"Target processors: native (this machine, default); {', '.join(_HERE)}; for another "
-        f"system with the prefix {', '.join(_SYSTEMS)}: macos-aarch64.",
+        help=f"Target processors: native (this machine, default); {', '.join(_PROCESSORS)}; for "
+        f"another system with the prefix {', '.join(_SYSTEMS)}: macos-aarch64.",
     )
     method: str | None = options.analysis.method_of("MODEL.yaml")
     show: bool = options.option(
@@ -71,8 +74,10 @@ def command(request: Request) -> None:
     """
     # --clean is allowed without other options; with models, it is executed before the compilation.
     is_requested = bool(request.models or request.everything)
-    if is_requested or request.clean:
-        refuse_idle((_SHOW if request.show else _COMPILE) if is_requested else _CLEAN, MODES)
+    if is_requested:
+        refuse_idle(_SHOW if request.show else _COMPILE, MODES)
+    elif request.clean:
+        refuse_idle(_CLEAN, MODES)
     if request.clean:
         from tdint.kernels.building import store
 
@@ -106,13 +111,15 @@ def command(request: Request) -> None:
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(request.output) if request.output else None
-        written = compile_ahead(
+        compiled_files = compile_ahead(
             kernels,
             request.targets or ("native",),
             folder,
-            lambda part: progress("compiling", part),
+            lambda fraction: progress("compiling", fraction),
         )
-    if not written:
+    if not compiled_files:
         say("All time loops are compiled already.")
     else:
-        say(f"{pluralize(len(written), 'time loop')} compiled, in {written[0].parent}")
+        say(
+            f"{pluralize(len(compiled_files), 'time loop')} compiled, in {compiled_files[0].parent}"
+        )

@@ -25,10 +25,12 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import Example, ExampleRun
     from tdint.files import Content
 
-_CONFIRMS = "gauss4"
+_CHECK_METHOD = "gauss4"
+"""Method whose solution is compared with the finer reference solution."""
+
 _WIDTH = 100  # characters per line of text
 
-_LABORATORY = {
+_OSCILLATOR_FIGURES = {
     1: ("spectral_radius", 0.0, "spectral radii, damping ratio 0"),
     2: ("spectral_radius", 0.05, "spectral radii, damping ratio 5 %"),
     3: ("period_error", 0.0, "period elongations, damping ratio 0"),
@@ -39,11 +41,12 @@ _LABORATORY = {
 
 _ORDER_FIGURE = 6  # number of the paper's figure of the order of accuracy
 _BETA_SCAN = "beta-scan"
-_OURS = ("impulse4", "moment4")  # plotted as thin lines next to the five methods of the paper
+_THIN_METHODS = ("impulse4", "moment4")
+"""Methods that are plotted as thin lines next to the five methods of the paper."""
+
 _STEPS = Grid(0.01, 100.0, 600)  # dt/T
-_RATIOS = Grid(
-    0.2, 5.0, 15
-)  # ratio of the load frequency to the natural frequency, as in `tdint order`
+_RATIOS = Grid(0.2, 5.0, 15)
+"""Ratio of the load frequency to the natural frequency, as in `tdint order`."""
 
 
 @options.request
@@ -126,18 +129,18 @@ def command(request: Request) -> None:
         run_example,
     )
 
-    asked = [
+    requested = [
         examples()[int(number)]
         for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())
     ]
     folder = Path(request.output) if request.output else None
     # Check the file names before the runs, which take some time.
     if folder:
-        kind = f".{request.picture_format}"
-        options.output.check_picture(Path(f"figure{kind}"))
-        more = _general_figures(asked, kind) if request.all_figures else {}
-        outputs = [folder / name for example in asked for name in _names(example, kind)]
-        outputs += [folder / name for name in more]
+        suffix = f".{request.picture_format}"
+        options.output.check_picture(Path(f"figure{suffix}"))
+        general_figures = _general_figures(requested, suffix) if request.all_figures else {}
+        outputs = [folder / name for example in requested for name in _names(example, suffix)]
+        outputs += [folder / name for name in general_figures]
         check_outputs(outputs, overwrite=request.overwrite)
     integrators = (
         options.analysis.integrators(request.methods) if request.methods else default_integrators()
@@ -145,15 +148,15 @@ def command(request: Request) -> None:
     steps = request.dts or (DT,)
     runs = {
         example: [run for dt in steps for run in run_example(example, dt, integrators)]
-        for example in asked
+        for example in requested
     }
     if folder:
         files = {
             folder / name: writer
-            for example in asked
-            for name, writer in _files(example, runs[example], request.reference, kind)
+            for example in requested
+            for name, writer in _files(example, runs[example], request.reference, suffix)
         }
-        files |= {folder / name: writer for name, writer in more.items()}
+        files |= {folder / name: writer for name, writer in general_figures.items()}
         write_files(files, overwrite=request.overwrite)
         note(
             *(
@@ -164,33 +167,36 @@ def command(request: Request) -> None:
         )
     emit_table(
         tables.methods.example_table(
-            [run for example in asked for run in runs[example]], request.reference
+            [run for example in requested for run in runs[example]], request.reference
         )
     )
     # The remark explains the ranking of the paper, so it applies only to its methods and time step.
-    usual = not request.methods and steps[0] == DT
-    for example in asked:
-        _say_example(
+    has_default_settings = not request.methods and steps[0] == DT
+    for example in requested:
+        _report_example(
             example,
             [run for run in runs[example] if run.dt == steps[0]],
             request.reference,
-            remark=usual,
+            remark=has_default_settings,
         )
 
 
-def _names(example: Example, kind: str) -> list[str]:
+def _names(example: Example, suffix: str) -> list[str]:
+    """Return the names of the files of an example: table, JSON file, figures."""
     errors = f"example-{example.number}-errors"
     return [
         f"{errors}.csv",
         f"{errors}.json",
-        *(f"figure-{figure.number:02d}{kind}" for figure in example.figures),
+        *(f"figure-{figure.number:02d}{suffix}" for figure in example.figures),
     ]
 
 
 def _files(
-    example: Example, runs: list[ExampleRun], reference: str, kind: str
+    example: Example, runs: list[ExampleRun], reference: str, suffix: str
 ) -> list[tuple[str, Content]]:
     """Return the file names and contents of one example, without figures if all runs failed.
+
+    The table contains the runs with all time steps, the figures only the runs with the first one.
 
     Parameters
     ----------
@@ -200,49 +206,54 @@ def _files(
         Runs of the example.
     reference : str
         Reference solution, such as "paper".
-    kind : str
+    suffix : str
         Suffix of the figure files.
     """
     table = tables.methods.example_table(runs, reference)
-    first = [run for run in runs if run.dt == runs[0].dt]
+    first_runs = [run for run in runs if run.dt == runs[0].dt]
     contents: list[Content] = [table.csv(), options.output.provenance(table.meanings, SI)]
-    if any(run.outcome == "done" and not run.variant for run in first):
+    if any(run.outcome == "done" and not run.variant for run in first_runs):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
         draw = partial(
-            figures.examples.example_picture, title, first, exact=exact, reference=reference
+            figures.examples.example_picture, title, first_runs, exact=exact, reference=reference
         )
         contents += [
-            figures.style.picture(kind, partial(draw, figure)) for figure in example.figures
+            figures.style.picture(suffix, partial(draw, figure)) for figure in example.figures
         ]
-    return list(zip(_names(example, kind), contents, strict=False))
+    # Without figures, the last names have no contents.
+    return list(zip(_names(example, suffix), contents, strict=False))
 
 
-def _general_figures(drawn: Sequence[Example], kind: str) -> dict[str, Content]:
-    """Return the figures of the paper without motions, and the additional figure of beta.
+def _general_figures(examples: Sequence[Example], suffix: str) -> dict[str, Content]:
+    """Return the names and contents of the figures that do not show the runs of the examples.
 
-    The figures of the paper show methods on an oscillator and the buildings of the examples. The
-    paper does not contain the figure of beta.
+    These are the figures of the paper with methods on an oscillator, the figures of the buildings,
+    and the figure of other values of beta, which is not in the paper.
     """
-    numbers = [*_LABORATORY, _ORDER_FIGURE]
-    drawings: dict[str, Callable[[], Any]] = {
-        _name(number): partial(_draw_laboratory, number) for number in numbers
+    numbers = [*_OSCILLATOR_FIGURES, _ORDER_FIGURE]
+    draw_functions: dict[str, Callable[[], Any]] = {
+        _name(number): partial(_draw_oscillator_figure, number) for number in numbers
     }
-    for example in drawn:
+    for example in examples:
         if example.drawn_as:
             title = f"Figure {example.drawn_as}, redrawn: example {example.number}, {example.about}"
-            drawings[_name(example.drawn_as)] = partial(
+            draw_functions[_name(example.drawn_as)] = partial(
                 figures.examples.row_picture, title, example.model
             )
-    drawings[_BETA_SCAN] = _draw_beta_scan
-    return {f"{name}{kind}": figures.style.picture(kind, draw) for name, draw in drawings.items()}
+    draw_functions[_BETA_SCAN] = _draw_beta_scan
+    return {
+        f"{name}{suffix}": figures.style.picture(suffix, draw)
+        for name, draw in draw_functions.items()
+    }
 
 
 def _name(number: int) -> str:
+    """Return the file name of a figure of the paper, without suffix."""
     return f"figure-{number:02d}"
 
 
-def _draw_laboratory(number: int) -> Any:
+def _draw_oscillator_figure(number: int) -> Any:
     """Draw one of the figures 1 to 6: methods on an oscillator without load or under harmonic load.
 
     The methods are the five methods of the paper and two further methods.
@@ -251,23 +262,26 @@ def _draw_laboratory(number: int) -> Any:
     from tdint.analysis.assessment.paper_examples import FIVE
     from tdint.analysis.assessment.stability import stability
 
-    integrators = options.analysis.integrators((*FIVE, *_OURS))
+    integrators = options.analysis.integrators((*FIVE, *_THIN_METHODS))
     if number == _ORDER_FIGURE:
         problems = [order_problem("harmonic", "linear", ratio, 1) for ratio in _RATIOS.values()]
         measured = [
             observed_order(method, problem) for method in integrators for problem in problems
         ]
         return figures.assessment.order_picture(
-            measured, f"Figure {number}: order of accuracy over ω₀ / ω\n", thin=len(_OURS)
+            measured,
+            f"Figure {number}: order of accuracy over ω₀ / ω\n",
+            thin=len(_THIN_METHODS),
         )
-    quantity, damping, about = _LABORATORY[number]
+    quantity, damping, title = _OSCILLATOR_FIGURES[number]
     curves = [stability(method, _STEPS.values(), damping) for method in integrators]
     return figures.assessment.accuracy_picture(
-        curves, quantity, f"Figure {number}: {about}", thin=len(_OURS)
+        curves, quantity, f"Figure {number}: {title}", thin=len(_THIN_METHODS)
     )
 
 
 def _draw_beta_scan() -> Any:
+    """Draw the spectral radius of impulse for several values of its parameter beta."""
     from tdint.analysis.assessment.stability import stability
 
     integrators = options.analysis.integrators([f"impulse:beta={beta}" for beta in BETAS])
@@ -282,11 +296,14 @@ def _exact(example: Example, dt: float, reference: str) -> str:
     """Return the method and the time step of the reference solution as text."""
     from tdint.analysis.assessment.paper_examples import EXACT, FINER, exact_steps
 
-    method, count = (EXACT, exact_steps(example, dt)) if reference == "paper" else ("rk5", FINER)
-    return f"{method}, dt {dt / count:.4g} s"
+    if reference == "paper":
+        method, substeps = EXACT, exact_steps(example, dt)
+    else:
+        method, substeps = "rk5", FINER
+    return f"{method}, dt {dt / substeps:.4g} s"
 
 
-def _say_example(example: Example, runs: list[ExampleRun], reference: str, remark: bool) -> None:
+def _report_example(example: Example, runs: list[ExampleRun], reference: str, remark: bool) -> None:
     """Report an example: its reference solutions, the ranking of the methods, and a remark.
 
     Parameters
@@ -304,21 +321,23 @@ def _say_example(example: Example, runs: list[ExampleRun], reference: str, remar
 
     dt = runs[0].dt
     say(f"Example {example.number}: {example.about}")
-    paper, other = gap(example, dt, EXACT, exact_steps(example, dt)), gap(example, dt, _CONFIRMS)
+    # Maximum differences from the finer reference solution.
+    paper_gap = gap(example, dt, EXACT, exact_steps(example, dt))
+    check_gap = gap(example, dt, _CHECK_METHOD)
     say(
         f"The reference solution of the paper ({_exact(example, dt, 'paper')}) differs by "
-        f"{paper:.1e} m from"
+        f"{paper_gap:.1e} m from"
     )
     say(
-        f"{_exact(example, dt, 'finer')}; {_CONFIRMS} with the same time step differs from the "
-        f"latter by {other:.1e} m."
+        f"{_exact(example, dt, 'finer')}; {_CHECK_METHOD} with the same time step differs from the "
+        f"latter by {check_gap:.1e} m."
     )
     say(
         f"Maximum displacement errors with dt {dt:g} s, relative to "
         f"{_exact(example, dt, reference)}:"
     )
     errors = [(run.error("displacement", reference), run) for run in runs if run.outcome == "done"]
-    ranked = sorted(errors, key=lambda pair: pair[0])
+    ranked = sorted(errors, key=lambda error_and_run: error_and_run[0])
     say_table([(f"  {error:.2e} m", run.method, run.variant) for error, run in ranked])
     for run in runs:
         if run.outcome != "done":

@@ -177,7 +177,10 @@ def command(request: Request) -> None:
 
         with open_existing(Path(request.table)) as store:
             warn_unfinished(store)
-    (_compare if several else _fragility)(request)
+    if several:
+        _compare(request)
+    else:
+        _fit(request)
 
 
 def _compare(request: Request) -> None:
@@ -200,15 +203,9 @@ def _compare(request: Request) -> None:
             )
 
 
-def _fragility(request: Request) -> None:
-    from tdint.campaign.fragility.fit_table import (
-        EVERY_DEMAND,
-        FragilityRequest,
-        fit_table,
-    )
-    from tdint.campaign.fragility.fit_types import fit_types
-
-    outputs, by = request.outputs, request.by
+def _check_options(request: Request) -> None:
+    """Raise UsageError for options of a fit that exclude or require each other."""
+    by = request.by
     if by == "type" and request.states:
         raise UsageError(
             "--states cannot be used with --by type, because the campaign defines the names of "
@@ -221,11 +218,21 @@ def _fragility(request: Request) -> None:
         )
     if request.edp_range is not None and request.fit not in (None, "cloud"):
         raise UsageError("--edp-range can only be used with --fit cloud; omit --edp-range")
-    model = [Path(request.openquake)] if request.openquake else []
-    # If the damage states have loss ratios, a vulnerability model is written next to the functions.
-    losses = _losses(Path(request.table)) if by == "type" and model else {}
-    beside = [file.with_name(f"{file.stem}-vulnerability.xml") for file in model if losses]
-    check_outputs([*model, *beside], overwrite=outputs.overwrite)
+
+
+def _fit(request: Request) -> None:
+    """Fit the functions, write the table and the other files, and report the functions."""
+    from tdint.campaign.fragility.fit_table import (
+        EVERY_DEMAND,
+        FragilityRequest,
+        fit_table,
+    )
+    from tdint.campaign.fragility.fit_types import fit_types
+
+    outputs, by = request.outputs, request.by
+    _check_options(request)
+    openquake_files = _openquake_files(request)
+    check_outputs(openquake_files, overwrite=outputs.overwrite)
     fit_request = FragilityRequest(
         fit=request.fit,
         thresholds=request.threshold or (),
@@ -246,29 +253,8 @@ def _fragility(request: Request) -> None:
         raise Failures(list(result.failures))
     units = outputs.units
     functions = [function.in_units(units) if units else function for function in result.functions]
-    # Write the OpenQuake files. They contain only types with a function for every damage state.
-    for file in model:
-        from tdint.output.tables.exports import (
-            STRENGTH,
-            fragility_model,
-            vulnerability_model,
-            whole_types,
-        )
-
-        if functions[0].im.startswith("sdi"):
-            warn(f"{file}: {STRENGTH}")
-        whole, partial = (
-            whole_types(result.functions) if result.functions[0].type else (result.functions, [])
-        )
-        warn(
-            *(
-                f"{file}: {name} is omitted, because some of its damage states have no function"
-                for name in partial
-            )
-        )
-        written = {file: fragility_model(whole, file.stem, request.states or ())}
-        written |= {other: vulnerability_model(whole, losses, file.stem) for other in beside}
-        write_files(written, overwrite=outputs.overwrite)
+    if openquake_files:
+        _write_openquake(request, result.functions, openquake_files)
 
     def draw(functions: Sequence[Fragility]) -> Figure:
         # The figures are imported here, because matplotlib is not needed without a figure.
@@ -296,6 +282,58 @@ def _fragility(request: Request) -> None:
     warn(*map(str, result.failures))
 
 
+def _openquake_files(request: Request) -> list[Path]:
+    """Return the path of the fragility model of OpenQuake, and of its vulnerability model.
+
+    The list is empty without --openquake. A vulnerability model is written only with --by type, and
+    if the damage states have loss ratios.
+    """
+    if not request.openquake:
+        return []
+    file = Path(request.openquake)
+    if request.by == "type" and _losses(Path(request.table)):
+        return [file, file.with_name(f"{file.stem}-vulnerability.xml")]
+    return [file]
+
+
+def _write_openquake(
+    request: Request, functions: Sequence[Fragility], files: Sequence[Path]
+) -> None:
+    """Write the fragility model and, if there are two files, the vulnerability model.
+
+    The models contain only types with a function for every damage state.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    functions : sequence of Fragility
+        Fitted functions in SI units.
+    files : sequence of Path
+        Paths of the fragility model and of the vulnerability model.
+    """
+    from tdint.output.tables.exports import (
+        STRENGTH,
+        fragility_model,
+        vulnerability_model,
+        whole_types,
+    )
+
+    file = files[0]
+    if functions[0].im.startswith("sdi"):
+        warn(f"{file}: {STRENGTH}")
+    incomplete: Sequence[str] = ()
+    if functions[0].type:
+        functions, incomplete = whole_types(functions)
+    for name in incomplete:
+        warn(f"{file}: {name} is omitted, because some of its damage states have no function")
+    contents = {file: fragility_model(functions, file.stem, request.states or ())}
+    if len(files) > 1:
+        losses = _losses(Path(request.table))
+        contents[files[1]] = vulnerability_model(functions, losses, file.stem)
+    write_files(contents, overwrite=request.outputs.overwrite)
+
+
 def _page(
     request: Request,
     result: FragilityResult,
@@ -315,19 +353,19 @@ def _page(
     draw : callable
         Function that draws the figure of functions.
     """
-    from tdint.output.page import Told
+    from tdint.output.page import PageText
     from tdint.output.study_report import fragility_page
     from tdint.output.summary import files_read
 
     # Page and figure have one unit: an acceleration is in g unless a unit was requested.
     if request.outputs.units is None:
         functions = [_in_g(function) for function in functions]
-    told = Told(
-        said=[f"{text[0].upper()}{text[1:]}." for text in result.notes],
+    page_text = PageText(
+        sentences=[f"{text[0].upper()}{text[1:]}." for text in result.notes],
         warnings=[*result.warnings, *result.disagreements, *map(str, result.failures)],
         inputs=files_read(),
     )
-    return fragility_page(functions, draw, request.table, told)
+    return fragility_page(functions, draw, request.table, page_text)
 
 
 def _in_g(function: Fragility) -> Fragility:
@@ -349,27 +387,29 @@ def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
 
 
 def _function_text(function: Fragility) -> str:
-    """Return a sentence with the median and the dispersion and their 95 % confidence intervals."""
-    name = f"{function.im or 'im'}"
-    subject = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
-    if function.damage == function.damage:
-        subject += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
+    """Return a sentence with the median and the dispersion and their 95 % confidence intervals.
+
+    Values that the function does not have are NaN and are omitted.
+    """
+    text = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
+    if not math.isnan(function.damage):
+        text += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
     unit = f" {function.unit}" if function.unit else ""
-    text = f"{subject}{function.fit}, median {name} {function.theta:.4g}{unit}"
-    if function.theta_error == function.theta_error:
+    text += f"{function.fit}, median {function.im or 'im'} {function.theta:.4g}{unit}"
+    if not math.isnan(function.theta_error):
+        # 95 % of a normal distribution are within 1.96 standard deviations. The standard error is
+        # the error of ln theta.
         factor = math.exp(1.96 * function.theta_error)
         text += f" (95 %: {function.theta / factor:.4g} to {function.theta * factor:.4g})"
+    elif function.extrapolated:
+        text += " (extrapolated)"
     else:
-        text += (
-            " (extrapolated)"
-            if function.extrapolated
-            else " (no confidence interval: it requires at least three ground motions)"
-        )
+        text += " (no confidence interval: it requires at least three ground motions)"
     text += f", beta {function.beta:.3f}"
-    if function.beta_error == function.beta_error:
+    if not math.isnan(function.beta_error):
         text += f" +- {1.96 * function.beta_error:.3f}"
     if function.modeling_dispersion:
         text += f", total beta {function.beta_total:.3f}"
-    return text + (
-        f"; {function.censored} of {function.runs} censored." if function.censored else "."
-    )
+    if function.censored:
+        text += f"; {function.censored} of {function.runs} censored"
+    return f"{text}."

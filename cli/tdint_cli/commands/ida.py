@@ -29,11 +29,14 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits, Units
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
-_OFF_BALANCE = 0.01  # energy error above which a run is reported, relative to the input energy
+_MAX_ENERGY_ERROR = 0.01  # energy error above which a run is reported, relative to the input energy
 
 
 class _Measure(Name):
-    """Intensity measure with levels, also of plug-ins; other measures are refused with a reason."""
+    """Option type of an intensity measure to which ground motions can be scaled.
+
+    Measures of plug-ins are included. Other measures are refused with a reason.
+    """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from tdint.campaign.intensity import scaling_obstacle
@@ -207,17 +210,18 @@ def command(request: IdaRequest) -> None:
         (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
     )
     measure = measure_at(request.im, request.damping, period)
-    # The maximum must have a unit of the same quantity as the intensity measure, which is in SI.
-    largest = request.max_im
-    if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
+    # The quantity of the maximum is correct if the SI unit of the measure is one of its units, with
+    # factor 1.
+    max_im = request.max_im
+    if max_im and GROUND_MOTION[max_im.quantity].get(measure.unit) != 1.0:
         raise UsageError(
-            f"--max-im {largest.text}: wrong unit for {measure.name}; specify the maximum in "
+            f"--max-im {max_im.text}: wrong unit for {measure.name}; specify the maximum in "
             f"{measure.unit}"
         )
     settings = IdaSettings(
         precision=request.precision,
         collapse_drift=request.collapse_drift,
-        max_im=largest.scale if largest else math.inf,
+        max_im=max_im.scale if max_im else math.inf,
         dt=request.dt,
         duration=request.duration,
         until_rest=request.until_rest,
@@ -231,11 +235,11 @@ def command(request: IdaRequest) -> None:
     # Read the mainshock that damages the building before the study, if it is specified.
     mainshock = None
     if request.after is not None and request.damage:
-        before = read_suite([request.after], request.choice, None)
-        if before.failures:
-            raise before.failures[0]
-        mainshock = Mainshock(tuple(before.records), request.damage)
-    with progress_bar(request.output is None) as tell:
+        mainshock_suite = read_suite([request.after], request.choice, None)
+        if mainshock_suite.failures:
+            raise mainshock_suite.failures[0]
+        mainshock = Mainshock(tuple(mainshock_suite.records), request.damage)
+    with progress_bar(request.output is None) as show_progress:
         study = ida(
             model,
             suite.motions,
@@ -245,16 +249,17 @@ def command(request: IdaRequest) -> None:
             pair=pair_measure(request.pairs),
             jobs=request.jobs or processors(),
             folder=folder,
-            progress=lambda done, of: tell(f"records {done}/{of}", done / of),
+            progress=lambda done, count: show_progress(f"records {done}/{count}", done / count),
             mainshock=mainshock,
             pair_demand=request.pair_demand or LARGER,
         )
     _report_pairs(request, study)
-    shown = study.in_units(units)
+    shown_study = study.in_units(units)
     if folder is None:
-        emit_table(tables.studies.capacity_table(shown))
-    _write(request, study, shown, settings, units, [str(error) for error in suite.failures])
-    _report(shown, request.precision)
+        emit_table(tables.studies.capacity_table(shown_study))
+    unused = [str(error) for error in suite.failures]
+    _write(request, study, shown_study, settings, units, unused)
+    _report(shown_study, request.precision)
     if suite.failures:
         raise Failures(suite.failures)
 
@@ -284,13 +289,14 @@ def _folder(request: IdaRequest) -> Path | None:
     pages = [Path(request.report)] if request.report else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else []), *pages]))
     # Files that an earlier call of this study has written may be replaced.
-    begun = folder / STORE if folder and is_there(folder / STORE) else None
-    check_outputs(outputs, overwrite=request.overwrite or begun is not None)
-    if begun and request.overwrite:
-        with locked(begun.parent):
-            remove_store(begun)
-    elif begun:
-        with open_written(begun) as store:
+    store_file = folder / STORE if folder and is_there(folder / STORE) else None
+    check_outputs(outputs, overwrite=request.overwrite or store_file is not None)
+    if store_file and request.overwrite:
+        with locked(store_file.parent):
+            remove_store(store_file)
+    elif store_file:
+        with open_written(store_file) as store:
+            # Other existing files must not be replaced.
             store.refuse_foreign(outputs)
     return folder
 
@@ -327,13 +333,11 @@ def _write(
 
     files: dict[Path, Content] = {}
     if request.output:
-        written = {
-            RUNS: tables.studies.ida_table(shown),
-            CAPACITIES: tables.studies.capacity_table(shown),
-        }
-        for name, table in written.items():
-            files[Path(request.output) / name] = table.in_units(units).csv()
-        said = {
+        runs_table = tables.studies.ida_table(shown)
+        capacities_table = tables.studies.capacity_table(shown)
+        files[Path(request.output) / RUNS] = runs_table.in_units(units).csv()
+        files[Path(request.output) / CAPACITIES] = capacities_table.in_units(units).csv()
+        summary_settings = {
             "model": inputs_summary([model_input(study.model)])[0],
             "method": study.method,
             "method_parameters": resolved(study.method),
@@ -341,13 +345,14 @@ def _write(
             "pairs": study.pair,
             **({"pair_demand": study.pair_demand} if study.partners else {}),
             **asdict(settings),
+            # The last threshold is the collapse drift.
             "thresholds": list(study.thresholds[:-1]),
             **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
             "collapse_drift": study.model.collapse_drift,
         }
         records = [record_summary(curve.record) for curve in study.states[0].curves]
-        meanings = {**written[RUNS].meanings, **written[CAPACITIES].meanings}
-        content = table_summary("ida", said, records, meanings)
+        meanings = {**runs_table.meanings, **capacities_table.meanings}
+        content = table_summary("ida", summary_settings, records, meanings)
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
@@ -380,19 +385,19 @@ def _page(request: IdaRequest, study: IdaStudy, settings: IdaSettings, unused: l
     unused : list of str
         Error messages of the records that could not be read.
     """
-    from tdint.output.page import Told, page_units
+    from tdint.output.page import PageText, page_units
     from tdint.output.study_report import ida_page
     from tdint.output.summary import files_read
 
     units = page_units(request.output_units or study.model.page_units)
     records = [curve.record for curve in study.states[0].curves]
     warnings = [f"{record.source}: {text}" for record in records for text in record.warnings]
-    told = Told(
-        warnings=[*unused, *warnings, *_doubts(study, request.precision)],
+    page_text = PageText(
+        warnings=[*unused, *warnings, *_reliability_warnings(study, request.precision)],
         head=study.model.page_head,
         inputs=files_read(),
     )
-    return ida_page(study.in_units(units), settings, told, units, damping=request.damping)
+    return ida_page(study.in_units(units), settings, page_text, units, damping=request.damping)
 
 
 def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
@@ -437,22 +442,22 @@ def _report(study: IdaStudy, precision: float) -> None:
         *map(_median, study.states),
     )
     # Report runs that required a smaller time step, and resurrections above the first collapse.
-    finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
-    if finer:
+    repeated = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
+    if repeated:
         note(
-            f"{pluralize(finer, 'run')} repeated with a smaller time step, because the first "
+            f"{pluralize(repeated, 'run')} repeated with a smaller time step, because the first "
             "time step gave no result"
         )
-    again = sum(curve.resurrection for curve in study.curves)
-    if again:
+    resurrections = sum(curve.resurrection for curve in study.curves)
+    if resurrections:
         note(
-            f"for {again} of {len(study.curves)} records the building survives an intensity "
-            "above its lowest collapse intensity (resurrection)"
+            f"for {resurrections} of {len(study.curves)} records the building survives an "
+            "intensity above its lowest collapse intensity (resurrection)"
         )
-    warn(*_doubts(study, precision))
+    warn(*_reliability_warnings(study, precision))
 
 
-def _doubts(study: IdaStudy, precision: float) -> list[str]:
+def _reliability_warnings(study: IdaStudy, precision: float) -> list[str]:
     """Return warnings about conditions that make the capacities less reliable.
 
     Parameters
@@ -463,27 +468,28 @@ def _doubts(study: IdaStudy, precision: float) -> list[str]:
         Maximum ratio of the upper to the lower limit of a capacity, minus 1, without a warning.
     """
     runs, warnings = [run for curve in study.curves for run in curve.runs], []
-    lost = sum(not (run.stable or run.collapsed) for run in runs)
-    if lost:
+    without_result = sum(not (run.stable or run.collapsed) for run in runs)
+    if without_result:
         warnings.append(
-            f"{lost} of {len(runs)} runs have no result, not even with a smaller time step; "
-            "they count neither as survival nor as collapse"
+            f"{without_result} of {len(runs)} runs have no result, not even with a smaller time "
+            "step; they count neither as survival nor as collapse"
         )
     capacities = [curve.collapse for curve in study.curves if not curve.collapse.censored]
-    wide = sum(
+    # The last factor allows for rounding. The condition also counts limits that are not numbers.
+    imprecise = sum(
         not capacity.upper <= capacity.lower * (1.0 + precision) * (1.0 + 1e-9)
         for capacity in capacities
     )
-    if wide:
+    if imprecise:
         warnings.append(
-            f"{wide} of {len(capacities)} capacities are known less precisely than "
+            f"{imprecise} of {len(capacities)} capacities are known less precisely than "
             f"{100.0 * precision:g} % (--precision)"
         )
-    off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
-    if off:
+    unbalanced = sum(abs(run.energy_error) > _MAX_ENERGY_ERROR for run in runs if run.stable)
+    if unbalanced:
         warnings.append(
-            f"the energy balance error of {off} of {len(runs)} runs exceeds 1 %; use a smaller "
-            "time step (--dt)"
+            f"the energy balance error of {unbalanced} of {len(runs)} runs exceeds 1 %; use a "
+            "smaller time step (--dt)"
         )
     return warnings
 
@@ -502,19 +508,19 @@ def _median(study: IdaStudy) -> str:
 
     curves = study.motion_curves
     count, unit, damage = len(curves), study.measure.unit, curves[0].damage
-    # A fractile above the largest intensity is NaN, which is not equal to itself.
-    low, middle, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
-    censored = sum(curve.collapse.censored for curve in curves)
-    capacity = (
-        f"{study.im_name} = {middle:.4g} {unit}"
-        if middle == middle
-        else "above the maximum intensity"
-    )
+    # A fractile above the maximum intensity is NaN.
+    low, median, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
     state = f" of the building damaged to a drift ratio of {100.0 * damage:g} %" if damage else ""
-    text = f"Median collapse capacity{state}: {capacity}"
-    if count > 1 and low == low and high == high:
+    text = f"Median collapse capacity{state}: "
+    if math.isnan(median):
+        text += "above the maximum intensity"
+    else:
+        text += f"{study.im_name} = {median:.4g} {unit}"
+    if count > 1 and not math.isnan(low) and not math.isnan(high):
         text += (
             f", 16 and 84 % fractiles {low:.4g} and {high:.4g} (by rank; `tdint fragility` "
             "reports a geometric mean instead)"
         )
-    return text + (f"; {censored} of {count} censored." if censored else ".")
+    if censored := sum(curve.collapse.censored for curve in curves):
+        text += f"; {censored} of {count} censored"
+    return f"{text}."

@@ -185,7 +185,8 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
 
     if request.export is None:
         return ()
-    file, told = _exported_files(request)
+    # A MiniSEED file contains all components, each as acceleration, velocity and displacement.
+    file, json_file = _exported_files(request)
     motions = [record for product in products for record in product.exported]
     summaries = [dict(summary) for product in products for summary in product.records]
     units, notes = SI, tuple[str, ...]()
@@ -199,9 +200,9 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
             )
         channels = channels_of(motions)
         content, notes = to_mseed(channels)
-        for summary, channel in zip(
-            summaries, channels[:: len(channels) // len(motions)], strict=True
-        ):
+        # The first channel of each component is its acceleration.
+        channels_per_motion = len(channels) // len(motions)
+        for summary, channel in zip(summaries, channels[::channels_per_motion], strict=True):
             summary["exported_as"] = channel.id
     elif len(motions) > 1:
         raise UsageError(
@@ -215,7 +216,9 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     # The descriptions of the columns are already in the output units.
     columns = {"columns": table.in_units(units).meanings}
     summary = in_units(table_summary("info", request.settings, summaries, {}), units) | columns
-    write_files({file: content, told: json_bytes(summary)}, overwrite=request.outputs.overwrite)
+    write_files(
+        {file: content, json_file: json_bytes(summary)}, overwrite=request.outputs.overwrite
+    )
     return notes
 
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 FILE = "building.yaml"
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
 _MOST_STORIES = 200
-_MAX_LISTED_MISFITS = 12  # misfits that are told
-_SHORTEST = 0.001
-"""Period of a building, s: shorter ones are slips of the pen."""
+_MAX_LISTED_MISFITS = 12  # maximum number of misfits in the message
+_MIN_PERIOD = 0.001
+"""Minimum period of a building, s; shorter periods are typing errors."""
 
 
 def _structures() -> list[str]:
@@ -37,9 +37,11 @@ def _weights(text: str) -> tuple[float, ...]:
     """Return the weights of the floors from a comma-separated list of NUMBER or COUNTxNUMBER."""
     weights: list[float] = []
     for word in text.split(","):
-        count, times, number = word.strip().rpartition("x")
+        count, x, number = word.strip().rpartition("x")
         # A weight without a count is the weight of one floor. Zero marks an invalid count.
-        floors = int(count) if count.isascii() and count.isdecimal() else 0 if times else 1
+        floors = 1
+        if x:
+            floors = int(count) if count.isascii() and count.isdecimal() else 0
         try:
             weight = float(number)
         except ValueError:
@@ -197,22 +199,21 @@ def _check(request: Request) -> None:
         or request.file.lower().endswith(".gz")
     ):
         raise UsageError(f"{request.file!r} is not a valid file name; use a name such as {FILE}")
-    if (
-        not request.file.isprintable()
-    ):  # This is also False if the name contains bytes that are not UTF-8.
+    # The name is also not printable if it contains bytes that are not UTF-8.
+    if not request.file.isprintable():
         raise UsageError(
             f"{request.file!a:.100}: the file name must be UTF-8 without control characters"
         )
-    if request.period is not None and not request.period >= _SHORTEST:
-        raise UsageError(f"--period must be from {_SHORTEST:g} to 100 s, got {request.period:g}")
+    if request.period is not None and not request.period >= _MIN_PERIOD:
+        raise UsageError(f"--period must be from {_MIN_PERIOD:g} to 100 s, got {request.period:g}")
     if request.motion and request.file == "-":
         raise UsageError(
             "--motion cannot be used with standard output (-), because it writes a second file; "
             "specify a file name, or omit --motion"
         )
     if request.structure is None:
-        of_weights = _CURVES if request.from_pushover else _WEIGHTS
-        refuse_idle(of_weights if request.weights else _EQUAL, MODES)
+        weights_mode = _CURVES if request.from_pushover else _WEIGHTS
+        refuse_idle(weights_mode if request.weights else _EQUAL, MODES)
         return
     refuse_idle(_TYPE, MODES)
     structures = _structures()
@@ -241,9 +242,9 @@ def _laws(request: Request) -> list[FittedLaw]:
         )
     fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
     worst = max(fits, key=lambda fit: fit.misfit)
-    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_MAX_LISTED_MISFITS]) + (
-        " ..." if len(fits) > _MAX_LISTED_MISFITS else ""
-    )
+    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_MAX_LISTED_MISFITS])
+    if len(fits) > _MAX_LISTED_MISFITS:
+        listed += " ..."
     say(
         f"Misfit of the stories (root mean square, divided by the maximum shear): {listed} %; "
         f"the maximum is {100.0 * worst.misfit:.2g} % in story {worst.story}."

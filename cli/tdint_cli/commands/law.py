@@ -87,32 +87,37 @@ def command(request: Request) -> None:
     damping ratio, energy / (4 pi secant stiffness drift^2 / 2).
     """
     if request.path is None and not request.drifts:
-        raise UsageError("no drifts are given; add --drift or --path")
+        raise UsageError("the imposed drifts are required; add --drift or --path")
     refuse_idle(_CYCLES if request.path is None else _PATH, MODES)
     if request.path == request.model == "-":
         raise UsageError("MODEL.yaml and --path cannot both be standard input; use a file for one")
     from tdint.analysis.static import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
 
-    each = request.cycles or 1
-    imposed = None if request.path is None else read_drift_path(request.path)
+    cycles_per_amplitude = request.cycles or 1
+    imposed_drifts = None if request.path is None else read_drift_path(request.path)
     building = load_model(request.model)
-    if imposed is None:
+    last_cycles: Sequence[Cycle] = ()
+    if imposed_drifts is None:
         test = cyclic_test(
             building,
             request.story,
             request.drifts or (),
-            cycles=each,
+            cycles=cycles_per_amplitude,
             points=request.points or _POINTS,
         )
+        # Report only the last cycle of each amplitude.
+        last_cycles = test.cycles[cycles_per_amplitude - 1 :: cycles_per_amplitude]
     else:
-        test = path_test(building, request.story, imposed, in_yield_drifts=request.units == "dy")
+        test = path_test(
+            building, request.story, imposed_drifts, in_yield_drifts=request.units == "dy"
+        )
     outputs = request.outputs.else_in(building.output_units)
-    shown = outputs.shown_units
+    units = outputs.shown_units
     outputs.deliver(
-        tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, shown)
+        tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, units)
     )
-    _report(test, test.cycles[each - 1 :: each] if request.path is None else (), shown)
+    _report(test, last_cycles, units)
 
 
 def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> None:
@@ -156,7 +161,7 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
     )
     rows = [tuple(header.split(","))]
     for cycle in cycles:
-        numbers = (
+        values = (
             units.of(cycle.amplitude, "m"),
             cycle.amplitude / test.height,
             cycle.amplitude / test.yield_drift,
@@ -168,7 +173,7 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
         rows.append(
             (
                 str(cycle.number),
-                *("-" if math.isnan(number) else f"{number:.4g}" for number in numbers),
+                *("-" if math.isnan(value) else f"{value:.4g}" for value in values),
             )
         )
     say_table(rows)

@@ -14,10 +14,10 @@ from tdint.system import processors
 from tdint_cli.campaigns import (
     Profiles,
     advance_with_bar,
-    carry_out,
     check_names,
+    execute_campaign,
+    report_outcomes,
     report_pairs,
-    tell_outcomes,
     warn_of_plan,
 )
 from tdint_cli.commands.run_request import Request
@@ -59,7 +59,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     # With a directory the runs are a campaign that can be resumed; otherwise the store is in
     # memory.
     if request.output is not None:
-        carry_out(plan, engine, request, show=True)
+        execute_campaign(plan, engine, request, show=True)
         return
     report_pairs(plan, request)
     check_limit_options(request.limit, request.require, plan.models)
@@ -71,15 +71,15 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         advance = advance_with_bar(plan, store, engine)
         emit_table(tables.campaign.runs_table(store).in_units(profiles.units))
         say(f"{pluralize(advance.done, 'run')}.")
-        tell_outcomes(store)
+        report_outcomes(store)
         picture = request.picture(None)
-        more: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
+        files: dict[Path, Content] = {picture: profiles.draw(picture)} if picture else {}
         if request.report:
-            more[Path(request.report)] = profiles.report(plan)
-        write_files(more, overwrite=request.overwrite)
-        unmet = profiles.tell()
-    if plan.failures or unmet:
-        raise Failures([*plan.failures, *unmet])
+            files[Path(request.report)] = profiles.report(plan)
+        write_files(files, overwrite=request.overwrite)
+        unmet_limits = profiles.report_results()
+    if plan.failures or unmet_limits:
+        raise Failures([*plan.failures, *unmet_limits])
 
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
@@ -96,14 +96,14 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     from tdint.campaign.motions import CampaignMotions, Scales
     from tdint.campaign.plan import make_plan
 
-    of_file = FactorsFile(request.factors) if request.factors is not None else None
-    table = read_factors(of_file) if of_file else None
+    factors_file = FactorsFile(request.factors) if request.factors is not None else None
+    table = read_factors(factors_file) if factors_file else None
     campaign = CampaignFile(
         name=model.name,
         source=model.source,
         buildings=ModelFiles((model.source,)),
         records=(record_files := RecordFiles(records, request.choice)),
-        intensity=of_file or Scales(request.scale or (1.0,)),
+        intensity=factors_file or Scales(request.scale or (1.0,)),
         analysis=AnalysisOverrides(request.method),
         settings=RunSettings(
             request.dt,

@@ -31,10 +31,10 @@ SUITES = ("each", "mean")
 PAIR = "rotd100"
 """Intensity measure of a pair. The matching requires derivatives, which are known for RotD100."""
 
-_WHOLE = 1.0
+_MAX_CHANGE = 1.0
 """Ratio of the change to the motion, above which a different seed motion is recommended."""
 
-_TWICE = 2.0
+_MAX_PGD_RATIO = 2.0
 """Ratio of the peak ground displacements, matched over seed, above which a warning is printed."""
 
 
@@ -191,11 +191,11 @@ def command(request: MatchRequest) -> None:
     )
     if request.suite == "mean":
         for number, target in enumerate(targets):
-            say(_of_mean([matched.by_damping[number] for matched in matches], target))
+            say(_mean_sentence([matched.by_damping[number] for matched in matches], target))
     above_max_misfit = [
-        f"{one.seed.source} {one.seed.component}"
-        for one in matches
-        if any(spectrum.largest_misfit > request.max_misfit for spectrum in one.by_damping)
+        f"{matched.seed.source} {matched.seed.component}"
+        for matched in matches
+        if any(spectrum.largest_misfit > request.max_misfit for spectrum in matched.by_damping)
     ]
     if suite.failures:
         raise Failures(suite.failures)
@@ -238,8 +238,11 @@ def _match_each(
     return [match_motion(number, motion) for number, motion in enumerate(motions)]
 
 
-def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
-    """Return a sentence with the misfit of the mean of a suite and its scatter before and after.
+def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
+    """Return a sentence with the misfit of the mean spectrum of a suite and with its scatter.
+
+    The scatter is the standard deviation of ln Sa over the motions, averaged over the periods,
+    before and after matching.
 
     Parameters
     ----------
@@ -250,10 +253,10 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     """
     import numpy as np
 
-    after, before = (
-        np.array([getattr(matched, name) for matched in matches]) for name in ("psa", "seed_psa")
-    )
-    misfit = np.abs(np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0)
+    # Rows: ground motions; columns: periods.
+    matched_psa = np.array([matched.psa for matched in matches])
+    seed_psa = np.array([matched.seed_psa for matched in matches])
+    misfit = np.abs(np.mean(matched_psa, axis=0) / target.at(matches[0].periods) - 1.0)
     text = (
         f"At {100.0 * matches[0].damping:g} % damping the mean spectrum of "
         f"{pluralize(len(matches), 'ground motion')} differs from the target by at most "
@@ -262,16 +265,21 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     # The scatter is defined for two or more motions.
     if len(matches) < 2:
         return f"{text}."
-    scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
+    seed_scatter, matched_scatter = (
+        float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (seed_psa, matched_psa)
+    )
     return (
-        f"{text}; standard deviation of ln Sa {scatter[0]:.3f} before matching, "
-        f"{scatter[1]:.3f} after."
+        f"{text}; standard deviation of ln Sa {seed_scatter:.3f} before matching, "
+        f"{matched_scatter:.3f} after."
     )
 
 
-def _misfit_warning(matched: Match, within: float) -> list[str]:
-    """Return the warning about a misfit at one damping ratio that exceeds the fraction `within`."""
-    if matched.largest_misfit <= within:
+def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
+    """Return the warning about a misfit at one damping ratio that exceeds `max_misfit`.
+
+    The list is empty if the misfit is not larger. Both misfits are fractions of the target.
+    """
+    if matched.largest_misfit <= max_misfit:
         return []
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
     return [
@@ -284,17 +292,18 @@ def _change_warnings(matched: Match) -> list[str]:
     """Return the warnings about a large change or a large ground displacement of a match."""
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
     warnings = []
-    if matched.change > _WHOLE:
+    if matched.change > _MAX_CHANGE:
         warnings.append(
             f"{subject}: the added wavelets are {matched.change:.2g} times as large as the "
             "ground motion itself; choose a record with a more similar spectrum"
         )
-    for part in matched.parts:
-        after, before = part.measures
-        if after.pgd > _TWICE * before.pgd:
-            subject = f"{part.seed.source} {part.seed.component}".rstrip()
+    # The components of a pair are compared one by one.
+    for component in matched.parts:
+        matched_measures, seed_measures = component.measures
+        if matched_measures.pgd > _MAX_PGD_RATIO * seed_measures.pgd:
+            subject = f"{component.seed.source} {component.seed.component}".rstrip()
             warnings.append(
                 f"{subject}: matching increases the peak ground displacement to "
-                f"{after.pgd / before.pgd:.2g} times its initial value"
+                f"{matched_measures.pgd / seed_measures.pgd:.2g} times its initial value"
             )
     return warnings

@@ -68,7 +68,7 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     if target is not None:
         _peaks(loaded, target, outputs)
         return
-    of_page, outputs = outputs.units or loaded.page_units, outputs.else_in(loaded.output_units)
+    page_units, outputs = outputs.units or loaded.page_units, outputs.else_in(loaded.output_units)
     building = assemble(loaded)
     modes = building.modes()
     matrix = building.damping_matrix()
@@ -89,15 +89,15 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     def page() -> bytes:
         """Return the page of --report."""
         from tdint.output.building_report import mode_page
-        from tdint.output.page import Told
+        from tdint.output.page import PageText
         from tdint.output.summary import files_read
 
-        record, unread = _record(loaded)
-        said = [f"{text[0].upper()}{text[1:]}." for text in (*notes, *unread)]
-        told = Told(said=said, head=loaded.page_head, inputs=files_read())
-        # The shapes are in the figure.
-        listed = tables.buildings.mode_table(modes, modes.own_damping(matrix))
-        return mode_page(loaded, listed, draw, told, of_page, record)
+        record, record_notes = _record(loaded)
+        sentences = [f"{text[0].upper()}{text[1:]}." for text in (*notes, *record_notes)]
+        page_text = PageText(sentences=sentences, head=loaded.page_head, inputs=files_read())
+        # The shapes are in the figure: omit their columns.
+        page_table = tables.buildings.mode_table(modes, modes.own_damping(matrix))
+        return mode_page(loaded, page_table, draw, page_text, page_units, record)
 
     outputs.deliver(table, draw, page=page)
     note(*notes)
@@ -146,9 +146,11 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     from tdint.analysis.spectra.modal import response_spectrum_analysis
     from tdint.model.building import assemble
 
-    of_page, outputs = outputs.units or model.page_units, outputs.else_in(model.output_units)
+    units_of_page = outputs.units or model.page_units
+    outputs = outputs.else_in(model.output_units)
     result, units = response_spectrum_analysis(model, target), outputs.shown_units
     warnings = []
+    # These modes are the last ones, because the modes are sorted by decreasing period.
     for count, text in (
         (result.rigid, "are rigid: the value of the target at 0 s is used"),
         (result.left_out, "are ignored: the target has no value at 0 s"),
@@ -160,23 +162,23 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
                 f"mass, {text}"
             )
     # State the damping of the spectrum, and that the damping of the model is not used.
-    damping, ratio = result.target.damping, assemble(model).first_mode()[1]
-    noted = (
-        "the target spectrum is used for all "
-        f"modes{f', with {100.0 * damping:g} % damping' if damping else ''}; "
+    damping, model_damping = result.target.damping, assemble(model).first_mode()[1]
+    damping_text = f", with {100.0 * damping:g} % damping" if damping else ""
+    damping_note = (
+        f"the target spectrum is used for all modes{damping_text}; the damping of the model, "
+        f"{100.0 * model_damping:.3g} % in the first mode, is ignored"
     )
-    noted += f"the damping of the model, {100.0 * ratio:.3g} % in the first mode, is ignored"
 
     def page() -> bytes:
         """Return the page of --report."""
         from tdint.output.building_report import modal_page
-        from tdint.output.page import Told, page_units
+        from tdint.output.page import PageText, page_units
         from tdint.output.summary import files_read
 
-        verdict = [(None, _peak_words(result, page_units(of_page)))]
-        said = [f"{noted[0].upper()}{noted[1:]}."]
-        told = Told(said, warnings, model.page_head, files_read(), verdict)
-        return modal_page(result, told, of_page)
+        verdict = [(None, _peak_sentence(result, page_units(units_of_page)))]
+        sentences = [f"{damping_note[0].upper()}{damping_note[1:]}."]
+        page_text = PageText(sentences, warnings, model.page_head, files_read(), verdict)
+        return modal_page(result, page_text, units_of_page)
 
     modes = tables.buildings.modal_share_table(result).in_units(units)
     outputs.deliver(
@@ -188,12 +190,12 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
         },
         page,
     )
-    say(_peak_words(result, units))
-    note(noted)
+    say(_peak_sentence(result, units))
+    note(damping_note)
     warn(*warnings)
 
 
-def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
+def _peak_sentence(result: ModalResponse, units: OutputUnits) -> str:
     """Return a sentence on the base shear and the roof displacement.
 
     Parameters
@@ -208,11 +210,13 @@ def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
         units.text(float(shear[0]), "N") for shear in (result.shear_cqc, result.shear_srss)
     )
     roof = units.text(float(result.displacement_cqc[-1]), "m")
+    # `base_shear` contains the base shear of each mode.
     share = 100.0 * result.base_shear[0] ** 2 / float((result.base_shear**2).sum())
-    return (
+    text = (
         f"{result.model.name}, linear with its initial stiffness, under "
-        f"{spectrum_text(result.target.source)}: "
-        f"base shear {cqc} by CQC, {srss} by SRSS; mode 1 contributes {share:.3g} % of the SRSS "
-        f"sum of squares; roof displacement {roof}."
-        + (" All modes are included (100 % of the mass)." if not result.left_out else "")
+        f"{spectrum_text(result.target.source)}: base shear {cqc} by CQC, {srss} by SRSS; mode 1 "
+        f"contributes {share:.3g} % of the SRSS sum of squares; roof displacement {roof}."
     )
+    if not result.left_out:
+        text += " All modes are included (100 % of the mass)."
+    return text

@@ -15,7 +15,7 @@ from tdint_cli.terminal import say, say_table
 if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import Overshoot
 
-_MOST_STEPS = 100_000  # rows of a history that can still be opened
+_MAX_STEPS = 100_000  # maximum number of steps; a table with more rows is difficult to open
 _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
 """Methods in the figure. A large time step exceeds the stability limit of central-difference."""
 
@@ -31,7 +31,7 @@ class Request(options.analysis.OscillatorRequest):
         help="Time step divided by the undamped period; 10 by default.",
     )
     steps: int = options.analysis.option(
-        type=Count(1, _MOST_STEPS), default=10, help="Number of time steps; 10 by default."
+        type=Count(1, _MAX_STEPS), default=10, help="Number of time steps; 10 by default."
     )
     law: str = options.analysis.option(
         type=click.Choice(["linear", "hardening", "softening"]),
@@ -72,6 +72,8 @@ def command(request: Request) -> None:
     integrators = options.analysis.integrators(request.methods)
     if request.law != "linear":
         integrators = options.analysis.for_nonlinear(integrators, request.law)
+    # For each method and damping ratio: the motions from an initial displacement and from an
+    # initial velocity.
     pairs = {
         (integrator, ratio): [
             overshoot(integrator, start, request.dt_over_t, request.steps, ratio, request.law)
@@ -85,18 +87,18 @@ def command(request: Request) -> None:
     request.outputs.deliver(
         tables.methods.overshoot_table(motions), lambda: figures.assessment.overshoot_picture(shown)
     )
-    several = len(request.damping) > 1
-    named = {
-        integrator.label + f", damping {ratio:g}" * several: pair
-        for (integrator, ratio), pair in pairs.items()
-    }
+    named_pairs = {}
+    for (integrator, ratio), pair in pairs.items():
+        damping_text = f", damping {ratio:g}" if len(request.damping) > 1 else ""
+        named_pairs[f"{integrator.label}{damping_text}"] = pair
     if request.law != "linear":
-        _say_largest(named)
+        _report_maxima(named_pairs)
     else:
-        _say_powers(named, [verdict(integrator, pair) for (integrator, _), pair in pairs.items()])
+        verdicts = [verdict(integrator, pair) for (integrator, _), pair in pairs.items()]
+        _report_powers(named_pairs, verdicts)
 
 
-def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
+def _report_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
     """Print the powers of omega dt in the first time step for each method.
 
     Parameters
@@ -128,7 +130,7 @@ def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
     say_table(rows)
 
 
-def _say_largest(pairs: dict[str, list[Overshoot]]) -> None:
+def _report_maxima(pairs: dict[str, list[Overshoot]]) -> None:
     """Print the maximum ratios of displacement and velocity to the exact motion.
 
     Parameters
@@ -143,21 +145,18 @@ def _say_largest(pairs: dict[str, list[Overshoot]]) -> None:
         ("method", "u from u0", "v from u0", "u from v0", "v from v0", "overshoots")
     ]
     for name, pair in pairs.items():
-        largest = [motion.largest for motion in pair]
-        beyond = {
-            quantity: max(values) > 1.0 + BEYOND
-            for quantity, values in zip(
-                ("displacement", "velocity"), zip(*largest, strict=True), strict=True
-            )
-        }
-        overshoots = (
-            " and ".join(quantity for quantity, exceeds in beyond.items() if exceeds) or "none"
-        )
-        first, second = (
-            ["unbounded" if math.isinf(value) else f"{value:.3g}" for value in both]
-            for both in largest
-        )
-        rows.append((name, *first, *second, overshoots))
+        # The maximum ratios of displacement and velocity of each motion.
+        maxima = [motion.largest for motion in pair]
+        overshooting = []
+        for i, quantity in enumerate(("displacement", "velocity")):
+            if max(ratios[i] for ratios in maxima) > 1.0 + BEYOND:
+                overshooting.append(quantity)
+        texts = [
+            "unbounded" if math.isinf(ratio) else f"{ratio:.3g}"
+            for ratios in maxima
+            for ratio in ratios
+        ]
+        rows.append((name, *texts, " and ".join(overshooting) or "none"))
     say("Maximum displacement and velocity, divided by the maxima of the exact motion:")
     say_table(rows)
 

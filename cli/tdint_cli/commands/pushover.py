@@ -71,7 +71,7 @@ def command(
 
     loaded = load_model(model)
     result = pushover(loaded, drift, pattern=pattern, points=points)
-    of_page = outputs.units or loaded.page_units
+    page_units = outputs.units or loaded.page_units
     outputs = outputs.else_in(loaded.output_units)
     options.analysis.warn_of(loaded)
     units = outputs.shown_units
@@ -80,27 +80,27 @@ def command(
         outputs.deliver(
             tables.buildings.pushover_table(result),
             lambda: figures.comparison.pushover_picture(result, units),
-            page=lambda: _page(result, (), of_page),
+            page=lambda: _page(result, (), page_units),
         )
-        say(_words(result, units))
+        say(_result_text(result, units))
         return
     from tdint.analysis.target_displacement import target_displacements
 
-    reached = tuple(target_displacements(result, target))
-    of_building = tables.buildings.target_building_table(reached).in_units(units)
+    targets = tuple(target_displacements(result, target))
+    building_table = tables.buildings.target_building_table(targets).in_units(units)
     outputs.deliver(
-        tables.buildings.target_table(reached),
-        lambda: figures.comparison.target_picture(reached, units),
-        lambda: of_building.as_summary("targets"),
-        lambda: _page(result, reached, of_page),
+        tables.buildings.target_table(targets),
+        lambda: figures.comparison.target_picture(targets, units),
+        lambda: building_table.as_summary("targets"),
+        lambda: _page(result, targets, page_units),
     )
-    say(_words(result, units))
-    for made in reached:
-        say(_reached(made, units))
-    warn(*(note for made in reached for note in made.notes))
+    say(_result_text(result, units))
+    for displacement in targets:
+        say(_target_sentence(displacement, units))
+    warn(*(note for displacement in targets for note in displacement.notes))
 
 
-def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: OutputUnits) -> bytes:
+def _page(result: Pushover, targets: Sequence[TargetDisplacement], units: OutputUnits) -> bytes:
     """Return the page of --report.
 
     The verdict lists the target displacements and the reasons for which one is not valid.
@@ -109,58 +109,63 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
     ----------
     result : Pushover
         The pushover curve.
-    reached : sequence of TargetDisplacement
+    targets : sequence of TargetDisplacement
         The target displacements; empty without --target.
     units : OutputUnits
         The units of the values.
     """
     from tdint.output.building_report import method_name, pushover_page
-    from tdint.output.page import Told, page_units
+    from tdint.output.page import PageText, page_units
     from tdint.output.summary import files_read
 
-    shown = page_units(units)
+    shown_units = page_units(units)
     verdict: list[tuple[bool | None, str]] = []
-    for made in reached:
+    for target in targets:
         roof = (
-            f"{method_name(made.method)}: target displacement of the roof "
-            f"{shown.text(made.roof_displacement, 'm')}"
+            f"{method_name(target.method)}: target displacement of the roof "
+            f"{shown_units.text(target.roof_displacement, 'm')}"
         )
-        reasons = (note.partition(": ")[2] for note in made.notes)
-        parts = [roof, *(f"{reason[:1].upper()}{reason[1:]}" for reason in reasons)]
-        verdict.append((False if made.notes else None, f"{'. '.join(parts)}."))
-    said = [*_words(result, shown).splitlines(), *(_reached(made, shown) for made in reached)]
-    told = Told(said, (), result.model.page_head, files_read(), verdict)
-    return pushover_page(result, reached, told, units)
+        # A note begins with the method, which the sentence already contains. A target displacement
+        # with a note is not valid.
+        reasons = (note.partition(": ")[2] for note in target.notes)
+        sentences = [roof, *(f"{reason[:1].upper()}{reason[1:]}" for reason in reasons)]
+        verdict.append((False if target.notes else None, f"{'. '.join(sentences)}."))
+    lines = _result_text(result, shown_units).splitlines()
+    lines += [_target_sentence(target, shown_units) for target in targets]
+    page_text = PageText(lines, (), result.model.page_head, files_read(), verdict)
+    return pushover_page(result, targets, page_text, units)
 
 
-def _reached(made: TargetDisplacement, units: OutputUnits) -> str:
+def _target_sentence(target: TargetDisplacement, units: OutputUnits) -> str:
     """Return a sentence on the target displacement of a method and the equivalent oscillator.
 
     Parameters
     ----------
-    made : TargetDisplacement
+    target : TargetDisplacement
         Target displacement and the properties of the equivalent oscillator.
     units : OutputUnits
         Units of the values in the text.
     """
-    factors = "C0 {:.4g}, C1 {:.4g}, C2 {:.4g}".format(made.participation, *made.factors)
-    if made.method == "n2":
+    if target.method == "n2":
         factors = (
-            f"participation factor {made.participation:.4g}, displacement amplification "
-            f"{made.factors[0]:.4g}"
+            f"participation factor {target.participation:.4g}, displacement amplification "
+            f"{target.factors[0]:.4g}"
         )
+    else:
+        c1, c2 = target.factors
+        factors = f"C0 {target.participation:.4g}, C1 {c1:.4g}, C2 {c2:.4g}"
     return (
-        f"{made.method}: roof displacement {units.text(made.roof_displacement, 'm')}, base shear "
-        f"{units.text(made.base_shear, 'N')}; T {made.period:.4g} s, Sa "
-        f"{units.text(made.spectral_acceleration, 'm/s^2')}, mass {units.text(made.mass, 'kg')}, "
-        f"idealized yield {units.text(made.yield_force, 'N')} at "
-        f"{units.text(made.yield_displacement, 'm')}, strength ratio {made.strength_ratio:.3g}, "
-        f"{factors}; maximum drift {units.text(float(made.drift.max()), 'm')} in story "
-        f"{int(made.drift.argmax()) + 1}."
+        f"{target.method}: roof displacement {units.text(target.roof_displacement, 'm')}, base "
+        f"shear {units.text(target.base_shear, 'N')}; T {target.period:.4g} s, Sa "
+        f"{units.text(target.spectral_acceleration, 'm/s^2')}, mass "
+        f"{units.text(target.mass, 'kg')}, idealized yield {units.text(target.yield_force, 'N')} "
+        f"at {units.text(target.yield_displacement, 'm')}, strength ratio "
+        f"{target.strength_ratio:.3g}, {factors}; maximum drift "
+        f"{units.text(float(target.drift.max()), 'm')} in story {int(target.drift.argmax()) + 1}."
     )
 
 
-def _words(result: Pushover, units: OutputUnits) -> str:
+def _result_text(result: Pushover, units: OutputUnits) -> str:
     """Return a sentence on the maximum base shear and a sentence on the last step.
 
     Parameters
@@ -176,12 +181,11 @@ def _words(result: Pushover, units: OutputUnits) -> str:
     text += units.text(result.roof_at_largest, "m")
     if not math.isnan(result.height):
         text += f" ({100.0 * result.roof_at_largest / result.height:.3g} % of the height)"
-    most = int(result.drift[last].argmax())
-    held = (
-        f"At the last step: base shear {units.text(result.base_shear[last], 'N')}"
-        if result.base_shear[last]
-        else "At the last step: base shear 0"
-    )
-    text += f".\n{held}; maximum drift {units.text(result.drift[last, most], 'm')} in story "
-    text += f"{most + 1}."
-    return text + (f" Stopped: {result.ended}." if result.ended else "")
+    story = int(result.drift[last].argmax())
+    last_shear = result.base_shear[last]
+    shear_text = units.text(last_shear, "N") if last_shear else "0"
+    text += f".\nAt the last step: base shear {shear_text}; maximum drift "
+    text += f"{units.text(result.drift[last, story], 'm')} in story {story + 1}."
+    if result.ended:
+        text += f" Stopped: {result.ended}."
+    return text

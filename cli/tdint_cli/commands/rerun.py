@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, chdir, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -45,14 +45,14 @@ TABLES = (".csv", ".csv.gz", ".parquet")
 JSON = (".json", ".geojson")
 """Suffixes of files that are compared value by value."""
 
-OF_STORE = ("-wal", "-shm", "-journal", ".lock")
+STORE_SUFFIXES = ("-wal", "-shm", "-journal", ".lock")
 """Suffixes of the files that exist while the store of a campaign is open; they have no results."""
 
 STORE = Path("campaign.sqlite")
 """Name of the store of a campaign, which lists the files that were exported from it. Stores with
 this suffix are compared run by run."""
 
-SHOWN = 1000
+MAX_SHOWN = 1000
 """Maximum number of rows of the table of differences; a response history can have millions."""
 
 
@@ -107,91 +107,144 @@ def command(request: Request) -> None:
     start programs, require --trust. Only recorded options are accepted: --dask, --jobs and other
     options that specify where or how a command runs are refused.
     """
-    told = _Told.read(request.file)
-    folder = told.folder()
-    # Compare the SHA-256 of input files before the run. Members of archives and standard input are
-    # compared after the run.
-    digests = {
-        name: digest_of(folder / name)
-        for name in told.inputs
-        if name != STDIN and is_file(folder / name)
-    }
-    others = {
-        name: _otherwise(name, told.inputs[name], now)
-        for name, now in digests.items()
-        if now != told.inputs[name]
-    }
-    # The command line must not open or execute a file that the recorded run did not read. The JSON
-    # file of one record of several lists only this record, so that only code is checked.
-    read = [os.path.realpath(folder / name) for name in told.inputs]
-    for name in told.code if told.is_folder and told.file.name != SUMMARY else told.files:
-        file = os.path.realpath(folder / name)
-        if is_file(file) and not any(
-            path == file or path.startswith(file + os.sep) for path in read
-        ):
-            others[name] = _otherwise(name, None, file)
-    _judge_inputs(others, request.changed)
-    missing = [name for name in told.code if not is_file(folder / name)]
-    if missing:
-        raise UsageError(
-            f"{', '.join(missing)}: plug-in of {told.file} not found in {folder}; run `tdint "
-            "rerun` in the directory that contains it"
-        )
-    if told.code and not request.trust:
-        named = ", ".join(f"{name} (SHA-256 {digest_of(folder / name)})" for name in told.code)
-        raise UsageError(
-            f"{told.file}: the command executes the Python code of {named}; read the code, then "
-            "add --trust"
-        )
+    recorded = _RecordedCommand.read(request.file)
+    folder = recorded.folder()
+    changes = _check_inputs(recorded, folder, request.changed)
+    _check_plugins(recorded, folder, request.trust)
     with ExitStack() as stack:
         # Outputs are written to the directory of -o, or to a temporary directory.
         if request.output is None:
-            place = Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
+            new_folder = Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
         else:
-            place = Path(request.output).absolute()
-            if is_there(place) and (not is_folder(place) or any(place.iterdir())):
+            new_folder = Path(request.output).absolute()
+            if is_there(new_folder) and (not is_folder(new_folder) or any(new_folder.iterdir())):
                 raise OutputError(f"-o {request.output}: must be a new or an empty directory")
-        moved = _Elsewhere(place, told, folder)
+        outputs = _NewOutputs(new_folder, recorded, folder)
         stack.callback(TRUSTED.reset, TRUSTED.set(request.trust))
-        code = _carry_out(told.arguments, folder, moved)
-        if told.export and is_file(moved.summary):
-            at = _place_of_folder(told)
-            again_there = [*told.export[:at], str(moved.now), *told.export[at + 1 :]]
-            code = code or _carry_out(again_there, folder, moved)
-        if not is_file(moved.summary):
-            if not code:
+        exit_code = _run_command(recorded.arguments, folder, outputs)
+        # The export of a campaign is a second command, on the new directory of the campaign.
+        if recorded.export and is_file(outputs.summary):
+            index = _index_of_folder(recorded)
+            export = [*recorded.export]
+            export[index] = str(outputs.now)
+            exit_code = exit_code or _run_command(export, folder, outputs)
+        if not is_file(outputs.summary):
+            if not exit_code:
                 raise UsageError(
-                    f"{told.file}: the command writes no file with this name; restore the original "
-                    "file name"
+                    f"{recorded.file}: the command writes no file with this name; restore the "
+                    "original file name"
                 )
-            raise click.exceptions.Exit(code)
-        # Find inputs and plug-ins that have changed, or that only one of the two runs has read.
-        again = _Told.read(str(moved.summary))
-        then, today = ({**run.inputs, **run.plugins} for run in (told, again))
-        names = sorted(
-            name for name in {*then, *today} - {*others} if then.get(name) != today.get(name)
-        )
-        _judge_inputs(
-            {name: _otherwise(name, then.get(name), today.get(name)) for name in names},
-            request.changed,
-        )
-        # The version of tdint also identifies its sources.
-        for name in dict.fromkeys((*told.versions, *again.versions)):
-            before, now = told.versions.get(name), again.versions.get(name)
-            if name != "sources" and before != now:
-                note(f"version of {name}: recorded {before or 'none'}, now {now or 'none'}")
-        same = _compare(told, again, moved)
+            raise click.exceptions.Exit(exit_code)
+        repeated = _RecordedCommand.read(str(outputs.summary))
+        _check_provenance(recorded, repeated, changes, request.changed)
+        is_same = _compare(recorded, repeated, outputs)
         # Only the failure of a run is recorded, with its status: this run must fail again.
-        failed_then = told.content.get("status") not in (None, "done")
-    if code and not (failed_then and same):
-        complain(f"Error: {told.file}: the command failed, with exit code {code}")
-        raise click.exceptions.Exit(code)
-    if not same:
-        raise AnalysisError(f"{told.file}: the results differ from the stored results")
+        failed_before = recorded.content.get("status") not in (None, "done")
+    if exit_code and not (failed_before and is_same):
+        complain(f"Error: {recorded.file}: the command failed, with exit code {exit_code}")
+        raise click.exceptions.Exit(exit_code)
+    if not is_same:
+        raise AnalysisError(f"{recorded.file}: the results differ from the stored results")
+
+
+def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> dict[str, str]:
+    """Compare the SHA-256 of the input files with the recorded values, before the run.
+
+    Members of archives and standard input are compared after the run.
+
+    Parameters
+    ----------
+    recorded : _RecordedCommand
+        Recorded command.
+    folder : Path
+        Directory in which the command is repeated.
+    changed : bool
+        Allow changed inputs, with a warning for each.
+
+    Returns
+    -------
+    dict of str to str
+        Message about each changed input, by its name.
+
+    Raises
+    ------
+    UsageError
+        An input has changed, and `changed` is False.
+    """
+    changes: dict[str, str] = {}
+    for name, digest in recorded.inputs.items():
+        if name != STDIN and is_file(folder / name):
+            current_digest = digest_of(folder / name)
+            if current_digest != digest:
+                changes[name] = _change_text(name, digest, current_digest)
+    # The command line must not open or execute a file that the recorded run did not read. The JSON
+    # file of one record of several lists only this record, so that only code is checked.
+    is_one_of_several = recorded.is_folder and recorded.file.name != SUMMARY
+    inputs = [os.path.realpath(folder / name) for name in recorded.inputs]
+    for name in recorded.code if is_one_of_several else recorded.files:
+        file = os.path.realpath(folder / name)
+        # An input may be a member of an archive: its path then begins with the archive.
+        is_recorded_input = any(path == file or path.startswith(file + os.sep) for path in inputs)
+        if is_file(file) and not is_recorded_input:
+            changes[name] = _change_text(name, None, file)
+    _refuse_changes(changes, changed)
+    return changes
+
+
+def _check_plugins(recorded: _RecordedCommand, folder: Path, trust: bool) -> None:
+    """Raise UsageError if a plug-in is missing, or if the command has plug-ins without --trust."""
+    missing = [name for name in recorded.code if not is_file(folder / name)]
+    if missing:
+        raise UsageError(
+            f"{', '.join(missing)}: plug-in of {recorded.file} not found in {folder}; run `tdint "
+            "rerun` in the directory that contains it"
+        )
+    if recorded.code and not trust:
+        files = ", ".join(f"{name} (SHA-256 {digest_of(folder / name)})" for name in recorded.code)
+        raise UsageError(
+            f"{recorded.file}: the command executes the Python code of {files}; read the code, "
+            "then add --trust"
+        )
+
+
+def _check_provenance(
+    recorded: _RecordedCommand,
+    repeated: _RecordedCommand,
+    known_changes: Collection[str],
+    changed: bool,
+) -> None:
+    """Report the differences of inputs, plug-ins and versions between two runs.
+
+    Parameters
+    ----------
+    recorded, repeated : _RecordedCommand
+        The JSON file as it was stored, and as it is written now.
+    known_changes : collection of str
+        Names of the changed inputs that are already reported.
+    changed : bool
+        Allow changed inputs, with a warning for each.
+
+    Raises
+    ------
+    UsageError
+        An input or a plug-in has changed, or only one of the two runs has read it.
+    """
+    before, now = ({**run.inputs, **run.plugins} for run in (recorded, repeated))
+    changes = {
+        name: _change_text(name, before.get(name), now.get(name))
+        for name in sorted({*before, *now} - {*known_changes})
+        if before.get(name) != now.get(name)
+    }
+    _refuse_changes(changes, changed)
+    # The digest of the sources is omitted, because the version of tdint also identifies them.
+    for name in dict.fromkeys((*recorded.versions, *repeated.versions)):
+        version, new_version = recorded.versions.get(name), repeated.versions.get(name)
+        if name != "sources" and version != new_version:
+            note(f"version of {name}: recorded {version or 'none'}, now {new_version or 'none'}")
 
 
 @dataclass(frozen=True)
-class _Told:
+class _RecordedCommand:
     """The recorded command in the JSON file of a table.
 
     Attributes
@@ -213,7 +266,7 @@ class _Told:
     versions : dict
         Versions of tdint and of the packages that it computes with.
     plugins : dict
-        SHA-256 of the files of plug-ins, by what they define.
+        SHA-256 of the files of plug-ins, by the name of the method or law that they define.
     export : sequence of str
         The command line of the export of a campaign that wrote the file last; empty without export.
     files : sequence of str
@@ -236,7 +289,7 @@ class _Told:
     code: Sequence[str]
 
     @classmethod
-    def read(cls, name: str) -> _Told:
+    def read(cls, name: str) -> _RecordedCommand:
         """Read a JSON file, or the summary in a directory.
 
         Parameters
@@ -249,53 +302,39 @@ class _Told:
         UsageError
             The file is not from tdint, or contains no command line that writes a table.
         """
-        from tdint.output.summary import told_of
+        from tdint.output.summary import stored_summary
 
         file = Path(name) / SUMMARY if is_folder(name) else Path(name)
         if not is_file(file):
             raise UsageError(f"{file}: file not found; specify the JSON file of a table")
-        content = told_of(file)
+        content = stored_summary(file)
         if not content:
             raise UsageError(f"{file}: must be a JSON file that tdint wrote with a table")
-        command, given = _parsed(file, content.get("arguments"))
+        command, values = _parsed(file, content.get("arguments"))
         arguments = content["arguments"]
-        named = next(
-            (
-                item
-                for item in command.params
-                if isinstance(item.type, FileName) and item.type.tables
-            ),
-            None,
-        )
-        if named is None:
+        output_types = [item.type for item in command.params if isinstance(item.type, FileName)]
+        output_type = next((item for item in output_types if item.tables), None)
+        if output_type is None:
             raise UsageError(
                 f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}"
             )
-        output = given.get("output")
+        output = values.get("output")
         if not isinstance(output, str) or output == STDIN:
             raise UsageError(f"{file}: `arguments` have no -o: {' '.join(arguments)}")
         # The export of a campaign is a second command line.
-        export, both = content.get("export", ()), [(command, given)]
+        export, command_lines = content.get("export", ()), [(command, values)]
         if export:
-            both.append(_parsed(file, export))
-            if (
-                command.name != "campaign"
-                or export[0] != "campaign"
-                or _words(both[1][1], "words")[:1] != ["export"]
-            ):
+            export_command, export_values = _parsed(file, export)
+            command_lines.append((export_command, export_values))
+            action = _texts(export_values, "words")[:1]
+            if command.name != "campaign" or export[0] != "campaign" or action != ["export"]:
                 raise UsageError(
                     f"{file}: `export` must be a command line of `tdint campaign export`"
                 )
-        if any("\0" in word for words in (arguments, export) for word in words):
+        if any("\0" in word for word in (*arguments, *export)):
             raise UsageError(
                 f"{file}: the command line contains a null character, which no file name can have"
             )
-        # The file of a table has a suffix. A directory may have been given without a / at its end
-        # if it existed.
-        whole = Path(output).parts
-        within = file.absolute().parent.parts[-len(whole) :] == whole if whole else False
-        only = isinstance(named.type, FileName) and named.type.kind == "dir"
-        to_folder = only or within or output.endswith(("/", os.sep)) or not Path(output).suffix
         try:
             inputs = {
                 str(source["file"]): str(source["sha256"]) for source in content.get("inputs", ())
@@ -304,21 +343,20 @@ class _Told:
             plugins = dict(versions.pop("plugins", {}))
         except (LookupError, TypeError, ValueError):
             raise UsageError(f"{file}: must be a JSON file that tdint wrote with a table") from None
-        files = [name for line in both for name in _files(*line)]
-        code = list(dict.fromkeys(name for _, line in both for name in _words(line, "plugins")))
+        code = [name for _, values in command_lines for name in _texts(values, "plugins")]
         return cls(
             file,
             content,
             arguments,
             command,
             output,
-            to_folder,
+            output_type.kind == "dir" or _is_folder_name(output, file),
             inputs,
             versions,
             plugins,
             export,
-            files,
-            code,
+            files=[name for line in command_lines for name in _files(*line)],
+            code=list(dict.fromkeys(code)),
         )
 
     @property
@@ -337,21 +375,37 @@ class _Told:
         UsageError
             An input is not found in either directory.
         """
-        typed = Path(self.output) if self.is_folder else Path(self.output).parent
-        here = self.file.absolute().parent
-        above = Path(*here.parts[: len(here.parts) - len(typed.parts)])
-        # The original working directory cannot be found from a file that was moved.
-        from_there = not typed.is_absolute() and ".." not in typed.parts and above / typed == here
-        places = [above, Path.cwd()] if from_there else [Path.cwd()]
-        missing = [name for name in self.inputs if not _is_there(places[0], name)]
-        for place in places:
-            if all(_is_there(place, name) for name in self.inputs):
-                return place
-        looked = " and ".join(dict.fromkeys(str(place) for place in places))
+        # If the relative directory of -o is the end of the path of the file, the beginning of the
+        # path is the original working directory. Otherwise the file was moved.
+        output_folder = Path(self.output) if self.is_folder else Path(self.output).parent
+        file_folder = self.file.absolute().parent
+        beginning = file_folder.parts[: len(file_folder.parts) - len(output_folder.parts)]
+        original = Path(*beginning)
+        is_relative = not output_folder.is_absolute() and ".." not in output_folder.parts
+        candidates = [Path.cwd()]
+        if is_relative and original / output_folder == file_folder:
+            candidates.insert(0, original)
+        for candidate in candidates:
+            if all(_is_there(candidate, name) for name in self.inputs):
+                return candidate
+        missing = next(name for name in self.inputs if not _is_there(candidates[0], name))
+        searched = " and ".join(dict.fromkeys(map(str, candidates)))
         raise UsageError(
-            f"{missing[0]}: input of {self.file} not found in {looked}; run `tdint rerun` in the "
+            f"{missing}: input of {self.file} not found in {searched}; run `tdint rerun` in the "
             "original working directory"
         )
+
+
+def _is_folder_name(output: str, file: Path) -> bool:
+    """Return True if the value of -o is a directory; `file` is the JSON file of the command.
+
+    The file of a table has a suffix. A directory with a suffix ends with a slash, unless it existed
+    before the command; the JSON file is then in this directory.
+    """
+    if output.endswith(("/", os.sep)) or not Path(output).suffix:
+        return True
+    parts = Path(output).parts
+    return bool(parts) and file.absolute().parent.parts[-len(parts) :] == parts
 
 
 def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
@@ -368,8 +422,8 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
     -------
     command : Command
         The command.
-    given : dict
-        The text of each parameter that is specified.
+    values : dict
+        The text of each parameter that is specified, or a list of texts.
 
     Raises
     ------
@@ -397,12 +451,12 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
     parser = command.make_parser(
         click.Context(command, info_name=arguments[0], resilient_parsing=True)
     )
-    given, _, typed = parser.parse_args(with_named_files(arguments[1:], flags))
+    values, _, parameters = parser.parse_args(with_named_files(arguments[1:], flags))
     # The author of the file must not control where or how a command runs on this machine.
     refused = [
-        "/".join(option.opts)
-        for option in typed
-        if isinstance(option, click.Option) and not is_recorded(option)
+        "/".join(parameter.opts)
+        for parameter in parameters
+        if isinstance(parameter, click.Option) and not is_recorded(parameter)
     ]
     if refused:
         raise UsageError(
@@ -410,41 +464,41 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
             "tdint does not record: the file was changed after it was written; remove the option "
             "from the file"
         )
-    return command, given
+    return command, values
 
 
-def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:
+def _files(command: click.Command, values: Mapping[str, Any]) -> Iterator[str]:
     """Yield the values on a command line for files that are read.
 
     Parameters
     ----------
     command : click.Command
         Command of the command line.
-    given : mapping
+    values : mapping
         Values of the parameters of the command line, by parameter name.
     """
     for item in command.params:
         if isinstance(item.type, SampleUnitsType) or (
             isinstance(item.type, FileName) and not item.type.written
         ):
-            yield from _words(given, item.name or "")
+            yield from _texts(values, item.name or "")
 
 
-def _words(given: Mapping[str, Any], name: str) -> list[str]:
+def _texts(values: Mapping[str, Any], name: str) -> list[str]:
     """Return the texts of a parameter, which may be repeated; empty if it is not specified.
 
     click represents a missing value by a special object, which is not text.
 
     Parameters
     ----------
-    given : mapping
+    values : mapping
         Values of the parameters of the command line, by parameter name.
     name : str
         Name of the parameter.
     """
-    value = given.get(name)
-    values = value if isinstance(value, list | tuple) else [value]
-    return [word for word in values if isinstance(word, str)]
+    value = values.get(name)
+    items = value if isinstance(value, list | tuple) else [value]
+    return [item for item in items if isinstance(item, str)]
 
 
 def _is_there(folder: Path, name: str) -> bool:
@@ -461,14 +515,25 @@ def _is_there(folder: Path, name: str) -> bool:
 
 
 @dataclass
-class _Elsewhere:
-    """Replacement paths of the outputs of a command line, and the files to compare."""
+class _NewOutputs:
+    """Replacement paths of the outputs of a command line, and the files to compare.
 
-    place: Path
-    told: _Told
+    Attributes
+    ----------
+    new_folder : Path
+        Directory of all replacements.
+    recorded : _RecordedCommand
+        Recorded command.
+    folder : Path
+        Working directory of the command.
+    others : list of (str, str)
+        Outputs other than -o: the original name and the replacement.
+    """
+
+    new_folder: Path
+    recorded: _RecordedCommand
     folder: Path
     others: list[tuple[str, str]] = field(default_factory=list)
-    """Outputs other than -o: the original name and the replacement."""
 
     def __call__(self, parameter: str, name: str, folder: bool) -> str:
         """Return the replacement for the name of an output.
@@ -487,70 +552,73 @@ class _Elsewhere:
         str
             The value of -o in the new directory; other outputs are in separate subdirectories.
         """
-        end = os.sep if folder else ""
+        # click can convert a value twice: a replacement is not replaced again.
         if parameter == "output":
-            instead = self.place / _last(name)
-            return (
-                name
-                if Path(name) == instead
-                else f"{instead}{os.sep if self.told.is_folder else ''}"
-            )
-        if name not in [
-            moved for _, moved in self.others
-        ]:  # a value can occur twice, as the original and as the replacement
-            self.others.append((name, f"{self._apart / str(len(self.others)) / _last(name)}{end}"))
-            return self.others[-1][1]
-        return name
+            replacement = self.new_folder / _last_part(name)
+            if Path(name) == replacement:
+                return name
+            return f"{replacement}{os.sep if self.recorded.is_folder else ''}"
+        if name in [replacement for _, replacement in self.others]:
+            return name
+        path = self._others_folder / str(len(self.others)) / _last_part(name)
+        self.others.append((name, f"{path}{os.sep if folder else ''}"))
+        return self.others[-1][1]
 
     @property
-    def _apart(self) -> Path:
-        return self.place / "others"
+    def _others_folder(self) -> Path:
+        """The directory of the outputs other than -o."""
+        return self.new_folder / "others"
 
     @property
     def now(self) -> Path:
         """The directory that now contains the files that were next to the JSON file."""
-        return self.place / _last(self.told.output) if self.told.is_folder else self.place
+        if self.recorded.is_folder:
+            return self.new_folder / _last_part(self.recorded.output)
+        return self.new_folder
 
     @property
     def summary(self) -> Path:
         """The JSON file of the repeated command."""
-        return self.now / self.told.file.name
+        return self.now / self.recorded.file.name
 
     def files(self) -> Iterator[tuple[str, Path, Path]]:
         """Yield each file that was written: name, original path and new path."""
-        places = [(self.now, self.told.file.absolute().parent)]
-        places += [
-            (Path(moved).parent, (self.folder / typed).parent) for typed, moved in self.others
-        ]
-        for now, before in places:
-            for file in sorted(now.rglob("*")):
-                apart = now == self.place and self._apart in file.parents
-                if is_file(file) and not file.name.endswith(OF_STORE) and not apart:
-                    name = file.relative_to(now)
-                    yield str(name), before / name, file
+        # Each new directory with the original directory.
+        folders = [(self.now, self.recorded.file.absolute().parent)]
+        for original, replacement in self.others:
+            folders.append((Path(replacement).parent, (self.folder / original).parent))
+        for new_folder, original_folder in folders:
+            for file in sorted(new_folder.rglob("*")):
+                # The directory of -o may contain the directory of the other outputs.
+                is_other = new_folder == self.new_folder and self._others_folder in file.parents
+                if is_file(file) and not file.name.endswith(STORE_SUFFIXES) and not is_other:
+                    name = file.relative_to(new_folder)
+                    yield str(name), original_folder / name, file
 
 
-def _last(name: str) -> str:
+def _last_part(name: str) -> str:
     """Return the last part of a path; 'output' for . and .., which have no name."""
     last = Path(name).name
     return "output" if last in ("", "..") else last
 
 
-def _place_of_folder(told: _Told) -> int:
+def _index_of_folder(recorded: _RecordedCommand) -> int:
     """Return the index of the campaign directory in the command line of its export.
 
-    Other arguments may be equal to it, for example in `export export`.
+    Other arguments may be equal to it, for example in `export export`. Each argument is therefore
+    replaced by a null character, until the parser reports this character as the directory.
     """
-    for place in range(1, len(told.export)):
-        marked = [*told.export[:place], "\0", *told.export[place + 1 :]]
-        if _words(_parsed(told.file, marked)[1], "words")[1:] == ["\0"]:
-            return place
+    for index in range(1, len(recorded.export)):
+        marked = [*recorded.export]
+        marked[index] = "\0"
+        if _texts(_parsed(recorded.file, marked)[1], "words")[1:] == ["\0"]:
+            return index
     raise UsageError(
-        f"{told.file}: `export` must contain exactly one directory: {' '.join(told.export)}"
+        f"{recorded.file}: `export` must contain exactly one directory: {' '.join(recorded.export)}"
     )
 
 
-def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int:
+def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -> int:
     """Run a command line in its directory with replaced outputs and return its exit code.
 
     Parameters
@@ -559,14 +627,14 @@ def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int
         Words of the command line after `tdint`.
     folder : Path
         Working directory of the command.
-    moved : _Elsewhere
+    outputs : _NewOutputs
         Replacement paths of the outputs.
     """
     settings = current()
-    before = ELSEWHERE.set(moved)
+    before = ELSEWHERE.set(outputs)
     say(f"tdint {' '.join(arguments)}")
     try:
-        with chdir(folder), Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
+        with chdir(folder), Path(os.devnull).open("w") as null_device, redirect_stdout(null_device):
             click.get_current_context().find_root().command.main(
                 list(arguments), "tdint", obj=Settings(debug=settings.debug, quiet=settings.quiet)
             )
@@ -574,107 +642,111 @@ def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int
         code = end.code if isinstance(end.code, int) else 1
     finally:
         ELSEWHERE.reset(before)
-    if code >= 128:  # a signal
+    # Exit codes from 128 are those of signals.
+    if code >= 128:
         raise click.exceptions.Exit(code)
     return code
 
 
-def _judge_inputs(others: Mapping[str, str], changed: bool) -> None:
+def _refuse_changes(changes: Mapping[str, str], changed: bool) -> None:
     """Raise UsageError for changed inputs, or print a warning for each with --changed.
 
     Parameters
     ----------
-    others : mapping of str to str
+    changes : mapping of str to str
         Messages about the changed inputs, by name of the input.
     changed : bool
         True with --changed, which allows changed inputs.
     """
-    if others and not changed:
-        raise UsageError("\n".join([*others.values(), "add --changed to use the changed inputs"]))
-    warn(*others.values())
+    if changes and not changed:
+        raise UsageError("\n".join([*changes.values(), "add --changed to use the changed inputs"]))
+    warn(*changes.values())
 
 
-def _otherwise(name: str, then: str | None, now: str | None) -> str:
+def _change_text(name: str, before: str | None, now: str | None) -> str:
     """Return a message about a changed input.
 
     Parameters
     ----------
     name : str
         Name of the input.
-    then : str or None
+    before : str or None
         SHA-256 of the input in the recorded run; None if the recorded run did not read it.
     now : str or None
-        Present SHA-256 of the input; None if it is not read now. If `then` is None, any nonempty
+        Present SHA-256 of the input; None if it is not read now. If `before` is None, any nonempty
         text has the same effect.
     """
-    if then is None or now is None:
+    if before is None or now is None:
         return (
-            f"{name}: was {'not ' if then is None else ''}read by the recorded command, and is "
+            f"{name}: was {'not ' if before is None else ''}read by the recorded command, and is "
             f"{'' if now else 'not '}read now"
         )
-    return f"{name}: has changed (SHA-256 recorded {then[:12]}..., now {now[:12]}...)"
+    return f"{name}: has changed (SHA-256 recorded {before[:12]}..., now {now[:12]}...)"
 
 
-def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
+def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _NewOutputs) -> bool:
     """Compare all files that the command has written, and how a run ended.
 
     Parameters
     ----------
-    told, now : _Told
+    recorded, repeated : _RecordedCommand
         The JSON file as it was stored, and as it is written now.
-    moved : _Elsewhere
+    outputs : _NewOutputs
         The files that are written now.
 
     Returns
     -------
     bool
-        True if all of them are the same, or equal within rounding.
+        True if all files are the same, or equal within rounding, and the runs end equally.
     """
-    measured = tables.methods.MEASURED if told.command.name == "chart" else ()
-    same = True
+    measured = tables.methods.MEASURED if recorded.command.name == "chart" else ()
+    is_same = True
     shown: list[Difference] = []
-    written = list(moved.files())
-    results = [before for _, before, _ in written if before != told.file.absolute()]
-    for name, before, file in written:
-        if not is_file(before):
-            say(f"{name}: is written now, but the original file is missing ({before})")
-            same = False
+    files = list(outputs.files())
+    for name, original, file in files:
+        if not is_file(original):
+            say(f"{name}: not compared, because the original file is missing ({original})")
+            is_same = False
             continue
-        is_table = name.lower().endswith(TABLES) or name == told.output_name
-        text, is_same, differences = _compare_file(before, file, name, is_table, measured)
+        is_table = name.lower().endswith(TABLES) or name == recorded.output_name
+        text, file_is_same, differences = _compare_file(original, file, name, is_table, measured)
         say(text)
-        shown += differences[: SHOWN - len(shown)]
-        same = same and is_same
-    # Files that were written then and are not written now cannot be compared.
-    for file in _recorded_files(told) if told.is_folder else ():
-        if file not in {before for _, before, _ in written}:
-            say(f"{file.name}: not comparable: it was written originally, but is not written now")
-            same = False
+        shown += differences[: MAX_SHOWN - len(shown)]
+        is_same = is_same and file_is_same
+    # Original files that are not written now cannot be compared.
+    originals = {original for _, original, _ in files}
+    for file in _recorded_files(recorded) if recorded.is_folder else ():
+        if file not in originals:
+            say(f"{file.name}: not compared, because the repeated command did not write this file")
+            is_same = False
     # The status of a run can differ even if the peaks up to its end are equal.
-    ends = [run.content.get("status") for run in (told, now)]
-    if ends[0] != ends[1]:
-        say(f"status of the run: recorded {ends[0]}, now {ends[1]}")
-    elif ends[0] not in (None, "done"):
-        say(f"status of the run: recorded {ends[0]}, now the same")
-    loops = [run.content.get("time_loops") for run in (told, now)]
-    if loops[0] != loops[1] and all(loops):
-        note(f"time loops: recorded {loops[0]}, now {loops[1]}")
+    status, new_status = (run.content.get("status") for run in (recorded, repeated))
+    if status != new_status:
+        say(f"status of the run: recorded {status}, now {new_status}")
+    elif status not in (None, "done"):
+        say(f"status of the run: recorded {status}, now the same")
+    loops, new_loops = (run.content.get("time_loops") for run in (recorded, repeated))
+    if loops and new_loops and loops != new_loops:
+        note(f"time loops: recorded {loops}, now {new_loops}")
     if shown:
         emit_table(tables.table.Table.of_results(tables.differences.DIFFERENCE, shown))
-    if same and not results and ends[0] in (None, "done"):
-        raise AnalysisError(f"{told.file}: the command writes no file that can be compared")
-    return same and ends[0] == ends[1]
+    # The comparison of the JSON file alone is not sufficient, except for a failed run, which writes
+    # no other file.
+    has_results = any(original != recorded.file.absolute() for original in originals)
+    if is_same and not has_results and status in (None, "done"):
+        raise AnalysisError(f"{recorded.file}: the command writes no file that can be compared")
+    return is_same and status == new_status
 
 
 def _compare_file(
     before: Path, now: Path, name: str, is_table: bool, measured: Sequence[str]
 ) -> tuple[str, bool, list[Difference]]:
-    """Compare a file that was written then with the file that is written now.
+    """Compare an original file with the file that is written now.
 
     Parameters
     ----------
     before, now : Path
-        The files.
+        The original file and the new file.
     name : str
         Name of the file, for messages.
     is_table : bool
@@ -694,25 +766,26 @@ def _compare_file(
     if digest_of(before) == digest_of(now):
         return f"{name}: the same, byte for byte", True, []
     lower = name.lower()
-    but = f" (not compared: {', '.join(measured)}, which are measured)" if measured else ""
+    exception = f" (not compared: {', '.join(measured)}, which are measured)" if measured else ""
     # All numbers of a chart except those of its table are measured, or derived from measured times;
     # its figure shows them.
     if measured and lower.endswith((*JSON, ".png", ".svg", ".pdf")):
         return f"{name}: not compared, because it contains measured times", True, []
     if lower.endswith(JSON):
-        return _judge(name, tables.differences.json_differences(before, now), "value by value")
+        differences = tables.differences.json_differences(before, now)
+        return _summarize_differences(name, differences, "value by value")
     if now.suffix == STORE.suffix:
-        return _judge(name, _store_differences(before, now), "run by run")
+        return _summarize_differences(name, _store_differences(before, now), "run by run")
     if is_table:
         differences = tables.differences.differences(before, now, but=measured)
-        return _judge(name, differences, f"cell by cell{but}")
+        return _summarize_differences(name, differences, f"cell by cell{exception}")
     return f"{name}: not comparable: its bytes differ, and it is not a table", False, []
 
 
-def _judge(
-    name: str, differences: Iterable[Difference], how: str
+def _summarize_differences(
+    name: str, differences: Iterable[Difference], manner: str
 ) -> tuple[str, bool, list[Difference]]:
-    """Count the differences of two files and report the maximum; see `_compare_file`.
+    """Count the differences of two files and find the maximum.
 
     Parameters
     ----------
@@ -720,8 +793,17 @@ def _judge(
         Name of the file in the message.
     differences : iterable of Difference
         Differences between the recorded file and the new file.
-    how : str
-        Comparison method in the message, such as 'value by value'.
+    manner : str
+        Manner of the comparison in the message, such as 'value by value'.
+
+    Returns
+    -------
+    text : str
+        The result of the comparison.
+    is_same : bool
+        True if the files are the same, or equal within rounding.
+    shown : list of Difference
+        The first differences, without rounding differences.
     """
     shown: list[Difference] = []
     rounded = count = 0
@@ -732,11 +814,14 @@ def _judge(
             continue
         count += 1
         largest = max(largest or difference, difference, key=_size)
-        shown += [difference] if len(shown) < SHOWN else []
-    if not count:
-        digits = f": {pluralize(rounded, 'number')} with different last digits" if rounded else ""
-        text = f"equal within rounding{digits}" if rounded else f"the same, {how}"
+        if len(shown) < MAX_SHOWN:
+            shown.append(difference)
+    if not count and rounded:
+        numbers = pluralize(rounded, "number")
+        text = f"equal within rounding: {numbers} with different last digits"
         return f"{name}: {text}", True, []
+    if not count:
+        return f"{name}: the same, {manner}", True, []
     text = f"{name}: {pluralize(count, 'difference')}"
     if largest is not None and not math.isnan(largest.relative):
         row = "" if largest.row is None else f", row {largest.row}"
@@ -769,7 +854,8 @@ def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
                 stack.callback(stores[-1].close)
                 check_store(stores[-1], str(file))
         for table in ROW_TABLES:
-            files = [Path(folder, f"{table.name}-{place}.csv") for place in ("before", "now")]
+            # Write the rows of both stores to CSV files, which can be compared cell by cell.
+            files = [Path(folder, f"{table.name}-{run}.csv") for run in ("before", "now")]
             for file, store in zip(files, stores, strict=True):
                 with (
                     sqlite_errors_reported(str(before)),
@@ -782,25 +868,27 @@ def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
                 yield replace(difference, file=f"{now.name}: {table.view}")
 
 
-def _recorded_files(told: _Told) -> Iterator[Path]:
+def _recorded_files(recorded: _RecordedCommand) -> Iterator[Path]:
     """Yield the existing files in the directory that the JSON file or the store of a campaign lists
     as outputs of the command."""
-    here = told.file.absolute().parent
-    files, motions = (
-        value if isinstance(value := told.content.get(key), list) else []
-        for key in ("files", "motions")
-    )
-    names = [file.get("file") for file in files if isinstance(file, dict)]
-    names += motions
-    if is_file(here / STORE):
+    folder = recorded.file.absolute().parent
+    # `files` is a list of mappings with the key `file`, and `motions` a list of names. The content
+    # may have been changed: ignore values of other types.
+    files, motions = recorded.content.get("files"), recorded.content.get("motions")
+    names: list[Any] = []
+    if isinstance(files, list):
+        names += [file.get("file") for file in files if isinstance(file, dict)]
+    if isinstance(motions, list):
+        names += motions
+    if is_file(folder / STORE):
         from tdint.campaign.store import open_existing
 
-        with open_existing(here) as store:
+        with open_existing(folder) as store:
             names += sorted({name for name, _ in store.written()})
     for name in dict.fromkeys(name for name in names if isinstance(name, str)):
         # Figures and pages may be in other directories: only names without a directory are used.
-        if name == Path(name).name and is_file(here / name):
-            yield here / name
+        if name == Path(name).name and is_file(folder / name):
+            yield folder / name
 
 
 def _size(difference: Difference) -> float:

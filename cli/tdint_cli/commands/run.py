@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,12 +28,18 @@ from tdint_cli.commands.run_request import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
-from tdint_cli.options.suite import check_limit_options, kept_words
+from tdint_cli.options.suite import check_limit_options, outcome_text
 from tdint_cli.terminal import complain, is_quiet, note, say, warn
 
 if TYPE_CHECKING:
     from tdint.analysis.run.case import Case
-    from tdint.analysis.run.outcome import Collapse, Response, StepChoice, StoryPeaks
+    from tdint.analysis.run.outcome import (
+        Collapse,
+        FailedRun,
+        Response,
+        StepChoice,
+        StoryPeaks,
+    )
     from tdint.files import Content
     from tdint.ground_motion.record import Input, Record
     from tdint.model.definition import Model
@@ -41,8 +47,11 @@ if TYPE_CHECKING:
     from tdint.output.verdicts import Verdict
 
 _FIGURE_STEPS = 20_000  # maximum number of time steps in a figure
-_MIN_BYTES = (6.0, 2.0)
-"""Minimum bytes of a number in a response history, and in a compressed one; typically 18 and 8."""
+_MIN_BYTES = 6.0
+"""Minimum number of bytes of a number in a response history; typically 18."""
+
+_MIN_COMPRESSED_BYTES = 2.0
+"""Minimum number of bytes of a number in a compressed response history; typically 8."""
 
 _MIN_PROBABILITY = 5e-4
 """Probability below which a damage state is omitted from the summary."""
@@ -82,23 +91,25 @@ def command(request: Request) -> None:
             f"--record {request.record} and {request.records[0]} cannot be used together; omit one "
             "of them"
         )
-    named = (request.record,) if request.record is not None else request.records
-    models = [file for file in named if file.lower().endswith((".yaml", ".yml"))]
+    records = (request.record,) if request.record is not None else request.records
+    models = [file for file in records if file.lower().endswith((".yaml", ".yml"))]
     if models:
         raise UsageError(
             f"{models[0]} is a model, but `tdint run` accepts one model: to run several buildings "
             "under the same records, use a campaign with `buildings: {models: "
             f"[{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
+    # A comma after a colon separates the parameters of one method.
     method = request.method
     if method and "," in method and ":" not in method:
         raise UsageError(
             f"--method {method}: `tdint run` accepts one method; use `tdint chart {request.model} "
             f"--method {method}` to compare methods, or a separate call per method with --history"
         )
-    shocks = named if request.sequence else ()
-    scale = request.scale if shocks else tuple(dict.fromkeys(request.scale or ())) or None
-    request = replace(request, record=named[0] if named else None, scale=scale, shocks=shocks)
+    # In a sequence, each event has its own factor; otherwise equal factors are the same run.
+    events = records if request.sequence else ()
+    scale = request.scale if events else tuple(dict.fromkeys(request.scale or ())) or None
+    request = replace(request, record=records[0] if records else None, scale=scale, shocks=events)
     if request.check is False and request.tolerance is not None:
         raise UsageError(
             "--tolerance and --no-check cannot be used together, because --tolerance requires "
@@ -113,15 +124,15 @@ def command(request: Request) -> None:
         raise UsageError("--factors and --scale cannot be used together; omit one of them")
     if (
         request.factors is not None
-        or len(named) > 1
+        or len(records) > 1
         or len(request.scale or ()) > 1
-        or (named and is_folder(named[0]))
+        or (records and is_folder(records[0]))
     ):
         refuse_idle(SEVERAL, MODES)
         request.of_floors.check(request.output)
         from tdint_cli.commands.many_runs import run_many
 
-        run_many(request, named)
+        run_many(request, records)
     else:
         refuse_idle(SINGLE, MODES)
         _run(request)
@@ -135,24 +146,13 @@ def _run(request: Request) -> None:
     request : Request
         Options of the command line.
     """
-    began = time.perf_counter()
-    from tdint.analysis.arguments import model_record, number_of
-    from tdint.analysis.run.error_estimate import reference
+    start_time = time.perf_counter()
+    from tdint.analysis.arguments import model_record
     from tdint.analysis.run.outcome import FailedRun
-    from tdint.analysis.run.prepared import run_interpreted
     from tdint.analysis.run.run import prepare
-    from tdint.model.config.model_file import load_model
 
     request.check_files()
-    model = (
-        load_model(request.model)
-        if request.sequence
-        else with_motion(load_model(request.model), request)
-    )
-    asked = request.output_units
-    model = replace(
-        model, output_units=asked or model.output_units, page_units=asked or model.page_units
-    )
+    model = _model(request)
     request = replace(request, output_units=model.output_units)
     check_limit_options(request.limit, request.require, [model])
     request.of_floors.chosen_floors(len(model.stories))
@@ -160,79 +160,144 @@ def _run(request: Request) -> None:
         from tdint.campaign.fragility.type_states import own_type
 
         own_type(model)  # invalid damage states are refused before the run
-    # Read the records of a sequence, with one factor each or a common factor. Otherwise read the
-    # record of the model, if there is one.
-    factors = request.scale or (1.0,)
-    shocks = []
-    for number, file in enumerate(request.shocks):
-        scale = (factors[number if len(factors) > 1 else 0],)
-        shock = model_record(with_motion(model, replace(request, record=file, scale=scale)))
-        assert shock is not None
-        shocks.append(shock)
-    record = None if shocks else model_record(model)
-    of_records = [source for read in shocks or filter(None, [record]) for source in read.inputs]
+    # The events of a sequence replace the record of the model.
+    events = _sequence_records(request, model)
+    record = None if events else model_record(model)
+    records = events or ([record] if record else [])
+    record_inputs = [source for read in records for source in read.inputs]
     case = prepare(
         model,
-        shocks[0] if shocks else record,
+        events[0] if events else record,
         method=request.method,
         allow_unstable=request.allow_unstable,
     )
+    # In these cases, the number of steps is known only after the run.
+    is_adaptive = bool(events or request.tolerance or request.until_rest)
+    step_count = 0 if is_adaptive else _step_count(request, case)
     # Print these warnings before the integration: an incorrect unit can explain a failure, and a
-    # smaller time step does not correct it.
-    unusual = [*case.plausibility_warnings, *_of_record(None if shocks else case.record)]
-    if not (shocks or request.tolerance or request.until_rest):
-        dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
-        steps = case.steps(dt, duration).count
-        if request.history:
-            _check_room(request, len(model.stories), steps)
-        methods, count = [case.method], steps
-        if request.check is not False:  # a second run with half the time step
-            methods, count = [case.method, reference(case).method], 3 * steps
-        warn(*unusual)
-        run_interpreted(case.prepared, methods, count)
-    else:
-        warn(*unusual)
+    # smaller time step does not correct it. The records of a sequence are joined by the run, so
+    # that their warnings follow after it.
+    warn(*case.plausibility_warnings, *_record_warnings(None if events else case.record))
+    if step_count:
+        _interpret_if_short(request, case, step_count)
     try:
-        response = _respond(case, shocks, request)
-        record = response.record
+        response = _respond(case, events, request)
     except FailedRun as failure:
-        from tdint.analysis.spectra.elastic import first_mode
-        from tdint.output.run_summary import failure_summary
         from tdint.output.summary import model_input
 
         # Write only the summary, which states how far the run came.
-        warn(*_of_record(record if shocks else None))
         note(*failure.notes)
-        wall_time, first = time.perf_counter() - began, first_mode(case.building, case.record)
-        content = failure_summary(
-            failure,
-            case.model,
-            case.record,
-            [model_input(model), *of_records],
-            wall_time,
-            first=first,
-            settings=request.settings,
-        )
-        _write(request, {}, content)
+        inputs = [model_input(model), *record_inputs]
+        _write(request, {}, _failure_content(request, case, failure, inputs, start_time))
         raise
-    judged = _judged(response, request.limit, request.units_shown)
+    verdicts = _verdicts(response, request.limit, request.units_shown)
     stories = tables.responses.response_table(response).in_units(request.units_shown)
     emit_table(stories)
-    _write(request, *_files(request, response, stories, case, of_records, began))
+    _write(request, *_files(request, response, stories, case, record_inputs, start_time))
     say(_paragraph(response, request.units_shown))
-    say(*(verdict.text for verdict in judged))
+    say(*(verdict.text for verdict in verdicts))
+    # A collapse affects the meaning of the peaks: report it also with --quiet, then with the name
+    # of the model.
     if response.collapse:
-        whose = f"{response.model.name}: " * is_quiet()
-        complain(whose + _collapsed(response, response.collapse))  # It affects the peaks.
+        subject = f"{response.model.name}: " if is_quiet() else ""
+        complain(subject + _collapse_sentence(response, response.collapse))
     warn(*(text for text in response.warnings if text not in case.plausibility_warnings))
-    warn(*_of_record(record if shocks else None))
+    warn(*_record_warnings(response.record if events else None))
     note(*response.notes)
-    if request.require and (beyond := [verdict.text for verdict in judged if not verdict.met]):
-        of_option = "the drift limit is exceeded: " * isinstance(request.limit, float)
-        raise AnalysisError(of_option + " ".join(beyond))
+    unmet = [verdict.text for verdict in verdicts if not verdict.met]
+    if request.require and unmet:
+        subject = "the drift limit is exceeded: " if isinstance(request.limit, float) else ""
+        raise AnalysisError(subject + " ".join(unmet))
 
 
-def _judged(response: Response, limit: float | str | None, units: OutputUnits) -> list[Verdict]:
+def _model(request: Request) -> Model:
+    """Return the model with the record and the output units of the command line."""
+    from tdint.model.config.model_file import load_model
+
+    model = load_model(request.model)
+    # The records of a sequence are read separately.
+    if not request.sequence:
+        model = with_motion(model, request)
+    units = request.output_units
+    return replace(
+        model, output_units=units or model.output_units, page_units=units or model.page_units
+    )
+
+
+def _sequence_records(request: Request, model: Model) -> list[Record]:
+    """Return the scaled records of --sequence; an empty list for a single run.
+
+    --scale has one factor for all events, or one factor for each event.
+    """
+    from tdint.analysis.arguments import model_record
+
+    factors = request.scale or (1.0,)
+    if len(factors) == 1:
+        factors *= len(request.shocks)
+    events = []
+    for file, factor in zip(request.shocks, factors, strict=False):
+        event = model_record(with_motion(model, replace(request, record=file, scale=(factor,))))
+        assert event is not None
+        events.append(event)
+    return events
+
+
+def _step_count(request: Request, case: Case) -> int:
+    """Return the number of time steps of a run, after a check of the disk space for its history."""
+    from tdint.analysis.arguments import number_of
+
+    dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
+    step_count = case.steps(dt, duration).count
+    if request.history:
+        _check_disk_space(request, len(case.model.stories), step_count)
+    return step_count
+
+
+def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
+    """Interpret the time loops if the run is so short that a compilation would take longer."""
+    from tdint.analysis.run.error_estimate import reference
+    from tdint.analysis.run.prepared import run_interpreted
+
+    methods = [case.method]
+    if request.check is not False:
+        # The error estimate requires a second run with half the time step.
+        methods, step_count = [case.method, reference(case).method], 3 * step_count
+    run_interpreted(case.prepared, methods, step_count)
+
+
+def _failure_content(
+    request: Request, case: Case, failure: FailedRun, inputs: list[Input], start_time: float
+) -> dict[str, Any]:
+    """Return the content of the summary of a failed run.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line.
+    case : Case
+        Prepared model, ground motion and method.
+    failure : FailedRun
+        Error of the run, with the results until the failure.
+    inputs : list of Input
+        Files of the model and of the ground motions.
+    start_time : float
+        Time at which the run started, s (`time.perf_counter`).
+    """
+    from tdint.analysis.spectra.elastic import first_mode
+    from tdint.output.run_summary import failure_summary
+
+    return failure_summary(
+        failure,
+        case.model,
+        case.record,
+        inputs,
+        time.perf_counter() - start_time,
+        first=first_mode(case.building, case.record),
+        settings=request.settings,
+    )
+
+
+def _verdicts(response: Response, limit: float | str | None, units: OutputUnits) -> list[Verdict]:
     """Compare the demands of a run with the limits.
 
     Parameters
@@ -257,14 +322,14 @@ def _judged(response: Response, limit: float | str | None, units: OutputUnits) -
     return run_verdicts(response.limit_checks(limit), response.status, units)
 
 
-def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
+def _respond(case: Case, events: list[Record], request: Request) -> Response:
     """Integrate one analysis, or a sequence if there are records of a sequence.
 
     Parameters
     ----------
     case : Case
         Prepared model, ground motion and method.
-    shocks : list of Record
+    events : list of Record
         Records of the sequence; empty for a single analysis.
     request : Request
         Options of the command line.
@@ -278,19 +343,19 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
         "tolerance": request.tolerance,
         "until_rest": request.until_rest,
     }
-    if shocks:
+    if events:
         from tdint.analysis.run.sequence import run_sequence
 
-        return run_sequence(case, shocks, rest=request.rest, **settings)
+        return run_sequence(case, events, rest=request.rest, **settings)
     return run_case(case, duration=request.duration, **settings)
 
 
-def _of_record(record: Record | None) -> list[str]:
+def _record_warnings(record: Record | None) -> list[str]:
     """Return the warnings of a record with its file; empty without a record."""
     return [f"{record.source}: {text}" for text in record.warnings] if record else []
 
 
-def _check_room(request: Request, stories: int, steps: int) -> None:
+def _check_disk_space(request: Request, stories: int, steps: int) -> None:
     """Raise OutputError if the disk has not enough space for the response history.
 
     Parameters
@@ -304,10 +369,9 @@ def _check_room(request: Request, stories: int, steps: int) -> None:
     """
     if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
-        check_disk_space(
-            file,
-            (steps // request.history_every + 1) * columns * _MIN_BYTES[file.suffix == ".gz"],
-        )
+        rows = steps // request.history_every + 1
+        bytes_per_number = _MIN_COMPRESSED_BYTES if file.suffix == ".gz" else _MIN_BYTES
+        check_disk_space(file, rows * columns * bytes_per_number)
 
 
 def _files(
@@ -315,8 +379,8 @@ def _files(
     response: Response,
     stories: Table,
     case: Case,
-    of_records: list[Input],
-    began: float,
+    record_inputs: list[Input],
+    start_time: float,
 ) -> tuple[dict[Path, Content], dict[str, Any]]:
     """Return the files of a run except the summary, and the content of the summary.
 
@@ -330,9 +394,9 @@ def _files(
         The table of stories.
     case : Case
         The analysis.
-    of_records : list of Input
+    record_inputs : list of Input
         The files from which the ground motions were read.
-    began : float
+    start_time : float
         Time at which the run started, s (`time.perf_counter`).
 
     Returns
@@ -346,107 +410,125 @@ def _files(
     files: dict[Path, Content] = {}
     if request.output:
         files[Path(request.output) / STORIES] = stories.csv()
-    _check_room(request, len(response.model.stories), response.steps)
-    if (file := request.history_file) and (pieces := response.history_chunks):
+    _check_disk_space(request, len(response.model.stories), response.steps)
+    if (file := request.history_file) and response.history_chunks:
         # Error columns enlarge the file by half: they are written only with --check.
-        kept = (
-            piece if request.check else replace(piece, error=None)
-            for piece in pieces(request.history_every)
+        chunks = (
+            chunk if request.check else replace(chunk, error=None)
+            for chunk in response.history_chunks(request.history_every)
         )
-        files[file] = lambda stream: tables.responses.write_pieces(kept, stream, units)
+        files[file] = lambda stream: tables.responses.write_pieces(chunks, stream, units)
     if request.output:
-        of_floors, notes = request.of_floors.files(
+        floor_files, notes = request.of_floors.files(
             response,
             Path(request.output),
             units,
             plot=request.plot is not None,
             export=request.export_floors,
         )
-        files |= of_floors
+        files |= floor_files
         note(*notes)
     if picture := request.picture_file:
         files[picture] = figures.style.picture(
-            picture.suffix, lambda: figures.runs.run_picture(_thinned(response), units)
+            picture.suffix, lambda: figures.runs.run_picture(_with_history(response), units)
         )
     if not (request.output or request.report):
         return files, {}
     # Imported here, because a run without a summary loads a fifth less code.
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import run_summary
-    from tdint.output.summary import files_read, merged_inputs, model_input
+    from tdint.output.summary import model_input
 
-    wall_time = time.perf_counter() - began
+    wall_time = time.perf_counter() - start_time
     first = first_mode(case.building, response.record)
-    checks = response.limit_checks(request.limit)
     content = run_summary(
         response,
-        [model_input(case.model), *of_records],
+        [model_input(case.model), *record_inputs],
         wall_time,
         first=first,
         settings=request.settings,
-        limits=checks,
+        limits=response.limit_checks(request.limit),
     )
     if request.report:
-        from tdint.output.page import Told, page_units
-        from tdint.output.report import run_page
-        from tdint.output.verdicts import (
-            governing_story,
-            has_isolator_limit,
-            isolator_sentence,
-            limit_table,
-        )
-
-        model = response.model
-        page = page_units(model.page_units)
-        # The verdict on the limit; without a limit the maximum demands.
-        verdict: list[tuple[bool | None, str]] = [
-            (None, f"Maximum {_largest(model, response.stories, page, page=True)}.")
-        ]
-        if judged := _judged(response, request.limit, page):
-            verdict = [
-                (met, kept_words(bool(met)) + text if single_limit else text)
-                for met, text, single_limit in judged
-            ]
-            # The displacement of isolators is a result that a drift limit does not cover.
-            isolators = isolator_sentence(response.isolator_check, page, mean=False)
-            verdict += [(None, isolators)] * bool(isolators and not has_isolator_limit(checks))
-        # A collapse is the headline of the report, before the limit and the maximum demands.
-        collapse: list[tuple[bool | None, str]] = []
-        if response.collapse:
-            collapse = [(False, _collapsed(response, response.collapse))]
-        # Warnings of the record come before warnings of the run.
-        warnings = []
-        if response.record is not None:
-            warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
-        table = limit_table({"": checks}, page, mean=False) if checks else None
-        told = Told(
-            # The verdict is not repeated below itself.
-            said=[
-                line
-                for line in _paragraph(response, page, page=True).splitlines()
-                if line not in [text for _, text in verdict]
-            ],
-            verdict=[*collapse, *verdict],
-            warnings=[*warnings, *response.warnings],
-            head=model.page_head,
-            inputs=merged_inputs(content["inputs"], files_read()),
-            limits=table,
-            governing_story=governing_story(checks),
-        )
-        floors = request.of_floors.of_run(response)
-        files[Path(request.report)] = run_page(_thinned(response), told, floors=floors, units=page)
+        files[Path(request.report)] = _report_page(request, response, content["inputs"])
     return files, content
 
 
-def _thinned(response: Response) -> Response:
-    """Return the response with a history of at most the number of time steps of a figure."""
+def _report_page(
+    request: Request, response: Response, inputs: Sequence[Mapping[str, str]]
+) -> bytes:
+    """Return the page of --report.
+
+    Parameters
+    ----------
+    request : Request
+        The options of the command line.
+    response : Response
+        The response of the run.
+    inputs : sequence of mapping
+        Names and SHA-256 of the files of the model and of the ground motions.
+    """
+    from tdint.output.page import PageText, page_units
+    from tdint.output.report import run_page
+    from tdint.output.summary import files_read, merged_inputs
+    from tdint.output.verdicts import governing_story, limit_table
+
+    model = response.model
+    units = page_units(model.page_units)
+    checks = response.limit_checks(request.limit)
+    verdict = _page_verdict(request, response, units)
+    # The verdict is not repeated below itself.
+    verdict_texts = [text for _, text in verdict]
+    lines = _paragraph(response, units, page=True).splitlines()
+    # A collapse is the headline of the report, before the limit and the maximum demands.
+    if response.collapse:
+        verdict.insert(0, (False, _collapse_sentence(response, response.collapse)))
+    page_text = PageText(
+        sentences=[line for line in lines if line not in verdict_texts],
+        verdict=verdict,
+        warnings=[*_record_warnings(response.record), *response.warnings],
+        head=model.page_head,
+        inputs=merged_inputs(inputs, files_read()),
+        limits=limit_table({"": checks}, units, mean=False) if checks else None,
+        governing_story=governing_story(checks),
+    )
+    floors = request.of_floors.of_run(response)
+    return run_page(_with_history(response), page_text, floors=floors, units=units)
+
+
+def _page_verdict(
+    request: Request, response: Response, units: OutputUnits
+) -> list[tuple[bool | None, str]]:
+    """Return the verdict of a report page: results of the limits, or the maximum demands.
+
+    Each sentence is preceded by True if its limit is met, False if not, and None without a limit.
+    """
+    from tdint.output.verdicts import has_isolator_limit, isolator_sentence
+
+    verdicts = _verdicts(response, request.limit, units)
+    if not verdicts:
+        demands = _maximum_demands(response.model, response.stories, units, page=True)
+        return [(None, f"Maximum {demands}.")]
+    sentences: list[tuple[bool | None, str]] = []
+    for met, text, single_limit in verdicts:
+        sentences.append((met, outcome_text(bool(met)) + text if single_limit else text))
+    # The displacement of isolators is a result that a drift limit does not cover.
+    isolators = isolator_sentence(response.isolator_check, units, mean=False)
+    if isolators and not has_isolator_limit(response.limit_checks(request.limit)):
+        sentences.append((None, isolators))
+    return sentences
+
+
+def _with_history(response: Response) -> Response:
+    """Return the response with a history that has at most `_FIGURE_STEPS` time steps."""
     from tdint.analysis.run.outcome import History
 
     assert response.history_chunks is not None
     if response.history is not None:
         return response
-    chunks = response.history_chunks(-(-response.steps // _FIGURE_STEPS))
-    return replace(response, history=History.joined(chunks))
+    # Every n-th time step, with n rounded up.
+    every = -(-response.steps // _FIGURE_STEPS)
+    return replace(response, history=History.joined(response.history_chunks(every)))
 
 
 def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]) -> None:
@@ -473,7 +555,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 
     folder = Path(request.output)
 
-    def summary(digests: Mapping[Path, str]) -> bytes:
+    def summary_bytes(digests: Mapping[Path, str]) -> bytes:
         """Return the summary with the SHA-256 of the files in its directory.
 
         Parameters
@@ -481,28 +563,38 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
         digests : mapping of Path to str
             SHA-256 of each written file.
         """
-        written_here = [
+        written_files = [
             {"file": file.name, "sha256": sha}
             for file, sha in digests.items()
             if file in possible_files
         ]
         return options.output.summary_bytes(
-            content | {"files": written_here}, request.units_shown, UNITS
+            content | {"files": written_files}, request.units_shown, UNITS
         )
 
     possible_files = request.in_folder(ALL_FILES)
-    earlier = {
+    earlier_files = {
         folder / name: sha
         for name, sha in listed_files(folder / SUMMARY).items()
         if folder / name in possible_files
     }
-    write_files(files, overwrite=request.overwrite, stale=earlier, last=(folder / SUMMARY, summary))
-    if changed := [
+    write_files(
+        files,
+        overwrite=request.overwrite,
+        stale=earlier_files,
+        last=(folder / SUMMARY, summary_bytes),
+    )
+    # A file of an earlier run is removed only if it is unchanged.
+    remaining = [
         file.name
         for file in possible_files
         if file not in files and file.name != SUMMARY and is_there(file)
-    ]:
-        note(f"{folder}: {', '.join(changed)}: changed since an earlier run wrote it; not removed")
+    ]
+    if remaining:
+        note(
+            f"{folder}: {', '.join(remaining)} is not removed, because it was changed after an "
+            "earlier run wrote it"
+        )
 
 
 def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
@@ -524,10 +616,10 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     record = response.record
     motion = "no ground motion"
     if record is not None:
+        # With three significant digits, numbers from 1000 would be written with an exponent.
         pga = units.of(record.pga, "m/s^2")
-        motion = (
-            f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
-        )
+        pga_text = f"{pga:.3g}" if pga < 1000.0 else f"{pga:.0f}"
+        motion = f"{record.name} (PGA {pga_text} {units.unit('m/s^2')[0]})"
     # Name the clock unless it measures the processor time of the thread.
     clock = system.clock()
     clock_text = "" if clock == "thread_time" else f" of {system.CLOCKS[clock]}"
@@ -537,41 +629,62 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"{response.model.name}: {pluralize(len(response.model.stories), 'story')}, {motion}.",
         f"{response.method}: {pluralize(response.steps, 'step')} of {response.dt:.6g} s, "
         f"{cost}energy error {response.energy.error:.1e}.",
-        f"Maximum {_largest(response.model, response.stories, units, page)}.",
+        f"Maximum {_maximum_demands(response.model, response.stories, units, page)}.",
     ]
     # Each event of a sequence with its residual drift; drift ratios if stories have heights
-    for number, shock in enumerate(response.events, start=1):
-        largest = demands(shock.stories)
-        drift, ratio, residual = largest.drift, largest.drift_ratio, largest.residual_drift_ratio
+    for number, event in enumerate(response.events, start=1):
+        maximum = demands(event.stories)
+        drift, ratio, residual = maximum.drift, maximum.drift_ratio, maximum.residual_drift_ratio
         drift_text = f"{units.text(drift.value, 'm')} in story {drift.place}"
         if residual.place is not None:
             drift_text = (
                 f"ratio {ratio.value:.4g} in story {ratio.place}, residual {residual.value:.3g}"
             )
-        lines.append(f"Event {number}, from {shock.start:.6g} s: maximum drift {drift_text}.")
+        lines.append(f"Event {number}, from {event.start:.6g} s: maximum drift {drift_text}.")
     if response.model.damage:
         lines.append(_damage(response, units))
     if response.time_at_rest is not None:
         lines.append(f"Free vibration has decayed at {response.time_at_rest:.6g} s.")
-    # Estimated errors of the peaks
-    if (check := response.check) and check.drift_error is not None:
-        if check.step_choice is not None:
-            lines.append(_chosen(response, check.step_choice))
-        method, several = check.method.partition(":")[0], len(check.time_steps) > 1
-        dts = " and ".join(f"{dt:.6g}" for dt in check.time_steps)
-        source = f"from {'runs' if several else 'a run'} of {method} with dt {dts} s"
-        lines.append(
-            f"Maximum estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "
-            f"{check.drift_story}), {source}."
-        )
-        # Report the more accurate peaks only if they differ in the printed digits.
-        corrected = check.corrected and _largest(response.model, check.corrected, units, page)
-        if corrected and corrected != _largest(response.model, response.stories, units, page):
-            lines.append(f"In that run: maximum {corrected}.")
+    lines += _error_sentences(response, units, page)
     return "\n".join(lines)
 
 
-def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool = False) -> str:
+def _error_sentences(response: Response, units: OutputUnits, page: bool) -> list[str]:
+    """Return sentences on the estimated errors of the peaks; empty without error estimates.
+
+    Parameters
+    ----------
+    response : Response
+        The response of the run.
+    units : OutputUnits
+        The units of the values.
+    page : bool
+        True for the text of a report page.
+    """
+    check = response.check
+    if not check or check.drift_error is None:
+        return []
+    lines = []
+    if check.step_choice is not None:
+        lines.append(_step_choice_text(response, check.step_choice))
+    method = check.method.partition(":")[0]
+    runs = "runs" if len(check.time_steps) > 1 else "a run"
+    dts = " and ".join(f"{dt:.6g}" for dt in check.time_steps)
+    lines.append(
+        f"Maximum estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "
+        f"{check.drift_story}), from {runs} of {method} with dt {dts} s."
+    )
+    # Report the more accurate peaks of that run only if they differ in the printed digits.
+    if check.corrected:
+        corrected = _maximum_demands(response.model, check.corrected, units, page)
+        if corrected != _maximum_demands(response.model, response.stories, units, page):
+            lines.append(f"In that run: maximum {corrected}.")
+    return lines
+
+
+def _maximum_demands(
+    model: Model, stories: StoryPeaks, units: OutputUnits, page: bool = False
+) -> str:
     """Return the maximum demands of a run.
 
     Parameters
@@ -589,35 +702,34 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
     """
     from tdint.analysis.run.demands import demands
 
-    largest = demands(stories)
-    worst = f"drift {units.text(largest.drift.value, 'm')} in story {largest.drift.place}"
-    if largest.drift_ratio.place is not None:
-        value = (
-            f"{100.0 * largest.drift_ratio.value:.4g} %"
-            if page
-            else f"{largest.drift_ratio.value:.4g}"
-        )
-        ratio = f"drift ratio {value} in story {largest.drift_ratio.place}"
+    maximum = demands(stories)
+    drift_text = f"drift {units.text(maximum.drift.value, 'm')} in story {maximum.drift.place}"
+    if maximum.drift_ratio.place is not None:
+        value = maximum.drift_ratio.value
+        value_text = f"{100.0 * value:.4g} %" if page else f"{value:.4g}"
+        ratio_text = f"drift ratio {value_text} in story {maximum.drift_ratio.place}"
         # A story without a height has no drift ratio: report its drift in addition. For a building
         # with isolators this is their displacement.
         isolators = [i for i, story in enumerate(model.stories) if story.isolator]
         if isolators:
-            moved = max(isolators, key=lambda i: stories.peak_drift[i])
-            shown = units.text(float(stories.peak_drift[moved]), "m")
-            worst = f"{ratio}, isolator displacement {shown} in story {moved + 1}"
+            isolator = max(isolators, key=lambda i: stories.peak_drift[i])
+            displacement = units.text(float(stories.peak_drift[isolator]), "m")
+            drift_text = (
+                f"{ratio_text}, isolator displacement {displacement} in story {isolator + 1}"
+            )
         elif all(story.drift_height for story in model.stories):
-            worst = ratio
+            drift_text = ratio_text
         else:
-            worst = f"{ratio}, {worst}"
-    roof = units.text(largest.roof_displacement.value, "m")
-    springs = units.text(largest.base_shear.value, "N")
-    total = f"{units.text(largest.total_base_shear.value, 'N')} with viscous forces"
-    base = springs
+            drift_text = f"{ratio_text}, {drift_text}"
+    roof = units.text(maximum.roof_displacement.value, "m")
+    springs = units.text(maximum.base_shear.value, "N")
+    total = f"{units.text(maximum.total_base_shear.value, 'N')} with viscous forces"
+    base_shear = springs
     if any(story.dashpot or story.power_dashpot for story in model.stories):
-        base = total if page else f"{springs} ({total})"
+        base_shear = total if page else f"{springs} ({total})"
     elif page:
-        base = f"{total} ({springs} without)"
-    return f"{worst}, roof displacement {roof}, base shear {base}"
+        base_shear = f"{total} ({springs} without)"
+    return f"{drift_text}, roof displacement {roof}, base shear {base_shear}"
 
 
 def _damage(response: Response, units: OutputUnits) -> str:
@@ -641,8 +753,8 @@ def _damage(response: Response, units: OutputUnits) -> str:
         if demand.unit == "1"
         else units.text(float(damage.demand[0]), demand.unit)
     )
-    # Omit outcomes with negligible probability.
-    shares = (
+    # The arrays have one row for each run, here one. Omit outcomes with negligible probability.
+    probabilities = (
         f"{outcome} {100.0 * probability:.3g} %"
         for outcome, probability in zip(
             states.outcomes, damage.probability[0].tolist(), strict=True
@@ -652,11 +764,11 @@ def _damage(response: Response, units: OutputUnits) -> str:
     loss = f"; mean loss ratio {damage.loss[0]:.3g}" if states.losses else ""
     return (
         f"Damage by {states.demand.replace('_', ' ')} {value}: {damage.state[0]} "
-        f"({', '.join(shares)}){loss}."
+        f"({', '.join(probabilities)}){loss}."
     )
 
 
-def _chosen(response: Response, choice: StepChoice) -> str:
+def _step_choice_text(response: Response, choice: StepChoice) -> str:
     """Return sentences on the selected time step and its number of solutions.
 
     Parameters
@@ -666,23 +778,20 @@ def _chosen(response: Response, choice: StepChoice) -> str:
     choice : StepChoice
         Tolerance of the selection, and the numbers of runs and equation solutions.
     """
-    line = (
+    text = (
         f"Time step selected for peak drift errors below {100.0 * choice.tolerance:g} %, from "
-        f"{pluralize(choice.runs, 'run')}: "
+        f"{pluralize(choice.runs, 'run')}: {response.dt:.6g} s"
     )
-    line += f"{response.dt:.6g} s"
     if choice.samples is not None:
-        line += (
-            f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} "
-            "of the record"
-        )
-    line += f".\nIt requires {response.iterations} equation solutions"
+        noun = "interval" if choice.samples == 1.0 else "intervals"
+        text += f", {choice.samples:g} sampling {noun} of the record"
+    text += f".\nIt requires {response.iterations} equation solutions"
     if choice.solves_at_record is not None and choice.samples != 1.0:
-        line += f"; the sampling interval requires {choice.solves_at_record}"
-    return line + "."
+        text += f"; the sampling interval requires {choice.solves_at_record}"
+    return f"{text}."
 
 
-def _collapsed(response: Response, collapse: Collapse) -> str:
+def _collapse_sentence(response: Response, collapse: Collapse) -> str:
     """Return a sentence on time, story and cause of the collapse.
 
     Parameters
@@ -692,11 +801,11 @@ def _collapsed(response: Response, collapse: Collapse) -> str:
     collapse : Collapse
         Time, story and cause of the collapse.
     """
-    end = "; analysis stopped: drift grew without bound" if collapse.ended else ""
-    cause = (
-        f"the drift ratio of story {collapse.story} exceeds "
-        f"{100.0 * response.model.collapse_drift:g} % at"
-    )
+    time = f"{collapse.time:.6g} s"
     if collapse.failed:
-        cause = f"story {collapse.story} has no remaining resistance from"
-    return f"Status {response.status}: {cause} {collapse.time:.6g} s{end}."
+        cause = f"story {collapse.story} has no remaining resistance from {time}"
+    else:
+        limit = f"{100.0 * response.model.collapse_drift:g} %"
+        cause = f"the drift ratio of story {collapse.story} exceeds {limit} at {time}"
+    end = "; analysis stopped: drift grew without bound" if collapse.ended else ""
+    return f"Status {response.status}: {cause}{end}."

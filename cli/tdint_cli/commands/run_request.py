@@ -22,11 +22,13 @@ ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMA
 """The files of a run. The summary is written last: if its status is `done`, all files are
 complete."""
 
-_OF_ONE = ("history", "history_every", "tolerance", "allow_unstable", "export_floors")
-SINGLE = Mode("with a single run", frozenset((*_OF_ONE, "duration", "limit")))
+_SINGLE_OPTIONS = ("history", "history_every", "tolerance", "allow_unstable", "export_floors")
+"""Options that cannot be used with several runs."""
+
+SINGLE = Mode("with a single run", frozenset((*_SINGLE_OPTIONS, "duration", "limit")))
 SEQUENCE = Mode(
     "with --sequence",
-    frozenset(_OF_ONE),
+    frozenset(_SINGLE_OPTIONS),
     {
         "duration": "all records are used completely; --rest is the time between them",
         "factors": "specify the factors with --scale",
@@ -36,7 +38,7 @@ SEVERAL = Mode(
     "with several runs",
     frozenset(("duration", "limit", "factors", "pair_demand")),
     dict.fromkeys(
-        _OF_ONE, "it requires one record and one scale: use a separate call for each run"
+        _SINGLE_OPTIONS, "it requires one record and one scale: use a separate call for each run"
     ),
 )
 MODES = (SINGLE, SEQUENCE, SEVERAL)
@@ -130,13 +132,14 @@ class Request(BuildingRequest, SuiteRequest):
         count, factors = len(self.shocks), len(self.scale or (1.0,))
         if count < 2:
             raise UsageError(
-                f"--sequence requires two or more records, got {count}: list them after the model"
+                f"--sequence requires two or more records, got {count}; list them after the model"
             )
         if "-" in self.shocks:
             raise UsageError("the records of a sequence must be files, not standard input")
         if factors not in (1, count):
             raise UsageError(
-                f"--scale: {factors} factors for {count} events: give one factor, or one per event"
+                f"--scale must have one factor for all events, or one factor for each of {count} "
+                f"events, got {factors} factors"
             )
 
     def check_files(self) -> None:

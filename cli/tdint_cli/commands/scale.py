@@ -157,14 +157,14 @@ class ScaleRequest(RecordsRequest):
     def value(self) -> tuple[str, float] | None:
         """Name and value (SI units) of the intensity measure to scale to; None without one."""
         values = {name: getattr(self, name.replace("-", "_")) for name in _VALUES}
-        given = [(name, value.scale) for name, value in values.items() if value is not None]
-        if len(given) > 1:
-            names = " and ".join(f"--{name}" for name, _ in given)
+        specified = [(name, value.scale) for name, value in values.items() if value is not None]
+        if len(specified) > 1:
+            names = " and ".join(f"--{name}" for name, _ in specified)
             raise UsageError(
                 f"{names} cannot be used together, because a ground motion is scaled to one "
                 "value; omit all but one"
             )
-        return given[0] if given else None
+        return specified[0] if specified else None
 
     def check(self) -> None:
         """Check that the options can be used together.
@@ -175,30 +175,35 @@ class ScaleRequest(RecordsRequest):
             No target value is given or several are given, or an option has no effect.
         """
         measure = self.value[0] if self.value else ""
-        aims = [name for name, given in (("--target", self.target), ("--p695", self.p695)) if given]
-        if measure and not self.p695:
-            aims.append(f"--{measure}")
-        if len(aims) != 1:
-            aim = f"{' and '.join(aims)} cannot be used together" if aims else "no target is given"
+        goals = ["--target"] if self.target else []
+        if self.p695:
+            goals.append("--p695")
+        elif measure:
+            goals.append(f"--{measure}")
+        if len(goals) != 1:
+            problem = "no target is specified"
+            if goals:
+                problem = f"{' and '.join(goals)} cannot be used together"
             raise UsageError(
-                f"{aim}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, "
-                "--arias, --cav, --p695"
+                f"{problem}; specify one of --target, --sa with --at, --sa-avg with --at, --pga, "
+                "--pgv, --arias, --cav, --p695"
             )
         if self.p695 and measure not in ("", "sa"):
             raise UsageError(f"--p695 cannot be used with --{measure}; use --sa with --at")
-        by_period = self.rule in _BY_PERIOD and self.range is None
+        # These rules compare spectra in a range about the period T of the structure.
+        needs_period = self.rule in _BY_PERIOD and self.range is None
         if measure.startswith("sa") and self.at is None:
-            raise UsageError(f"--{measure} needs a period: add --at SECONDS")
-        if self.at is not None and not (measure.startswith("sa") or by_period):
+            raise UsageError(f"--{measure} requires a period; add --at SECONDS")
+        if self.at is not None and not (measure.startswith("sa") or needs_period):
             raise UsageError("--at requires --sa, --sa-avg, or --rule asce7 or ec8 without --range")
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
                 f"--building and --{'range' if self.at is None else 'at'} cannot be used together; "
                 "omit one of them"
             )
-        if by_period and self.at is None and not self.building:
+        if needs_period and self.at is None and not self.building:
             raise UsageError(
-                f"--rule {self.rule} compares spectra from 0.2 T to 2 T: the period T is required; "
+                f"--rule {self.rule} compares spectra from 0.2 T to 2 T and requires the period T; "
                 "add --at, --building or --range"
             )
         if (self.p695 or self.rule == "asce7") and self.pairs is not None and self.pairs.measure:
@@ -264,17 +269,17 @@ def command(request: ScaleRequest) -> None:
     spectra = [Path(request.spectra)] if request.spectra else []
     check_outputs([*outputs.files, *spectra], overwrite=outputs.overwrite)
     # Read the target before the records, so that its errors are reported immediately.
-    aim = _aim(request)
+    scale_suite = _scale_function(request)
     suite = read_suite(request.records, request.choice, request.pair_wish)
     # Factors that depend on the complete set are invalid if a record is missing.
     if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(suite.failures)
-    scaling = aim(suite.motions)
+    scaling = scale_suite(suite.motions)
     if request.max_factor is not None and (larger := scaling.beyond(0.0, request.max_factor)):
-        named = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
+        factors = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
         raise AnalysisError(
-            f"larger than --max-factor {request.max_factor:g}: {named}; remove these ground "
-            "motions from the suite"
+            f"factors larger than --max-factor {request.max_factor:g}: {factors}; remove these "
+            "ground motions from the suite"
         )
     table = tables.studies.factor_table(scaling)
 
@@ -283,7 +288,7 @@ def command(request: ScaleRequest) -> None:
         records = [record_summary(record) for record in suite.records]
         content = table_summary("scale", _settings(request, scaling), records, table.meanings)
         return content | {
-            "warnings": _doubts(scaling),
+            "warnings": _warnings(scaling),
             "factors_sha256": sha256(table.csv()).hexdigest(),
         }
 
@@ -291,16 +296,16 @@ def command(request: ScaleRequest) -> None:
     if spectra:
         content = tables.studies.scaled_table(scaling).in_units(units).csv()
         write_files({spectra[0]: content}, overwrite=outputs.overwrite)
-    say(_words(scaling, units))
-    warn(*_doubts(scaling))
+    say(_summary_text(scaling, units))
+    warn(*_warnings(scaling))
     if suite.failures:
         raise Failures(suite.failures)
 
 
-def _aim(request: ScaleRequest) -> Any:
-    """Return the function that scales a suite as the command line requests.
+def _scale_function(request: ScaleRequest) -> Any:
+    """Return the function that scales a suite (argument: its motions) as the options request.
 
-    The target is read here, and it is checked that it covers the periods.
+    The target is read here, before the records, so that its errors are reported immediately.
 
     Parameters
     ----------
@@ -317,27 +322,13 @@ def _aim(request: ScaleRequest) -> Any:
         )
     if request.target is None:
         assert value is not None
-        name, number = value
+        name, measure_value = value
         measure = measure_at(name, request.damping, request.at or math.nan)
-        return lambda motions: scaling.scale_to_value(motions, measure, number, request.pair)
+        return lambda motions: scaling.scale_to_value(motions, measure, measure_value, request.pair)
     from tdint.analysis.spectra.target import read_target
-    from tdint.number_parsing import Grid
 
     target = read_target(request.target)
-    # Select the periods at which the spectra are compared with the target.
-    if request.range is not None:
-        grid = request.range
-    elif request.at is not None:
-        grid = Grid(0.2 * request.at, 2.0 * request.at, 100)
-    elif request.building:
-        from tdint.model.building import assemble
-        from tdint.model.config.model_file import load_model
-
-        first = [math.tau / assemble(load_model(file)).first_mode()[0] for file in request.building]
-        grid = Grid(0.2 * min(first), 2.0 * max(first), 100)
-    else:
-        grid = Grid(float(target.periods[0]), float(target.periods[-1]), 100)
-    periods = grid.values()
+    periods = _period_range(request, target).values()
     try:
         target.at(periods)
     except UsageError as error:
@@ -346,7 +337,7 @@ def _aim(request: ScaleRequest) -> Any:
         ) from None
     target.check_damping(request.damping, "of the records")
     if request.select is not None:
-        return _selecting(request, target, periods)
+        return _select_function(request, target, periods)
     if request.rule == "asce7":
         return lambda motions: scaling.scale_asce7(
             motions, target, periods, damping=request.damping
@@ -356,12 +347,35 @@ def _aim(request: ScaleRequest) -> Any:
     return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
 
 
-def _selecting(
+def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
+    """Return the periods at which the spectra are compared with the target, s.
+
+    The range is --range, or 0.2 to 2 times the period of --at or the natural periods of the
+    buildings, or all periods of the target.
+    """
+    from tdint.number_parsing import Grid
+
+    if request.range is not None:
+        return request.range
+    if request.at is not None:
+        return Grid(0.2 * request.at, 2.0 * request.at, 100)
+    if not request.building:
+        return Grid(float(target.periods[0]), float(target.periods[-1]), 100)
+    from tdint.model.building import assemble
+    from tdint.model.config.model_file import load_model
+
+    buildings = [assemble(load_model(file)) for file in request.building]
+    # The first value of `first_mode` is the circular frequency, rad/s.
+    first_periods = [math.tau / building.first_mode()[0] for building in buildings]
+    return Grid(0.2 * min(first_periods), 2.0 * max(first_periods), 100)
+
+
+def _select_function(
     request: ScaleRequest, target: TargetSpectrum, periods: Array
 ) -> Callable[[Any], Scaling]:
-    """Return the function that selects ground motions.
+    """Return the function that selects and scales ground motions (argument: the motions).
 
-    The tables of events and of the standard deviation are read here.
+    The tables of events and of the standard deviation are read here, before the records.
 
     Parameters
     ----------
@@ -390,43 +404,41 @@ def _selecting(
                 "scatter",
             )
             table.need("period_s", "scatter")
-            of_periods = np.array(
-                [table.numbers("period_s", positive=True), table.numbers("scatter")]
-            )
-            scatter = np.interp(np.log(periods), np.log(of_periods[0]), of_periods[1])
-    of_record: dict[str, str] | None = None
+            table_periods = np.array(table.numbers("period_s", positive=True))
+            scatter = np.interp(np.log(periods), np.log(table_periods), table.numbers("scatter"))
+    event_of_record: dict[str, str] | None = None
     if request.events is not None:
         table = read_table(
             request.events, "events are a CSV file with the columns record and event"
         )
         table.need("record", "event")
-        of_record = dict(
+        event_of_record = dict(
             zip(table.texts("record", empty=False), table.texts("event", empty=False), strict=True)
         )
 
     def choose(motions: Any) -> Scaling:
         """Select ground motions; the events are from the table or from the record files."""
         events: Sequence[object] | None = None
-        if of_record is not None:
-            events = named_events(motions, of_record)
-        wishes: dict[str, Any] = {
-            "rule": request.rule or "mean",
-            "damping": request.damping,
-            "pair": request.pair,
-        }
-        limits = request.factor_range or BOUNDS
-        wishes |= {
-            "factors": limits,
-            "events": events,
-            "per_event": request.per_event,
-            "scatter": scatter,
-        }
-        return select(motions, target, request.select or 1, periods=periods, **wishes)
+        if event_of_record is not None:
+            events = named_events(motions, event_of_record)
+        return select(
+            motions,
+            target,
+            request.select or 1,
+            periods=periods,
+            rule=request.rule or "mean",
+            damping=request.damping,
+            pair=request.pair,
+            factors=request.factor_range or BOUNDS,
+            events=events,
+            per_event=request.per_event,
+            scatter=scatter,
+        )
 
     return choose
 
 
-def _doubts(scaling: Scaling) -> list[str]:
+def _warnings(scaling: Scaling) -> list[str]:
     """Return warnings about a suite: too few ground motions, or unusual factors.
 
     Parameters
@@ -436,18 +448,20 @@ def _doubts(scaling: Scaling) -> list[str]:
     """
     from tdint.campaign.scaling import BOUNDS, FEW, POSSIBLE
 
-    doubts = []
+    warnings = []
     if scaling.rule == "ec8" and len(scaling.motions) < FEW:
-        doubts.append(
-            f"{len(scaling.motions)} ground motions: a mean requires at least {FEW} ground motions"
+        warnings.append(
+            f"the mean spectrum of EN 1998-1 requires at least {FEW} ground motions, got "
+            f"{len(scaling.motions)}"
         )
-    bounds, why = POSSIBLE, "which often indicates incorrect units"
+    # Factors that scale to a value of an intensity measure may be larger.
+    bounds, reason = POSSIBLE, "which often indicates incorrect units"
     if scaling.target is not None:
-        bounds, why = BOUNDS, "the range of common practice"
-    if beyond := scaling.beyond(*bounds):
-        named = abbreviate([f"{name} {factor:.4g}" for name, factor in beyond], 5)
-        doubts.append(f"factors outside {bounds[0]:g} to {bounds[1]:g}, {why}: {named}")
-    return doubts
+        bounds, reason = BOUNDS, "the range of common practice"
+    if unusual := scaling.beyond(*bounds):
+        listed = abbreviate([f"{name} {factor:.4g}" for name, factor in unusual], 5)
+        warnings.append(f"factors outside {bounds[0]:g} to {bounds[1]:g}, {reason}: {listed}")
+    return warnings
 
 
 def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
@@ -492,8 +506,10 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
     }
 
 
-def _at_limits(scaling: Scaling) -> str:
-    """Return a line about motions of a selection whose factors are at a limit.
+def _limit_line(scaling: Scaling) -> str:
+    """Return a line about motions whose factors are at a limit; empty if there are none.
+
+    The motions that are not selected also have factors.
 
     Parameters
     ----------
@@ -503,15 +519,19 @@ def _at_limits(scaling: Scaling) -> str:
     low, high = scaling.limits or (0.0, math.inf)
     if not scaling.at_limit and not scaling.others_at_limit:
         return ""
-    listed = abbreviate([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
-    return (
+    text = (
         f"\nAt a limit of the factors ({low:g} to {high:g}): {len(scaling.at_limit)} of "
-        f"{len(scaling.factors)} selected{f' ({listed})' if listed else ''}, "
-        f"{scaling.others_at_limit} of {0 if scaling.rest is None else len(scaling.rest)} others."
+        f"{len(scaling.factors)} selected"
     )
+    if scaling.at_limit:
+        listed = abbreviate([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
+        text += f" ({listed})"
+    if scaling.rest is not None and len(scaling.rest):
+        text += f", {scaling.others_at_limit} of {len(scaling.rest)} others"
+    return f"{text}."
 
 
-def _words(scaling: Scaling, units: OutputUnits) -> str:
+def _summary_text(scaling: Scaling, units: OutputUnits) -> str:
     """Return the summary on standard error: number of records, target and factors.
 
     Parameters
@@ -530,9 +550,9 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
     if scaling.rule == "p695":
         text += " normalized by peak velocity"
     if scaling.measure is not None and scaling.value is not None:
-        of = "median " if scaling.rule == "p695" else ""
+        median = "median " if scaling.rule == "p695" else ""
         text += (
-            f" scaled to {of}{scaling.measure.name} = "
+            f" scaled to {median}{scaling.measure.name} = "
             f"{units.text(scaling.value, scaling.measure.unit)}"
         )
     if scaling.target is not None and scaling.periods is not None:
@@ -544,29 +564,38 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
         f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median "
         f"{np.median(factors):.4g}."
     )
-    if (
-        scaling.chosen
-        and scaling.target is not None
-        and scaling.periods is not None
-        and scaling.rest is not None
-    ):
-        off = np.mean(np.log(scaling.spectra(scaling.periods)), axis=0) - np.log(
-            scaling.target.at(scaling.periods)
-        )
-        reasons = ", ".join(
-            f"{count} {reason}" for reason, count in scaling.left_out.items() if count
-        )
-        text += (
-            f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa differs "
-            f"from the target by {100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "
-            + (f"Not considered: {reasons}." if reasons else "No motion was omitted.")
-        )
-        text += _at_limits(scaling)
+    if scaling.chosen:
+        text += _selection_text(scaling)
     if scaling.least is not None:
-        part, period = scaling.least
+        ratio, period = scaling.least
         spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"
         text += (
             f"\nThe minimum ratio of the average of the {spectra} to the target is "
-            f"{100.0 * part:.3g} %, at {period:.4g} s."
+            f"{100.0 * ratio:.3g} %, at {period:.4g} s."
         )
     return text
+
+
+def _selection_text(scaling: Scaling) -> str:
+    """Return the lines about a selection: its misfit, omitted motions, factors at a limit.
+
+    Parameters
+    ----------
+    scaling : Scaling
+        Scaled selection with its factors.
+    """
+    import numpy as np
+
+    periods, target, remaining = scaling.periods, scaling.target, scaling.rest
+    if target is None or periods is None or remaining is None:
+        return ""
+    # Rows of the spectra: ground motions; columns: periods.
+    mean_ln_sa = np.mean(np.log(scaling.spectra(periods)), axis=0)
+    difference = mean_ln_sa - np.log(target.at(periods))
+    text = (
+        f"\nSelected from {len(scaling.chosen) + len(remaining)}: the mean of ln Sa differs from "
+        f"the target by {100.0 * np.sqrt(np.mean(difference**2)):.2g} % (root mean square). "
+    )
+    reasons = ", ".join(f"{count} {reason}" for reason, count in scaling.left_out.items() if count)
+    text += f"Not considered: {reasons}." if reasons else "No motion was omitted."
+    return text + _limit_line(scaling)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 
 import click
@@ -41,19 +43,19 @@ def _ranges(
         A value is not NAME=LOW:HIGH with LOW less than HIGH.
     """
     ranges: dict[str, tuple[float, float]] = {}
-    for text in (part for text_given in texts for part in text_given.split(",")):
-        name, ends = (part.strip() for part in text.partition("=")[::2])
-        low, colon, high = ends.partition(":")
-        try:
-            both = (parse_ratio(low), parse_ratio(high)) if name and colon else None
-        except UsageError:
-            both = None
-        if both is None or not both[0] < both[1]:
+    for text in chain.from_iterable(text.split(",") for text in texts):
+        name, _, range_text = text.partition("=")
+        low, colon, high = range_text.strip().partition(":")
+        low_and_high = None
+        if name.strip() and colon:
+            with suppress(UsageError):
+                low_and_high = parse_ratio(low), parse_ratio(high)
+        if low_and_high is None or not low_and_high[0] < low_and_high[1]:
             raise UsageError(
-                f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or "
-                "stiffness_factor=0.8:1.2"
+                f"--vary {text!r} must be NAME=LOW:HIGH with LOW less than HIGH, such as "
+                "damping=2%:5% or stiffness_factor=0.8:1.2"
             )
-        ranges[name] = both
+        ranges[name.strip()] = low_and_high
     return ranges
 
 
@@ -135,7 +137,7 @@ def _one_at_a_time(request: Request) -> None:
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import PARAMETER_EFFECTS
     from tdint.output.tables.table import Table
-    from tdint_cli.campaigns import advance_with_bar, tell_outcomes, warn_of_plan
+    from tdint_cli.campaigns import advance_with_bar, report_outcomes, warn_of_plan
 
     model = load_model(request.building)
     motions = read_motions(RecordFiles(request.records, request.choice))
@@ -146,18 +148,18 @@ def _one_at_a_time(request: Request) -> None:
     note(*dict.fromkeys(plan.notes))
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))
-        tell_outcomes(store)
-        of_parameters = parameter_effects(store, model.name, request.ranges)
+        report_outcomes(store)
+        effects = parameter_effects(store, model.name, request.ranges)
 
     outputs = request.outputs.else_in(model.output_units)
     outputs.deliver(
-        Table.of_results(PARAMETER_EFFECTS, of_parameters),
-        lambda: figures.runs.sensitivity_picture(of_parameters, outputs.shown_units),
+        Table.of_results(PARAMETER_EFFECTS, effects),
+        lambda: figures.runs.sensitivity_picture(effects, outputs.shown_units),
     )
-    first = of_parameters[0]
+    largest = effects[0]
     say(
-        f"{pluralize(advance.done, 'run')}. {first.parameter} has the largest effect on the peak "
-        f"drift ratio: {100.0 * first.effect:.3g} %."
+        f"{pluralize(advance.done, 'run')}. {largest.parameter} has the largest effect on the peak "
+        f"drift ratio: {100.0 * largest.effect:.3g} %."
     )
     if plan.failures:
         raise Failures([*plan.failures])

@@ -91,27 +91,28 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
         )
     sources = records_of(request.records, request.choice)
     # List the files of each record, and check that all outputs can be written.
-    files_of = kind.gather(request, sources.files)
+    files_of_records = kind.gather(request, sources.files)
     output = Path(request.output) if request.output else None
     if output and request.is_folder:
-        own_tables: list[Path | None] = [*tables_of([files[0] for files in files_of], output)]
-        tables = own_tables
+        table_of_record: list[Path | None] = [
+            *tables_of([files[0] for files in files_of_records], output)
+        ]
+        tables = table_of_record
     else:
-        own_tables, tables = [None] * len(files_of), [output]
-    written = [file for table in tables for file in _outputs(request, table).files]
-    check_outputs(written, overwrite=request.overwrite)
+        table_of_record, tables = [None] * len(files_of_records), [output]
+    output_files = [file for table in tables for file in _outputs(request, table).files]
+    check_outputs(output_files, overwrite=request.overwrite)
     tasks = [
-        Task(files[0], table, files[1:]) for files, table in zip(files_of, own_tables, strict=True)
+        Task(files[0], table, files[1:])
+        for files, table in zip(files_of_records, table_of_record, strict=True)
     ]
-    notes, warnings = (
-        dict.fromkeys(sources.notes),
-        dict[str, None](),
-    )  # sets in the order of arrival
+    # Dictionaries without values are used as sets that keep the order of insertion.
+    notes, warnings = dict.fromkeys(sources.notes), dict[str, None]()
     failures, longest_interval = list[TdintError](sources.failures), 0.0
-    together: list[RecordTable] = []
+    outcomes_of_common_table: list[RecordTable] = []
     to_terminal = request.output is None
     width = reading_width() if to_terminal else None
-    header = True
+    write_header = True
     work = partial(_work, request, kind, width)
     with outcomes(
         work, tasks, jobs=request.jobs, label="spectra", to_terminal=to_terminal
@@ -127,15 +128,17 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
                 _write(request, kind, task.table, [outcome])
                 continue
             if request.output or request.plot:
-                together.append(outcome if request.output else replace(outcome, text=b""))
+                outcomes_of_common_table.append(
+                    outcome if request.output else replace(outcome, text=b"")
+                )
             if to_terminal:
-                emit(outcome.text if header or width else _without_header(outcome.text))
-                header = False
-    if together:
-        _write(request, kind, output, together)
-    remark = kind.remark(request, longest_interval)
+                emit(outcome.text if write_header or width else _without_header(outcome.text))
+                write_header = False
+    if outcomes_of_common_table:
+        _write(request, kind, output, outcomes_of_common_table)
+    last_note = kind.remark(request, longest_interval)
     warn(*warnings)
-    note(*filter(None, (*notes, remark)))
+    note(*filter(None, (*notes, last_note)))
     if failures:
         from tdint.ground_motion.horizontals import told_once
 
@@ -143,7 +146,7 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
-    """Return the output files that belong to a table, or those of a call without -o."""
+    """Return the table with its figure and JSON file; `table` is None without -o."""
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
     if picture:
         check_picture(picture)
@@ -232,9 +235,9 @@ def _write(
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the products are already in the requested units.
-        of_table = {"columns": summary["columns"]}
+        converted = {"columns": summary["columns"]}
         contents[outputs.summary] = options.output.summary_bytes(
-            summary, request.shown_units, converted=of_table
+            summary, request.shown_units, converted=converted
         )
     if outputs.picture:
         results = [result for product in products for result in product.results]
@@ -269,17 +272,18 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
     """
     stems = ["stdin" if file == STDIN else Path(file).stem for file in files]
     count = Counter(stems)
-    tables: dict[Path, str] = {}
+    record_of_table: dict[Path, str] = {}
     for file, stem in zip(files, stems, strict=True):
         name = stem if count[stem] == 1 or file == STDIN else Path(file).name
         table = folder / f"{name}.csv"
-        if table in tables:
+        if table in record_of_table:
             raise OutputError(
-                f"{table}: both {tables[table]} and {file} would be written to this file; use -o "
-                "FILE for one table of all records, or separate calls with separate directories"
+                f"{table}: both {record_of_table[table]} and {file} would be written to this file; "
+                "use -o FILE for one table of all records, or separate calls with separate "
+                "directories"
             )
-        tables[table] = file
-    return list(tables)
+        record_of_table[table] = file
+    return list(record_of_table)
 
 
 # ---- Spectrum
@@ -332,6 +336,7 @@ def command(request: SpectrumRequest) -> None:
         _write_target(request)
         return
     # Use the first type of table that is requested; the options of the other types are refused.
+    kind: Kind = kinds.Elastic()
     choices: tuple[tuple[Any, type[Kind]], ...] = (
         (request.fourier, kinds.Fourier),
         (request.against, kinds.Against),
@@ -339,7 +344,10 @@ def command(request: SpectrumRequest) -> None:
         (request.oscillator, kinds.Histories),
         (request.rotd, kinds.Rotated),
     )
-    kind = next((asked_for for is_asked, asked_for in choices if is_asked), kinds.Elastic)()
+    for option_value, table_type in choices:
+        if option_value:
+            kind = table_type()
+            break
     refuse_idle(kind.mode, MODES)
     make_tables(request, kind)
 
@@ -354,9 +362,11 @@ def _write_target(request: SpectrumRequest) -> None:
     TdintError
         The target cannot be read or does not cover the periods, or an output cannot be written.
     """
-    target = request.aim
+    target = request.target_spectrum
     if target is None:
-        raise UsageError("Missing argument 'RECORD...'. Without one, --target makes a table.")
+        raise UsageError(
+            "Missing argument 'RECORD...'. Add record files, or --target to write its table."
+        )
     refuse_idle(kinds.TARGET, MODES)
     if request.is_folder:
         raise UsageError(

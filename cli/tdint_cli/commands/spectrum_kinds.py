@@ -213,8 +213,8 @@ def _bandwidth(text: str) -> float:
     )
 
 
-_OF_RECORDS = ("units", "component", "inventory", "layout", "processing", "scale")
-"""Settings that Fourier spectra also use."""
+_FOURIER_SETTINGS = ("units", "component", "inventory", "layout", "processing", "scale")
+"""Settings of elastic spectra that Fourier spectra also use."""
 
 
 @options.request
@@ -336,18 +336,20 @@ class SpectrumRequest(TablesRequest):
         if self.fourier:
             settings = super().settings()
             smoothing = "none" if self.bandwidth is None else self.bandwidth
-            return {name: settings[name] for name in _OF_RECORDS if name in settings} | {
+            return {name: settings[name] for name in _FOURIER_SETTINGS if name in settings} | {
                 "fourier": True,
                 "smoothing": smoothing,
             }
-        manner = self.manner
+        elastic = self.elastic_settings
         # A setting that this table does not use is stored as null, not as its default.
-        yields = self.ductility or self.strength
+        hardening = None
+        if self.ductility or self.strength:
+            hardening = self.hardening or 0.0
         return super().settings() | {
             "method": self.method or "exact",
-            "hardening": self.hardening or 0.0 if yields else None,
-            "maxima": manner.maxima.name,
-            "interpolation": manner.interpolation.name,
+            "hardening": hardening,
+            "maxima": elastic.maxima.name,
+            "interpolation": elastic.interpolation.name,
             "against_sha256": self.published(self.damping[0]).input.sha256
             if self.against
             else None,
@@ -368,22 +370,22 @@ class SpectrumRequest(TablesRequest):
         return read_published(self.against, damping, self.against_column)
 
     @property
-    def aim(self) -> TargetSpectrum | None:
+    def target_spectrum(self) -> TargetSpectrum | None:
         """The target spectrum; None if it is not requested."""
         from tdint.analysis.spectra.target import read_target
 
         return read_target(self.target) if self.target is not None else None
 
     @property
-    def manner(self) -> SpectrumSettings:
+    def elastic_settings(self) -> SpectrumSettings:
         """Settings of the computation of elastic spectra."""
         from tdint.analysis.spectra.elastic import choose_settings
 
         return choose_settings(self.method, self.maxima, self.interpolation)
 
     @property
-    def stated(self) -> dict[str, Any]:
-        """Settings given on the command line, which therefore have a column."""
+    def specified_settings(self) -> dict[str, Any]:
+        """Settings of elastic spectra on the command line; each of them has a column."""
         return {
             name: value
             for name in ("maxima", "interpolation")
@@ -404,7 +406,7 @@ TARGET = Mode(
 """The table of a target spectrum, without records."""
 
 
-class _OfOscillators(Kind):
+class _OscillatorSpectra(Kind):
     """Spectra over the requested periods, with a note on these periods."""
 
     def check(self, request: SpectrumRequest) -> None:
@@ -415,13 +417,13 @@ class _OfOscillators(Kind):
         request : SpectrumRequest
             Options of the command line.
         """
-        _ = request.manner
-        if request.aim and not request.plot:
+        _ = request.elastic_settings  # raises UsageError if they cannot be used together
+        if request.target_spectrum and not request.plot:
             raise UsageError(
                 "--target with records requires --plot, because the target is only drawn; without "
                 "records its table is written"
             )
-        if request.aim and request.axes not in (None, "periods"):
+        if request.target_spectrum and request.axes not in (None, "periods"):
             raise UsageError(
                 f"--target cannot be used with --axes {request.axes}, because it is drawn over the "
                 "period; omit --axes"
@@ -442,26 +444,26 @@ class _OfOscillators(Kind):
         # At short periods the results depend on the ground motion between the samples.
         limit = STEPS_PER_PERIOD * interval
         if any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
-            manner = request.manner
+            settings = request.elastic_settings
             remarks.append(
                 f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) values "
                 "depend on the ground motion between the samples: taken as "
-                f"{manner.interpolation.words}, maxima {manner.maxima.description}"
+                f"{settings.interpolation.words}, maxima {settings.maxima.description}"
             )
         # The default grid is coarse if its spacing exceeds half the width of a resonance, which is
         # the damping ratio.
         if request.periods is None:
-            apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
-            if apart > damping * (1.0 + 1e-9):
+            spacing, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
+            if spacing > damping * (1.0 + 1e-9):
                 remarks.append(
-                    f"the spacing of the periods is {100.0 * apart:.2g} %: with "
+                    f"the spacing of the periods is {100.0 * spacing:.2g} %: with "
                     f"{100.0 * damping:.3g} % damping the spectrum may be higher between them; "
                     "give more periods with --period"
                 )
         return "; ".join(remarks)
 
 
-class Elastic(_OfOscillators):
+class Elastic(_OscillatorSpectra):
     """Elastic spectra of single components."""
 
     mode = Mode(
@@ -482,7 +484,7 @@ class Elastic(_OfOscillators):
 
         periods = request.chosen_periods()
         lines = [
-            spectrum(record, periods, damping, method=request.method, **request.stated)
+            spectrum(record, periods, damping, method=request.method, **request.specified_settings)
             for record in records
             for damping in request.damping
         ]
@@ -498,7 +500,7 @@ class Elastic(_OfOscillators):
         lines : sequence of Spectrum
             Spectra, one for each component and damping ratio.
         """
-        return tables.spectra.result_table(lines, tuple(request.stated))
+        return tables.spectra.result_table(lines, tuple(request.specified_settings))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
         """Return a figure with a line for each spectrum.
@@ -512,11 +514,11 @@ class Elastic(_OfOscillators):
         """
         axes = request.axes or "periods"
         return figures.spectrum_curves.spectrum_picture(
-            lines, axes, request.shown_units, request.aim
+            lines, axes, request.shown_units, request.target_spectrum
         )
 
 
-class Inelastic(_OfOscillators):
+class Inelastic(_OscillatorSpectra):
     """Inelastic spectra of oscillators with bilinear hysteresis, for constant ductility or constant
     strength."""
 
@@ -646,7 +648,7 @@ class Histories(Kind):
         return Results(lines, records)
 
 
-class Rotated(_OfOscillators):
+class Rotated(_OscillatorSpectra):
     """Spectra of two horizontal components over all directions."""
 
     mode = Mode(
@@ -697,7 +699,9 @@ class Rotated(_OfOscillators):
         motion = find_horizontals([with_component(record) for record in records])
         periods = request.chosen_periods()
         lines = [
-            rotated_spectrum(motion, periods, damping, request.rotd or (), **request.stated)
+            rotated_spectrum(
+                motion, periods, damping, request.rotd or (), **request.specified_settings
+            )
             for damping in request.damping
         ]
         return Results(
@@ -716,7 +720,7 @@ class Rotated(_OfOscillators):
         lines : sequence of RotatedSpectrum
             Spectra of one ground motion, one for each damping ratio.
         """
-        return tables.spectra.rotated_table(lines, tuple(request.stated))
+        return tables.spectra.rotated_table(lines, tuple(request.specified_settings))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
         """Return a figure with a line for each percentile.
@@ -728,7 +732,9 @@ class Rotated(_OfOscillators):
         lines : sequence of RotatedSpectrum
             Spectra, one for each ground motion and damping ratio.
         """
-        return figures.spectrum_curves.rotated_picture(lines, request.shown_units, request.aim)
+        return figures.spectrum_curves.rotated_picture(
+            lines, request.shown_units, request.target_spectrum
+        )
 
 
 class Against(Kind):
@@ -766,10 +772,12 @@ class Against(Kind):
         for ratio in request.damping:
             # A published spectrum is for one damping ratio: compare spectra of equal damping.
             published = request.published(ratio)
-            of_ratio = replace(request, damping=(ratio,))
+            ratio_request = replace(request, damping=(ratio,))
             if request.periods is None:
-                of_ratio = replace(of_ratio, periods=tuple(published.periods.tolist()))
-            lines += differences(Elastic().compute(of_ratio, records).lines, published, log_log)
+                periods = tuple(published.periods.tolist())
+                ratio_request = replace(ratio_request, periods=periods)
+            computed = Elastic().compute(ratio_request, records).lines
+            lines += differences(computed, published, log_log)
         notes = []
         for line in lines:
             if line.largest is None:

@@ -57,8 +57,8 @@ def command(request: Request) -> None:
 
     from tdint.analysis.assessment.stability import LARGEST, critical_step, false_limit, stability
 
-    scanned = tuple(f"impulse:beta={beta}" for beta in BETAS) if request.beta_scan else ()
-    integrators = options.analysis.integrators((*request.methods, *scanned))
+    scan_methods = tuple(f"impulse:beta={beta}" for beta in BETAS) if request.beta_scan else ()
+    integrators = options.analysis.integrators((*request.methods, *scan_methods))
     steps = np.unique(np.concatenate([steps.values() for steps in request.dt_over_t]))
     if request.beta_scan:
         steps = np.union1d(steps, np.linspace(*_BAND) / (2.0 * np.pi))
@@ -67,14 +67,14 @@ def command(request: Request) -> None:
         for integrator in integrators
         for ratio in request.damping
     ]
-    shown = curves if scanned else request.drawn(curves, _DRAWN)
+    shown = curves if scan_methods else request.drawn(curves, _DRAWN)
     request.outputs.deliver(
         tables.methods.stability_table(curves),
         lambda: figures.assessment.stability_picture(shown, band=request.beta_scan),
     )
     # Report the maximum stable time steps. The limit that a method declares is for zero damping.
     rows = [("method", "damping", "critical omega dt")]
-    none = f"none up to omega dt {LARGEST:.0e}".replace("e+0", "e")
+    no_limit = f"none up to omega dt {LARGEST:.0e}".replace("e+0", "e")
     for integrator in integrators:
         limits = {
             damping: critical_step(integrator, damping) for damping in (*request.damping, 0.0)
@@ -83,11 +83,6 @@ def command(request: Request) -> None:
             warn(text)
         for damping in request.damping:
             limit = limits[damping]
-            rows.append(
-                (
-                    integrator.label,
-                    f"{damping:g}",
-                    f"{limit:#.6g}" if limit < float("inf") else none,
-                )
-            )
+            limit_text = f"{limit:#.6g}" if limit < float("inf") else no_limit
+            rows.append((integrator.label, f"{damping:g}", limit_text))
     say_table(rows)

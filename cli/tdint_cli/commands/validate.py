@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from tdint.errors import AnalysisError
+from tdint.number_parsing import pluralize
 from tdint_cli import options
 from tdint_cli.options.output import Outputs
 from tdint_cli.terminal import progress_bar, say
@@ -35,13 +36,16 @@ def command(outputs: Outputs) -> None:
             results.append(compute_case(case))
     # Write the table before raising the error: it shows which cases fail and their differences.
     outputs.deliver(validation_table(results))
-    outside = [result for result in results if not result.within]
-    say(f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances.")
-    if outside:
-        worst = outside[0]
-        more = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
+    failed = [result for result in results if not result.within]
+    say(f"{len(results) - len(failed)} of {len(results)} cases are within their tolerances.")
+    if failed:
+        first = failed[0]
+        text = (
+            f"{first.case.name}: the maximum difference, {first.largest:.3g}, exceeds the "
+            f"tolerance {first.case.tolerance:.3g}"
+        )
+        if len(failed) > 1:
+            text += f"; {pluralize(len(failed) - 1, 'more case')} also exceed their tolerances"
         raise AnalysisError(
-            f"{worst.case.name}: the maximum difference, {worst.largest:.3g}, exceeds the "
-            f"tolerance {worst.case.tolerance:.3g}{more}: this installation does not reproduce the "
-            "results of the released version"
+            f"{text}; this installation does not reproduce the results of the released version"
         )

@@ -134,12 +134,9 @@ def _specifications(
     for text in texts:
         start = len(specifications)
         for part in text.split(","):
-            if (
-                len(specifications) > start
-                and ":" in specifications[-1]
-                and "=" in part
-                and ":" not in part
-            ):
+            # `a:x=1,y=2,b:z=3`: the part `y=2` is a parameter of the preceding method `a`.
+            is_parameter = "=" in part and ":" not in part
+            if len(specifications) > start and ":" in specifications[-1] and is_parameter:
                 specifications[-1] += f",{part}"
             else:
                 specifications.append(part.strip())
@@ -362,33 +359,36 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
             request.record, request.choice, request.scale[0] if request.scale else 1.0
         )
     source = model.excitation.record
-    given: dict[str, Any] = {
+    specified: dict[str, Any] = {
         name: value
         for name in ("units", "component", "inventory")
         if (value := getattr(request, name)) is not None
     }
     if source is None:
-        options = [*given, *["scale"] * bool(request.scale)]
-        if options or request.layout or request.processing:
-            name = (
-                f"--{options[0]}"
-                if options
-                else "the layout of a table"
-                if request.layout
-                else "processing"
-            )
+        if request.scale:
+            specified["scale"] = request.scale
+        subject = ""
+        if specified:
+            subject = f"--{next(iter(specified))}"
+        elif request.layout:
+            subject = "the layout of a table"
+        elif request.processing:
+            subject = "processing"
+        if subject:
             raise UsageError(
-                f"{name} requires a record, but the model specifies no record; add --record FILE"
+                f"{subject} requires a record, but the model specifies no record; add --record FILE"
             )
         return None
     choice = source.choice
-    if "units" in given or "inventory" in given:
+    if "units" in specified or "inventory" in specified:
         # `units` and `inventory` exclude each other: if the command line specifies one of them,
         # the other value of the model does not apply.
         choice = replace(choice, units=None, inventory=None)
-    processing, layout = (
-        request.processing.over(choice.processing),
-        request.layout.over(choice.layout),
+    # Settings of the command line have priority over settings of the model.
+    choice = replace(
+        choice,
+        **specified,
+        processing=request.processing.over(choice.processing),
+        layout=request.layout.over(choice.layout),
     )
-    choice = replace(choice, **given, processing=processing, layout=layout)
     return RecordSource(source.file, choice, request.scale[0] if request.scale else source.scale)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, replace
-from itertools import pairwise, takewhile
+from itertools import chain, pairwise, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
 import click
@@ -110,7 +110,7 @@ class ListOf(ValueType):
         self.once = once
 
     def joined(
-        self, _: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]
+        self, _: click.Context, __: click.Parameter, tuples: tuple[tuple[Any, ...], ...]
     ) -> tuple[Any, ...] | None:
         """Join the values of a repeated option (callback of an option of this type).
 
@@ -120,10 +120,10 @@ class ListOf(ValueType):
             Context of the command; not used.
         __ : click.Parameter
             Option; not used.
-        lists : tuple of tuple
+        tuples : tuple of tuple
             Values of the option, one tuple for each use of the option.
         """
-        values = [value for values in lists for value in values]
+        values = list(chain.from_iterable(tuples))
         return tuple(dict.fromkeys(values) if self.once else values) or None
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
@@ -149,10 +149,10 @@ class ListOf(ValueType):
         incomplete : str
             Incomplete text of the value.
         """
-        head, comma, last = incomplete.rpartition(",")
-        items = self.item.shell_complete(ctx, param, last)
+        first_values, comma, last_value = incomplete.rpartition(",")
+        items = self.item.shell_complete(ctx, param, last_value)
         return [
-            CompletionItem(head + comma + item.value, type=item.type, help=item.help)
+            CompletionItem(first_values + comma + item.value, type=item.type, help=item.help)
             for item in items
         ]
 
@@ -210,7 +210,7 @@ def span_at(count: int) -> Written:
 
     def read(text: str) -> Any:
         if ":" not in text:
-            raise click.BadParameter(f"{text!r} is not a range; use FIRST:LAST, such as 0.2:2")
+            raise click.BadParameter(f"{text!r} must be a range FIRST:LAST, such as 0.2:2")
         return grid().read(f"{text}:{count}" if text.count(":") == 1 else text)
 
     return Written("FIRST:LAST", read)
@@ -218,21 +218,21 @@ def span_at(count: int) -> Written:
 
 def _span(text: str) -> tuple[float, float]:
     try:
-        low, high = (part.strip() for part in text.split(":"))
-        both = (parse_ratio(low) if low else 0.0, parse_ratio(high) if high else math.inf)
+        low_text, high_text = (part.strip() for part in text.split(":"))
+        low = parse_ratio(low_text) if low_text else 0.0
+        high = parse_ratio(high_text) if high_text else math.inf
     except (ValueError, UsageError):
-        raise click.BadParameter(f"{text!r} is not LOW:HIGH, such as 0.001:0.1") from None
-    if not 0.0 <= both[0] < both[1]:
-        raise click.BadParameter(f"{text!r}: LOW must be below HIGH, and not negative")
-    return both
+        raise click.BadParameter(f"{text!r} must be LOW:HIGH, such as 0.001:0.1") from None
+    if not 0.0 <= low < high:
+        raise click.BadParameter(f"{text!r}: LOW must be less than HIGH, and must not be negative")
+    return low, high
 
 
 def _period(text: str) -> float | None:
-    return (
-        None
-        if text.strip().upper() == "T1"
-        else float(Number(0.0, min_open=True).convert(text, None, None))
-    )
+    """Return a period in s, or None for T1, the first period of the building."""
+    if text.strip().upper() == "T1":
+        return None
+    return float(Number(0.0, min_open=True).convert(text, None, None))
 
 
 span = Written("LOW:HIGH", _span)
@@ -289,7 +289,10 @@ class PairsType(ValueType):
 
         if not isinstance(value, str):
             return value
-        measures = [part for part in value.split(",") if "{}" not in part]
+        # Patterns of file names contain {}; the other part, if any, is the measure.
+        parts = value.split(",")
+        measures = [part for part in parts if "{}" not in part]
+        patterns = [part for part in parts if "{}" in part]
         if len(measures) > 1:
             self.fail(
                 f"{value!r} must be one of {', '.join(self.measures.choices)}, two names with "
@@ -298,11 +301,7 @@ class PairsType(ValueType):
                 ctx,
             )
         measure = str(self.measures.convert(measures[0], param, ctx)) if measures else None
-        names = (
-            PairNames.parse(",".join(part for part in value.split(",") if "{}" in part))
-            if "{}" in value
-            else USUAL
-        )
+        names = PairNames.parse(",".join(patterns)) if patterns else USUAL
         return PairWish(measure, names)
 
     def shell_complete(
@@ -506,21 +505,21 @@ class Declaration(_Value):
     def __call__(self, command: Function) -> Function:
         return together(self.declare(*self.names, **self.settings), *self.behind)(command)
 
-    def of_field(self, name: str, kind: str) -> Declaration:
+    def of_field(self, name: str, annotation: str) -> Declaration:
         """Return the declaration for a field of a request.
 
         Parameters
         ----------
         name : str
             Name of the field. It is also the name of the option if the option has no other name.
-        kind : str
+        annotation : str
             Type annotation of the field; options of type `bool` are flags.
         """
-        flags = [flag for flag in self.names if flag.startswith("-")]
-        if not flags and self.declare is click.option:
-            flags = [f"--{name.replace('_', '-')}"]
-        settings = self.settings | ({"is_flag": True} if kind == "bool" else {})
-        return replace(self, names=(*flags, name), settings=settings)
+        option_names = [option_name for option_name in self.names if option_name.startswith("-")]
+        if not option_names and self.declare is click.option:
+            option_names = [f"--{name.replace('_', '-')}"]
+        settings = self.settings | ({"is_flag": True} if annotation == "bool" else {})
+        return replace(self, names=(*option_names, name), settings=settings)
 
 
 def option(
@@ -543,8 +542,7 @@ def option(
     rare : bool
         True for an option that most users never need; only `--help-all` shows it. `COMMAND --help`
         shows all other options, with the first clauses of their help. A command has at most
-        `COMMON` of these, and its help has at most `LINES` lines. Note that an option declared for
-        many commands appears in the help of each command.
+        `COMMON` of these options, and its help has at most `LINES` lines.
     needs : str
         The options that it requires, as in `--history`, `--ductility or --strength`, `--im sa or
         sa-avg`: an option, one of several options, or an option with one of these values, including
@@ -558,9 +556,10 @@ def option(
     **settings
         Keyword arguments for click.
     """
-    kind = settings.get("type")
-    if type(kind) is ListOf:
-        settings |= {"multiple": True, "callback": kind.joined}
+    # Subclasses of ListOf are options that are not repeated.
+    value_type = settings.get("type")
+    if type(value_type) is ListOf:
+        settings |= {"multiple": True, "callback": value_type.joined}
     settings |= {"cls": HeadedOption, "heading": heading, "needs": needs, "rare": rare}
     settings |= {"recorded": recorded}
     return Declaration(click.option, names, settings, behind)
@@ -578,58 +577,68 @@ def argument(metavar: str, **settings: Any) -> Declaration:
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
-def request(kind: type[Kind]) -> type[Kind]:
+def request(request_class: type[Kind]) -> type[Kind]:
     """Convert a class to a frozen dataclass for a command line.
 
     A field with an option as its default receives the value of this option (see `of`); options are
     declared in the order of the fields. Other declarations of the command supply the other fields.
     """
-    declared = {name: value for name, value in vars(kind).items() if isinstance(value, Declaration)}
-    for name in declared:
-        delattr(kind, name)
-    request_class = dataclass(frozen=True, kw_only=True)(kind)
-    _OPTIONS[request_class] = tuple(
-        value.of_field(name, kind.__annotations__[name]) for name, value in declared.items()
+    declarations = {
+        name: value for name, value in vars(request_class).items() if isinstance(value, Declaration)
+    }
+    # A declaration must not become the default value of the field.
+    for name in declarations:
+        delattr(request_class, name)
+    frozen_class = dataclass(frozen=True, kw_only=True)(request_class)
+    _OPTIONS[frozen_class] = tuple(
+        declaration.of_field(name, request_class.__annotations__[name])
+        for name, declaration in declarations.items()
     )
-    return request_class
+    return frozen_class
 
 
-def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def of(
+    request_class: type[Any], argument_name: str = ""
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Declare the options of a request class, without the options of its base classes.
 
-    The command receives the request as its only argument, or as the argument `among` in addition to
-    other arguments.
+    The command receives the request as its only argument, or as the argument `argument_name` in
+    addition to other arguments.
     """
 
-    def declared(command: Callable[..., Any]) -> Callable[..., Any]:
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(command)
-        def collected(**given: Any) -> Any:
-            if not among:
-                return command(kind(**given))
-            own_values = {part.name: given.pop(part.name) for part in fields(kind)}
-            return command(**given, **{among: kind(**own_values)})
+        def call_with_request(**values: Any) -> Any:
+            if not argument_name:
+                return command(request_class(**values))
+            fields_of_request = {item.name: values.pop(item.name) for item in fields(request_class)}
+            return command(**values, **{argument_name: request_class(**fields_of_request)})
 
-        return together(*_OPTIONS[kind])(collected)
+        return together(*_OPTIONS[request_class])(call_with_request)
 
-    return declared
+    return decorate
 
 
 def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Function]:
     """Combine declarations of options, in their order, into one declaration."""
 
-    def declared(command: Function) -> Function:
+    def decorate(command: Function) -> Function:
+        # Decorators are applied from the last to the first.
         for declaration in reversed(declarations):
             command = declaration(command)
         return command
 
-    return declared
+    return decorate
 
 
 def with_named_files(
     arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)
 ) -> list[str]:
-    """Return a command line in which each of these options has a value: the next word if it is a
-    matching file name or empty, otherwise `BESIDE`."""
+    """Return a command line in which --plot and --history, if listed in `options`, have a value.
+
+    The value is the next word if it is empty or a file name with a suffix that fits the option,
+    otherwise `BESIDE`.
+    """
     result: list[str] = []
     words = iter(enumerate(arguments))
     # As in click, words after -- are not options.
@@ -658,12 +667,11 @@ def recorded_words(command: click.Command, words: Sequence[str]) -> tuple[str, .
     words : sequence of str
         The command line after the name of the command.
     """
-    unrecorded = {
-        name: item
-        for item in command.params
-        if isinstance(item, click.Option) and not is_recorded(item)
-        for name in item.opts
-    }
+    unrecorded: dict[str, click.Option] = {}
+    for parameter in command.params:
+        if isinstance(parameter, click.Option) and not is_recorded(parameter):
+            unrecorded |= dict.fromkeys(parameter.opts, parameter)
+    # Letters of the short names, such as q for -q.
     letters = "".join(name[1] for name in unrecorded if not name.startswith("--"))
     result: list[str] = []
     remaining = iter(words)
@@ -675,11 +683,12 @@ def recorded_words(command: click.Command, words: Sequence[str]) -> tuple[str, .
             # Flags of one letter may precede another option in the same word: -qo DIR.
             if word[:1] == "-" and word[1:2] and word[1:2] in letters:
                 word = f"-{word[1:].lstrip(letters)}"
-                result += [word] if word != "-" else []
+                if word != "-":
+                    result.append(word)
             else:
                 result.append(word)
         elif not item.is_flag and "=" not in word:
-            next(remaining, None)
+            next(remaining, None)  # skip the value of the option
     return tuple(result)
 
 
@@ -692,10 +701,11 @@ def shown_when_asked(
     text: Callable[[click.Context], str],
 ) -> Callable[[click.Context, click.Parameter, bool], None]:
     """Return the callback of a flag that writes a text to standard output and exits instead of
-    running the command."""
+    running the command; `text` returns the text for the context of the command."""
 
-    def show(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
-        if is_asked and not ctx.resilient_parsing:
+    def show(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
+        # During the completion of a command line, nothing is written.
+        if is_set and not ctx.resilient_parsing:
             emit(f"{text(ctx)}\n".encode("utf-8", "replace"))
             ctx.exit()
 
@@ -703,8 +713,11 @@ def shown_when_asked(
 
 
 class HelpAsData(click.Command):
-    """A command with options under headings that writes its help like data, to standard output with
-    the same errors."""
+    """A command with options under headings.
+
+    The help is written to standard output as data are, so that a closed pipe or a full disk has the
+    same effect.
+    """
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         option = super().get_help_option(ctx)
@@ -776,22 +789,8 @@ class Command(HelpAsData):
             formatter.write_text(" ".join(_SENTENCE.split(" ".join((self.help or "").split()))[:2]))
         with formatter.section("Examples"):
             formatter.write("".join(f"  {example}\n" for example in self.examples))
-        # Show only the first clauses of the help of each option, as a reminder.
-        common = [option for option in self.params if getattr(option, "common", False)]
-        brief: list[tuple[str, str]] = []
-        for option in sorted(
-            common, key=lambda option: ORDER.index(getattr(option, "heading", GENERAL))
-        ):
-            record = option.get_help_record(ctx)
-            assert record is not None and isinstance(option, click.Option)
-            text, *more = _CLAUSE.split(option.help or "")
-            for clause in more:
-                if len(text) + len(clause) > _ENOUGH:
-                    break
-                text += f" {clause}"
-            brief.append((record[0], text if text.endswith(".") else f"{text.rstrip(';')}."))
         with formatter.section("Options"):
-            formatter.write_dl(brief, col_max=_OPTION_WIDTH)
+            formatter.write_dl(self._short_option_help(ctx), col_max=_OPTION_WIDTH)
         if self.exits:
             with formatter.section("Exit codes"):
                 formatter.write_dl([(str(code), meaning) for code, meaning in self.exits.items()])
@@ -800,6 +799,23 @@ class Command(HelpAsData):
             formatter.write_text(
                 f"All options, and more of what it does: {ctx.command_path} --help-all"
             )
+
+    def _short_option_help(self, ctx: click.Context) -> list[tuple[str, str]]:
+        """Return the names of each common option and the first clauses of its help."""
+        common = [option for option in self.params if getattr(option, "common", False)]
+        common.sort(key=lambda option: ORDER.index(getattr(option, "heading", GENERAL)))
+        lines: list[tuple[str, str]] = []
+        for option in common:
+            names_and_help = option.get_help_record(ctx)
+            assert names_and_help is not None and isinstance(option, click.Option)
+            text, *more_clauses = _CLAUSE.split(option.help or "")
+            for clause in more_clauses:
+                if len(text) + len(clause) > _MAX_SHORT_HELP:
+                    break
+                text += f" {clause}"
+            text = text if text.endswith(".") else f"{text.rstrip(';')}."
+            lines.append((names_and_help[0], text))
+        return lines
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the command line as click does, after `--plot` and similar options have received
@@ -812,49 +828,56 @@ class Command(HelpAsData):
         args : list of str
             Words of the command line after the name of the command.
         """
-        flags = {name for parameter in self.params for name in parameter.opts}
+        option_names = {name for parameter in self.params for name in parameter.opts}
         # Click would use an option as the value of the preceding option that requires a value.
-        valued = {
-            name
-            for item in self.params
-            if isinstance(item, click.Option) and not item.is_flag
-            for name in item.opts
-        }
-        typed = takewhile(lambda pair: pair[0] != "--", pairwise(args))
-        for word, following in typed:
-            if word in valued and word not in _NAMES and following in flags:
-                raise UsageError(f"{word} requires a value, but {following} is an option")
+        for word, next_word in takewhile(lambda pair: pair[0] != "--", pairwise(args)):
+            if word in self._valued_options() and next_word in option_names:
+                raise UsageError(f"{word} requires a value, but {next_word} is an option")
         try:
-            rest = super().parse_args(ctx, with_named_files(args, flags))
+            remaining = super().parse_args(ctx, with_named_files(args, option_names))
         except click.NoSuchOption as error:
-            now, example = _FORMER.get(error.option_name, ("", ""))
-            if now not in flags:
+            new_name, example = _FORMER.get(error.option_name, ("", ""))
+            if new_name not in option_names:
                 raise
-            raise UsageError(f"{error.option_name} is now {now}: {now} {example}") from None
-        if ctx.resilient_parsing:
-            return rest
-        # An option without the options that it requires would be ignored without a message.
-        named = {
-            name: item
-            for item in self.params
-            for name in (*item.opts, (item.metavar or "").partition(" ")[0].strip("[]."))
-        }
+            raise UsageError(
+                f"{error.option_name} was replaced by {new_name}; use {new_name} {example}"
+            ) from None
+        if not ctx.resilient_parsing:
+            self._check_needs(ctx)
+        return remaining
+
+    def _valued_options(self) -> set[str]:
+        """Return the names of the options that require a value; --plot and --history do not."""
+        names: set[str] = set()
+        for parameter in self.params:
+            if isinstance(parameter, click.Option) and not parameter.is_flag:
+                names.update(parameter.opts)
+        return names - _NAMES.keys()
+
+    def _check_needs(self, ctx: click.Context) -> None:
+        """Raise UsageError for an option that would be ignored, because the option that it requires
+        is missing."""
+        # Parameters by the names in `needs`: of an option, or of an argument in the help.
+        parameters: dict[str, click.Parameter] = {}
+        for parameter in self.params:
+            parameters |= dict.fromkeys((*parameter.opts, _argument_name(parameter)), parameter)
         for option in self.params:
             needs = getattr(option, "needs", "")
             if not needs or not _is_given(ctx, option):
                 continue
-            words = needs.split(" or ")
-            needed, _, value = words[0].partition(" ")
+            # `--a or --b`: one of several options; `--a x or y`: one of several values.
+            alternatives = needs.split(" or ")
+            needed_option, _, value = alternatives[0].partition(" ")
             if value:
-                is_met = ctx.params[named[needed].name or ""] in (value, *words[1:])
+                actual_value = ctx.params[parameters[needed_option].name or ""]
+                is_met = actual_value in (value, *alternatives[1:])
             else:
-                is_met = any(_is_given(ctx, named[word]) for word in words)
+                is_met = any(_is_given(ctx, parameters[name]) for name in alternatives)
             if not is_met:
                 name = option.opts[-1]
                 raise UsageError(
                     f"{name} has no effect without {needs}; add {needs}, or omit {name}"
                 )
-        return rest
 
     def all_help(self, ctx: click.Context) -> str:
         """Return the complete help, with the options in a section for each heading."""
@@ -875,12 +898,17 @@ message."""
 
 _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
-_ENOUGH = 90
+_MAX_SHORT_HELP = 90
 """Maximum length, in characters, of the help of an option in --help: two lines next to its name."""
 
 _OPTION_WIDTH = 22
 """Width of the column of option names in --help, characters; a longer name has a separate line, so
 that the column of texts is wide."""
+
+
+def _argument_name(parameter: click.Parameter) -> str:
+    """Return the first word of the metavar of a parameter without brackets and dots: RECORD."""
+    return (parameter.metavar or "").partition(" ")[0].strip("[].")
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
@@ -931,17 +959,18 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
         All modes of the command.
     """
     context = click.get_current_context()
-    idle = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
+    # Options that only other modes support. Options of no mode are supported by all modes.
+    without_effect = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
     for parameter in context.command.params:
-        if parameter.name not in idle or not _is_given(context, parameter):
+        if parameter.name not in without_effect or not _is_given(context, parameter):
             continue
-        name = (
-            parameter.opts[-1]
-            if isinstance(parameter, click.Option)
-            else (parameter.metavar or "").partition(" ")[0].strip("[].")
-        )
+        if isinstance(parameter, click.Option):
+            name = parameter.opts[-1]
+        else:
+            name = _argument_name(parameter)
+        # A flag such as --cache/--no-cache that is False was specified by its second name.
         if parameter.secondary_opts and not context.params[parameter.name]:
-            name = parameter.secondary_opts[-1]  # --no-cache
+            name = parameter.secondary_opts[-1]
         advice = mode.advice.get(parameter.name, f"omit {name}")
         raise UsageError(f"{name} has no effect {mode.words}; {advice}")
 
@@ -988,8 +1017,8 @@ def _setting(names: list[str], field: str, text: str) -> HeadedOption:
         Help text.
     """
 
-    def switch(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
-        if is_asked:
+    def switch(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
+        if is_set:
             setattr(ctx.ensure_object(Settings), field, True)
 
     return flag(names, switch, text)

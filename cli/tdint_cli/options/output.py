@@ -50,11 +50,15 @@ def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> 
     tables : bool
         Whether -o contains the tables that `tdint rerun` may write again.
     """
-    kind = FileName(folder=metavar == "DIR", written=True, tables=tables)
-    return option("-o", "--output", type=kind, metavar=metavar, callback=_place, help=text)
+    file_type = FileName(folder=metavar == "DIR", written=True, tables=tables)
+    return option(
+        "-o", "--output", type=file_type, metavar=metavar, callback=_check_output, help=text
+    )
 
 
-def _place(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+def _check_output(
+    context: click.Context, parameter: click.Parameter, value: str | None
+) -> str | None:
     """Check the value of -o and return it; None is standard output, for - as without -o.
 
     The file of a table must have a suffix, because a name without a suffix is a directory in
@@ -69,9 +73,10 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
     value : str or None
         Value of the option; None if it is not specified.
     """
-    kinds = (parameter.metavar or "").split("|")
-    # A directory cannot be written to standard output; a table is written there without -o.
-    if value == STDIN and kinds == ["DIR"]:
+    alternatives = (parameter.metavar or "").split("|")
+    # FILE, DIR or both. A directory cannot be written to standard output; a table is written there
+    # without -o.
+    if value == STDIN and alternatives == ["DIR"]:
         raise UsageError(
             "-o - is standard output, but this command writes a directory; specify a directory, or "
             "omit -o"
@@ -80,19 +85,24 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
         return None
     value = refuse_empty(context, parameter, value)
     # The name of a directory may have any suffix; the suffix of a file states its format.
-    to_folder = "DIR" in kinds and value is not None and is_folder_name(value)
-    if value and kinds != ["FILE"] and is_parquet(value) and not to_folder:
+    is_directory = "DIR" in alternatives and value is not None and is_folder_name(value)
+    if value and alternatives != ["FILE"] and is_parquet(value) and not is_directory:
         raise UsageError(
             f"-o {value}: this command writes only CSV; Parquet is supported by commands with a "
             "single table"
         )
-    if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not to_folder:
+    if (
+        value
+        and "FILE" in alternatives
+        and Path(value).suffix.lower() in _NO_TABLES
+        and not is_directory
+    ):
         warn(
             f"-o {value}: the table is written as CSV; use the suffix .csv, and --plot=FILE for a "
             "figure"
         )
-    if value and "FILE" in kinds and not (Path(value).suffix or to_folder):
-        folder = f", or {value}/ for a directory" if "DIR" in kinds else ""
+    if value and "FILE" in alternatives and not (Path(value).suffix or is_directory):
+        folder = f", or {value}/ for a directory" if "DIR" in alternatives else ""
         raise UsageError(
             f"-o {value}: the file of a table must have a suffix; use {value}.csv or "
             f"{value}.csv.gz{folder}; -o - is standard output"
@@ -124,11 +134,13 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
         Value of the option; None if it is not specified.
     """
     if value == "":
-        raise UsageError(f"{parameter.opts[0]} is empty; specify a name")
+        raise UsageError(f"{parameter.opts[0]} must not be empty; specify a name, or omit it")
     return value
 
 
-def _page(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+def _check_report(
+    context: click.Context, parameter: click.Parameter, value: str | None
+) -> str | None:
     """Raise UsageError for a file name of another format than HTML.
 
     Parameters
@@ -140,9 +152,8 @@ def _page(context: click.Context, parameter: click.Parameter, value: str | None)
     value : str or None
         Value of the option; None if it is not specified.
     """
-    if (value := refuse_empty(context, parameter, value)) and not value.lower().endswith(
-        (".html", ".htm")
-    ):
+    value = refuse_empty(context, parameter, value)
+    if value and not value.lower().endswith((".html", ".htm")):
         raise UsageError(f"--report {value}: the report is HTML; use the suffix .html")
     return value
 
@@ -203,7 +214,7 @@ report = option(
     "--report",
     type=FileName(written=True),
     metavar="FILE.html",
-    callback=_page,
+    callback=_check_report,
     help="Also write an HTML report: results, building, ground motions, figures, assumptions, "
     "warnings, checksums; a single file without external resources, for printing on A4.",
 )
@@ -395,32 +406,31 @@ def to_files(
         Further options under this heading.
     """
 
-    def declared(command: Function) -> Function:
+    def decorate(command: Function) -> Function:
         @functools.wraps(command)
-        def collected(**given: Any) -> Any:
-            units, report = given.pop("output_units", None), given.pop("report", None)
+        def call_with_outputs(**values: Any) -> Any:
+            units, report = values.pop("output_units", None), values.pop("report", None)
             outputs = Outputs.checked(
-                given.pop("output"),
-                given.pop("plot", None),
-                given.pop("overwrite"),
+                values.pop("output"),
+                values.pop("plot", None),
+                values.pop("overwrite"),
                 units=units,
                 report=report,
             )
-            return command(**given, outputs=outputs)
+            return command(**values, outputs=outputs)
 
-        plots = () if picture is None else (plot(picture),)
-        pages = (report,) if page else ()
-        declarations = (
-            output(text=text),
-            *plots,
-            *pages,
-            *more,
-            *((units,) if in_units else ()),
-            overwrite,
-        )
-        return grammar.together(*declarations)(cast(Function, collected))
+        declarations: list[Callable[[Any], Any]] = [output(text=text)]
+        if picture is not None:
+            declarations.append(plot(picture))
+        if page:
+            declarations.append(report)
+        declarations += more
+        if in_units:
+            declarations.append(units)
+        declarations.append(overwrite)
+        return grammar.together(*declarations)(cast(Function, call_with_outputs))
 
-    return declared
+    return decorate
 
 
 def provenance(
@@ -480,22 +490,19 @@ def summary_bytes(
 
     # The inputs that the command lists are first; other files that it read follow.
     inputs = list(contents.get("inputs", ()))
-    read = merged_inputs(files_read())
-    all_inputs = [*inputs, *(source for source in read if source not in inputs)]
-    contents = {**contents, "inputs": all_inputs}
+    inputs += [source for source in merged_inputs(files_read()) if source not in inputs]
+    contents = {**contents, "inputs": inputs}
     execution = {"arguments": list(current().arguments), "time_loops": time_loops()}
     return json_bytes({**in_units(contents, units, keys), **converted, **execution})
 
 
 def _plain(value: Any) -> Any:
-    """Return the value of an option as it was typed."""
+    """Return the value of an option for JSON; a value with its own notation as it was typed."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    return (
-        value
-        if value is None or isinstance(value, bool | int | float | str)
-        else getattr(value, "text", str(value))
-    )
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return getattr(value, "text", str(value))
 
 
 def check_picture(file: Path) -> None:
@@ -530,4 +537,6 @@ def picture_file(plot: str | None, table: Path | None) -> Path | None:
 
 def beside(table: Path, suffix: str) -> Path:
     """Return the path of a table with another suffix; the table may be compressed (.csv.gz)."""
-    return (table.with_suffix("") if table.suffix.lower() == ".gz" else table).with_suffix(suffix)
+    if table.suffix.lower() == ".gz":
+        table = table.with_suffix("")
+    return table.with_suffix(suffix)

@@ -179,7 +179,7 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 """Names of the parameters by which a record is read and processed, without the scale factor."""
 
 
-def _read_and_changed(command: Function) -> Function:
+def _with_layout_and_processing(command: Function) -> Function:
     """Pass the layout options of a text table to the command as `layout`, and the processing
     options as `processing`.
 
@@ -188,32 +188,30 @@ def _read_and_changed(command: Function) -> Function:
     """
 
     @functools.wraps(command)
-    def collected(**given: Any) -> Any:
+    def call_with_layout_and_processing(**values: Any) -> Any:
         from tdint.ground_motion.choice import Processing, TextLayout, parse_pad, parse_trim
 
-        layout, steps = (
-            {field.name: given.pop(field.name) for field in dataclasses.fields(kind)}
-            for kind in (TextLayout, Processing)
-        )
+        layout = {field.name: values.pop(field.name) for field in dataclasses.fields(TextLayout)}
+        steps = {field.name: values.pop(field.name) for field in dataclasses.fields(Processing)}
         for name, parse in (("trim", parse_trim), ("pad", parse_pad)):
             if steps[name] is not None:
                 steps[name] = parse(steps[name])
         layout["column"] = layout["column"] or ()
-        return command(**given, layout=TextLayout(**layout), processing=Processing(**steps))
+        return command(**values, layout=TextLayout(**layout), processing=Processing(**steps))
 
-    return cast(Function, collected)
+    return cast(Function, call_with_layout_and_processing)
 
 
-_READ = (units, component, *_LAYOUT, inventory)
-_CHANGED = (*_PROCESSING, _read_and_changed)
+_READING = (units, component, *_LAYOUT, inventory)
+_PROCESSED = (*_PROCESSING, _with_layout_and_processing)
 
-of_records = grammar.together(records, *_READ, *_CHANGED)
+of_records = grammar.together(records, *_READING, *_PROCESSED)
 """Common options of commands with records as arguments, for a RecordsRequest."""
 
-of_records_if_any = grammar.together(records_if_any, *_READ, *_CHANGED)
+of_records_if_any = grammar.together(records_if_any, *_READING, *_PROCESSED)
 """The same options for commands with optional records."""
 
-of_motion = grammar.together(*_READ, scale, *_CHANGED)
+of_motion = grammar.together(*_READING, scale, *_PROCESSED)
 """Options of a single record except --record, for a BuildingRequest. The record replaces the record
 of the model, or the options change it."""
 
@@ -224,13 +222,15 @@ of_record = grammar.together(record, of_motion)
 def warnings_of_suite(records: Sequence[Record]) -> list[str]:
     """Return the warnings about assumptions that affect the values of records: one line per type of
     warning, with the first names."""
-    # Warnings of one type start with the same three words and differ in a value.
-    kinds: dict[str, tuple[str, dict[str, None]]] = {}
+    # Warnings of one type start with the same three words and differ in a value. Each type is
+    # mapped to its first text and to the names of its records (keys, as an ordered set).
+    types: dict[str, tuple[str, dict[str, None]]] = {}
     for record in records:
         for text in record.warnings:
-            _, names = kinds.setdefault(" ".join(text.split()[:3]), (text, {}))
+            first_words = " ".join(text.split()[:3])
+            _, names = types.setdefault(first_words, (text, {}))
             names[f"{record.source} {record.component}".rstrip()] = None
-    return [f"{abbreviate(list(names), 3)}: {text}" for text, names in kinds.values()]
+    return [f"{abbreviate(list(names), 3)}: {text}" for text, names in types.values()]
 
 
 def notes_of_components(
@@ -241,7 +241,9 @@ def notes_of_components(
     notes: dict[str, None] = {}  # an ordered set
     for record in records:
         for note in notes_of(record):
-            common = all(note in notes_of(other) for other in records)
-            name = record.source if common else f"{record.source}: {record.component or record.id}"
+            is_common = all(note in notes_of(other) for other in records)
+            name = record.source
+            if not is_common:
+                name += f": {record.component or record.id}"
             notes[f"{name}: {note}"] = None
     return tuple(notes)

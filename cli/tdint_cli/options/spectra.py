@@ -101,20 +101,24 @@ def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaratio
     )
 
 
-def chosen_periods(given: Iterable[float | Grid] | None, default: str) -> NDArray[np.float64]:
+def chosen_periods(requested: Iterable[float | Grid] | None, default: str) -> NDArray[np.float64]:
     """Return the periods of --period, or the default periods, s."""
     import numpy as np
 
     from tdint.number_parsing import parse_grid
 
-    parts = given or [parse_grid(default)]
-    return np.hstack([part if isinstance(part, float) else part.values() for part in parts])
+    items = requested or [parse_grid(default)]
+    return np.hstack([item if isinstance(item, float) else item.values() for item in items])
 
 
-def periods_as_given(given: Iterable[float | Grid] | None, default: str) -> list[float | str] | str:
-    """Return the periods for a JSON file: a grid as its text, several periods as a list."""
-    parts = [part if isinstance(part, float) else str(part) for part in given or (default,)]
-    return parts[0] if len(parts) == 1 and isinstance(parts[0], str) else parts
+def periods_as_given(
+    requested: Iterable[float | Grid] | None, default: str
+) -> list[float | str] | str:
+    """Return the periods for a JSON file: a single grid as its text, otherwise a list."""
+    items = [item if isinstance(item, float) else str(item) for item in requested or (default,)]
+    if len(items) == 1 and isinstance(items[0], str):
+        return items[0]
+    return items
 
 
 export_floors = output.option(
@@ -149,9 +153,8 @@ class FloorRequest:
     def check(self, folder: str | None, export: str | None = None) -> None:
         """Raise UsageError if floor spectra or motions are requested without a directory."""
         if (self.floors or export) and not folder:
-            raise UsageError(
-                f"{_NEEDS if self.floors else '--export-floors'} requires -o DIR: it writes a file"
-            )
+            name = _NEEDS if self.floors else "--export-floors"
+            raise UsageError(f"{name} requires -o DIR, because it writes a file; add -o DIR")
 
     def chosen_floors(self, stories: int) -> tuple[int, ...]:
         """Return the floors of the requested spectra; raise UsageError if the building has no such
@@ -211,9 +214,12 @@ class FloorRequest:
             SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
         if plot and suites:
-            names = store.buildings()
-            found = [(name, store.period(number)) for number, (name, _) in names.items()]
-            periods = [(name, period) for name, period in found if period is not None]
+            # Names of the buildings with their first periods; a store may contain no periods.
+            periods = []
+            for number, (name, _) in store.buildings().items():
+                period = store.period(number)
+                if period is not None:
+                    periods.append((name, period))
             draw = partial(figures.suites.floor_suite_picture, suites, units, periods)
             contents[SPECTRA_PICTURE] = figures.style.picture(".png", draw)
         return contents, suites

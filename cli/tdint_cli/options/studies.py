@@ -99,9 +99,11 @@ def read_table_of_factors(
         No record could be read.
     """
     if bool(records) is (file is not None):
-        given = "RECORD and --factors are given" if records else "no RECORD is given"
+        problem = "RECORD is required"
+        if records:
+            problem = "RECORD and --factors cannot be used together"
         raise UsageError(
-            f"{given}; specify either records or directories, or the table of `tdint scale -o` "
+            f"{problem}; specify either records or directories, or the table of `tdint scale -o` "
             "with --factors"
         )
     if file is None:
@@ -113,7 +115,7 @@ def read_table_of_factors(
     table, suite = read_listed(
         read_factors(FactorsFile(file)), choice, pairs.names if pairs else None
     )
-    return _reported(suite), table
+    return _report_suite(suite), table
 
 
 def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
@@ -130,15 +132,19 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
     from tdint.ground_motion.reading import suites
 
     _refuse_component_of_pairs(choice, pairs)
-    return _reported(suites.read_suite(records, choice, pairs.names if pairs else None))
+    return _report_suite(suites.read_suite(records, choice, pairs.names if pairs else None))
 
 
 def _refuse_component_of_pairs(choice: RecordChoice, pairs: PairWish | None) -> None:
+    """Raise UsageError if pairs of components and a single component are requested."""
     if pairs and choice.component is not None:
-        raise UsageError("--component cannot be used with pairs; omit it")
+        raise UsageError(
+            "--component cannot be used with pairs of components, because both are used; omit "
+            "--component"
+        )
 
 
-def _reported(suite: Suite) -> Suite:
+def _report_suite(suite: Suite) -> Suite:
     """Write the notes and warnings of a suite to the terminal, and return the suite.
 
     Raises

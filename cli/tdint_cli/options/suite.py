@@ -88,7 +88,7 @@ class _DriftLimit(Ratio):
             return value
         if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
             self.fail(
-                f"it is the drift limit, such as 2%; the number of runs is --max-runs {value}",
+                f"--limit is the drift limit, such as 2%; the number of runs is --max-runs {value}",
                 param,
                 ctx,
             )
@@ -133,7 +133,7 @@ def check_limit_options(limit: float | str | None, require: bool, models: Sequen
         if not models:
             raise UsageError(
                 f"--limit {limit}: buildings of an inventory have no performance levels; "
-                "give a drift limit, such as 2%"
+                "specify a drift limit, such as 2%"
             )
 
 
@@ -145,6 +145,6 @@ def without_limits() -> UsageError:
     )
 
 
-def kept_words(kept: bool) -> str:
-    """Return the first words of the result of the drift check."""
-    return f"Limit {'kept' if kept else 'NOT kept'}. "
+def outcome_text(is_met: bool) -> str:
+    """Return the first sentence of the result of a limit check, with a space at its end."""
+    return f"Limit {'kept' if is_met else 'NOT kept'}. "

@@ -208,7 +208,7 @@ class Event:
         if last - first + 1 < _MIN_SAMPLES:
             raise RecordError(
                 f"{label}: has fewer than {_MIN_SAMPLES} samples in the window from {start:g} to "
-                f"{end:g} s"
+                f"{end:g} s; use a longer window"
             )
         return slice(first, last + 1)
 

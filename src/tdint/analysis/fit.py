@@ -468,14 +468,14 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
     unknown = [name for name in names if name not in FITTED]
     if unknown or not names:
         raise UsageError(
-            f"the values to be fitted must be one or more of {', '.join(FITTED)}, got "
-            f"{', '.join(map(repr, unknown)) or 'no name'}"
+            f"the fitted parameters must be one or more of {', '.join(FITTED)}, got "
+            f"{', '.join(map(repr, unknown)) or 'none'}"
         )
     free_values: list[_FreeValue] = []
     if "stiffness" in names and "stiffness-factor" in names:
         raise UsageError(
-            "stiffness and stiffness-factor cannot be fitted together; fit either the stiffness of "
-            "each story (stiffness) or one factor on all stiffnesses (stiffness-factor)"
+            "stiffness (of each story) and stiffness-factor (one factor for all stories) cannot be "
+            "fitted together; omit one of them"
         )
     if "stiffness-factor" in names:
         # A single factor applies to the stiffnesses of all stories.
@@ -507,8 +507,8 @@ def _stiffness(model: Model, i: int) -> _FreeValue:
     story = model.stories[i]
     if LAWS[story.law.name].initial_stiffness is not None:
         raise UsageError(
-            f"{model.name}: the stiffness of story {i + 1} follows from its {story.law.name} law; "
-            "it cannot be fitted"
+            f"{model.name}: the stiffness of story {i + 1} cannot be fitted, because it follows "
+            f"from the parameters of its {story.law.name} law; fit only damping, or use another law"
         )
 
     def set_stiffness(model: Model, stiffness: float) -> Model:

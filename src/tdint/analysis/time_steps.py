@@ -76,12 +76,13 @@ def choose_steps(
     if record_dt is None:
         if dt is None:
             raise UsageError(
-                "no time step: without a record, specify --dt or analysis.dt in the model file"
+                "the time step is required, because the analysis has no record; specify --dt, or "
+                "analysis.dt in the model file"
             )
         if duration is None:
             raise UsageError(
-                "no duration: without a record, specify --duration or analysis.duration in the "
-                "model file"
+                "the duration is required, because the analysis has no record; specify --duration, "
+                "or analysis.duration in the model file"
             )
         return Steps(dt, _count(duration, dt), end=duration)
     if dt is not None and not record_dt / MAX_STEPS <= dt <= record_dt * MAX_STEPS:
@@ -107,8 +108,8 @@ def choose_steps(
     else:
         smaller, larger = record_dt / (factor + 1), record_dt / factor
     raise UsageError(
-        f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s; dt must "
-        f"be this interval divided or multiplied by a whole number, such as {smaller:.12g} or "
+        f"dt must be the sampling interval of the record, {record_dt:.12g} s, multiplied or "
+        f"divided by an integer, got {dt:.12g} s; the nearest time steps are {smaller:.12g} and "
         f"{larger:.12g} s"
     )
 

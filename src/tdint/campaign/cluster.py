@@ -163,7 +163,8 @@ def _connect(cluster: Cluster) -> Any:
         from distributed import Client, Security
     except ImportError:
         raise UsageError(
-            "--dask needs Dask: pip install 'tdint[dask]' on this machine and on the workers"
+            "--dask requires Dask, which is not installed; install it on this machine and on the "
+            "workers with: pip install 'tdint[dask]'"
         ) from None
     # With certificates, refuse unencrypted connections.
     security = Security(
@@ -200,7 +201,10 @@ def _connect(cluster: Cluster) -> Any:
     )
     if error:
         text = " ".join(str(error).split()) or type(error).__name__
-        raise UsageError(f"{cluster.address}: no scheduler responds: {text}")
+        raise UsageError(
+            f"{cluster.address}: no scheduler responds ({text}); start a Dask scheduler, or "
+            "correct the address"
+        )
     return connection.result()
 
 

@@ -345,7 +345,7 @@ def _check_record_names(names: Sequence[str]) -> None:
     if duplicates:
         raise UsageError(f"{duplicates[0]}: the record is specified twice; remove one of them")
     if not names:
-        raise UsageError("no record: an incremental dynamic analysis requires at least one record")
+        raise UsageError("an incremental dynamic analysis requires at least one record, got none")
 
 
 STORE = "ida.sqlite"

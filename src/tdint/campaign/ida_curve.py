@@ -672,6 +672,6 @@ def _factor_for_drift(
         else:
             high = factor
     raise AnalysisError(
-        f"{mainshock.name}: no scale factor leads to a drift of {100.0 * drift:g} % without "
-        "collapse; specify a smaller drift, or another mainshock"
+        f"{mainshock.name}: no scale factor leads to a drift ratio of {100.0 * drift:g} % "
+        "without collapse; specify a smaller drift, or another mainshock"
     )

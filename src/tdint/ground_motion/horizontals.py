@@ -115,7 +115,10 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         names = f"{first.component or 'one'} and {second.component or 'the other'}"
         if ahead is not None and behind is not None:
             angle = abs((behind - ahead + 90.0) % 180.0 - 90.0)
-            raise RecordError(f"{source}: {names} are {angle:g} degrees apart, not at right angles")
+            raise RecordError(
+                f"{source}: two components at right angles are required, but the directions "
+                f"{names} differ by {angle:.4g} degrees; select two other components"
+            )
         if (
             first.component.strip()
             and first.component.strip().upper() == second.component.strip().upper()
@@ -140,7 +143,7 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         ).total_seconds()
         if abs(late) > 0.5 * first.dt:
             raise RecordError(
-                f"{source}: the components start {abs(late):g} s apart; trim both to the same "
+                f"{source}: the components start {abs(late):.6g} s apart; trim both to the same "
                 "start first"
             )
     if (

@@ -17,7 +17,7 @@ from tdint.model.building import assemble
 from tdint.model.definition import Model
 from tdint.number_parsing import abbreviate, number_text, pluralize
 from tdint.output import figures
-from tdint.output.page import Chapter, Part, Picture, Told, page, page_units
+from tdint.output.page import Chapter, PageText, Part, Picture, page, page_units
 from tdint.output.report import (
     MODEL_LIMITS,
     SPECTRUM_PERIODS,
@@ -44,7 +44,10 @@ if TYPE_CHECKING:
 
 
 def pushover_page(
-    result: Pushover, targets: Sequence[TargetDisplacement], told: Told, units: OutputUnits = SI
+    result: Pushover,
+    targets: Sequence[TargetDisplacement],
+    page_text: PageText,
+    units: OutputUnits = SI,
 ) -> bytes:
     """Return the report of a pushover analysis and of its target displacements.
 
@@ -54,31 +57,34 @@ def pushover_page(
         Pushover curve of the building.
     targets : sequence of TargetDisplacement
         Target displacements under a design spectrum; may be empty.
-    told : Told
+    page_text : PageText
         Verdict, warnings and inputs of the report.
     units : OutputUnits
         Units of the report; SI by default.
     """
     model, units = result.model, page_units(units)
-    drawn = partial(figures.comparison.pushover_picture, result, units)
+    draw = partial(figures.comparison.pushover_picture, result, units)
     # The figure shows the curve; the tables list the story drifts at the target displacements.
     parts: list[Part] = []
     if targets:
-        drawn = partial(figures.comparison.target_picture, targets, units)
+        draw = partial(figures.comparison.target_picture, targets, units)
         parts = [
             _with_method_names(buildings.target_table(targets)),
             "The equivalent oscillators, and the building at the target displacement:",
             _with_method_names(buildings.target_building_table(targets)).in_units(units),
         ]
     chapters = [
-        Chapter("Result", (list(told.said), Picture(drawn, f"Pushover, {result.pattern} pattern"))),
+        Chapter(
+            "Result",
+            (list(page_text.sentences), Picture(draw, f"Pushover, {result.pattern} pattern")),
+        ),
         Chapter("Stories at the target displacement", parts),
         model_chapter(model, units),
-        Chapter("Assumptions", ((*_PUSHED, *MODEL_LIMITS),)),
+        Chapter("Assumptions", ((*_PUSHOVER_ASSUMPTIONS, *MODEL_LIMITS),)),
     ]
-    under = f", target spectrum {spectrum_text(targets[0].target.source)}" if targets else ""
-    about = f"Pushover of {model.name}, {result.pattern} force pattern{under}."
-    return page(model.name, about, chapters, told)
+    target = f", target spectrum {spectrum_text(targets[0].target.source)}" if targets else ""
+    about = f"Pushover of {model.name}, {result.pattern} force pattern{target}."
+    return page(model.name, about, chapters, page_text)
 
 
 def _with_method_names(table: Table) -> Table:
@@ -92,7 +98,7 @@ def method_name(key: str) -> str:
 
 
 _METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
-_PUSHED = (
+_PUSHOVER_ASSUMPTIONS = (
     "The building is pushed slowly by forces of one pattern, without dashpots and damping; P-delta "
     "effects are included if the model has them.",
     "A target displacement is an estimate from one curve and an elastic spectrum; time history "
@@ -100,20 +106,20 @@ _PUSHED = (
 )
 
 
-def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> bytes:
+def modal_page(result: ModalResponse, page_text: PageText, units: OutputUnits = SI) -> bytes:
     """Return the report of a response spectrum analysis.
 
     Parameters
     ----------
     result : ModalResponse
         Combined modal responses of the linear building.
-    told : Told
+    page_text : PageText
         Verdict, warnings and inputs of the report.
     units : OutputUnits
         Units of the report; SI by default.
     """
     model, units = result.model, page_units(units)
-    drawn = partial(figures.mode_shapes.modal_response_picture, result, units)
+    draw = partial(figures.mode_shapes.modal_response_picture, result, units)
     # The table has only the CQC values, which are also valid for close modes. The text states the
     # base shear by SRSS.
     table = buildings.modal_response_table(result)
@@ -122,7 +128,7 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
     chapters = [
         Chapter(
             "Result",
-            (list(told.said), Picture(drawn, f"Peaks of the stories under {target}")),
+            (list(page_text.sentences), Picture(draw, f"Peaks of the stories under {target}")),
         ),
         Chapter("Peaks of the stories", (table.in_units(units),)),
         Chapter(
@@ -136,21 +142,23 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
             ),
         ),
         model_chapter(model, units),
-        Chapter("Assumptions", ((*_MODAL, *MODEL_LIMITS),)),
+        Chapter("Assumptions", ((*_MODAL_ASSUMPTIONS, *MODEL_LIMITS),)),
     ]
     return page(
         model.name,
         f"Response spectrum analysis of {model.name}: {target}.",
         chapters,
-        told,
+        page_text,
     )
 
 
 def _modes_on_target(result: ModalResponse, units: OutputUnits) -> Figure:
     """Return the figure of the target spectrum with the modes of the building."""
-    target, low = result.target, 0.9 * float(result.period[-1])
-    high = max(SPECTRUM_PERIODS[1], 1.3 * float(result.period[0]))
-    shown = (target.periods >= min(low, SPECTRUM_PERIODS[0])) & (target.periods <= high)
+    # Show the usual periods of a report, extended to include all modes (longest period first).
+    target = result.target
+    shortest = min(SPECTRUM_PERIODS[0], 0.9 * float(result.period[-1]))
+    longest = max(SPECTRUM_PERIODS[1], 1.3 * float(result.period[0]))
+    shown = (target.periods >= shortest) & (target.periods <= longest)
     # Omitted modes have no spectral acceleration.
     values = np.where(result.spectral_acceleration > 0.0, result.spectral_acceleration, math.nan)
     curve = figures.mode_shapes.SpectrumAtModes(
@@ -166,7 +174,7 @@ _ENOUGH_MASS = 0.9
 """Fraction of the mass that the modes of an analysis must contain (EN 1998-1, 4.3.3.3.1)."""
 
 
-def _low(draw: Callable[[], Figure]) -> Figure:
+def _draw_low(draw: Callable[[], Figure]) -> Figure:
     """Return a low figure with its legend at the right, which leaves space for other figures."""
     figure = draw()
     figure.set_size_inches(8.0, 3.2)
@@ -179,7 +187,7 @@ def mode_page(
     model: Model,
     table: Table,
     draw: Callable[[], Figure],
-    told: Told,
+    page_text: PageText,
     units: OutputUnits = SI,
     record: Record | None = None,
 ) -> bytes:
@@ -193,7 +201,7 @@ def mode_page(
         Modes, longest period first (`mode_table`).
     draw : callable
         Function that draws the shapes.
-    told : Told
+    page_text : PageText
         Notes and inputs of the report.
     units : OutputUnits
         Units of the report; SI by default.
@@ -204,21 +212,21 @@ def mode_page(
     building = assemble(model)
     period, damping = building.first_period, building.first_mode()[1]
     modes = {column.name: values for column, values in table.by_column()}
-    periods, masses, sums = (
-        modes[name] for name in ("period_s", "mass_ratio", "cumulative_mass_ratio")
-    )
-    enough = int(np.argmax(sums >= _ENOUGH_MASS)) + 1
+    periods, mass_ratios = modes["period_s"], modes["mass_ratio"]
+    cumulative_mass_ratios = modes["cumulative_mass_ratio"]
+    # Number of the modes that contain the required mass; `argmax` finds the first of them.
+    count = int(np.argmax(cumulative_mass_ratios >= _ENOUGH_MASS)) + 1
     verdict = (
         f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping, "
-        f"{number_text(100.0 * float(masses[0]))} % of the mass; {pluralize(enough, 'mode')} "
-        f"{'contains' if enough == 1 else 'contain'} "
-        f"{number_text(100.0 * float(sums[enough - 1]))} % of the mass."
+        f"{number_text(100.0 * float(mass_ratios[0]))} % of the mass; {pluralize(count, 'mode')} "
+        f"{'contains' if count == 1 else 'contain'} "
+        f"{number_text(100.0 * float(cumulative_mass_ratios[count - 1]))} % of the mass."
     )
     # Damping ratios are in percent, as in the sentences of the report.
     meanings = {**table.meanings, "damping": {**table.meanings["damping"], "unit": "%"}}
-    shown = replace(table, rows=table.rows[:_MOST_MODES], meanings=meanings)
-    shown = shown.with_values("damping", lambda ratio: 100.0 * float(ratio or 0.0))
-    more = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
+    shown_table = replace(table, rows=table.rows[:_MOST_MODES], meanings=meanings)
+    shown_table = shown_table.with_values("damping", lambda ratio: 100.0 * float(ratio or 0.0))
+    omission = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
     curve, caption = None, "Effective modal masses"
     if record is not None:
         grid = np.geomspace(
@@ -229,20 +237,20 @@ def mode_page(
         curve = figures.mode_shapes.SpectrumAtModes(name, grid, *values)
         caption = f"Response spectrum of {name}, 5 % damping, and effective modal masses"
     chapters = [
-        Chapter("Modes", (list(told.said), shown)),
-        Chapter("Further modes", (more,) if len(table.rows) > _MOST_MODES else ()),
+        Chapter("Modes", (list(page_text.sentences), shown_table)),
+        Chapter("Further modes", (omission,) if len(table.rows) > _MOST_MODES else ()),
         Chapter(
             "Modes and spectrum",
             (
                 Picture(
                     lambda: figures.mode_shapes.mode_spectrum_picture(
-                        periods, masses, curve, units
+                        periods, mass_ratios, curve, units
                     ),
                     caption,
                 ),
             ),
         ),
-        Chapter("Shapes", (Picture(partial(_low, draw), "Shapes of the first modes"),)),
+        Chapter("Shapes", (Picture(partial(_draw_low, draw), "Shapes of the first modes"),)),
         model_chapter(model, units),
         *([motion_chapter([[(record, 1.0)]], units, drawn=True)] if record is not None else []),
         Chapter(
@@ -256,11 +264,11 @@ def mode_page(
             ),
         ),
     ]
-    told = replace(told, verdict=[(None, verdict)])
-    return page(model.name, f"Natural modes of {model.name}.", chapters, told)
+    page_text = replace(page_text, verdict=[(None, verdict)])
+    return page(model.name, f"Natural modes of {model.name}.", chapters, page_text)
 
 
-_MODAL = (
+_MODAL_ASSUMPTIONS = (
     "The building is linear with its initial stiffness. The modal peaks of each response are "
     "combined by the square root of the sum of squares (SRSS) and by the complete quadratic "
     "combination (CQC).",
@@ -272,8 +280,12 @@ def _sensors(comparisons: Sequence[Comparison]) -> str:
     """Return the recordings at the base, as file and component or column."""
     sensors = [sensor for item in comparisons for sensor in item.event.recording.base]
     names = (
-        " ".join(filter(None, (figures.style.record_name(one.file), one.component or one.column)))
-        for one in sensors
+        " ".join(
+            filter(
+                None, (figures.style.record_name(sensor.file), sensor.component or sensor.column)
+            )
+        )
+        for sensor in sensors
     )
     return abbreviate(list(dict.fromkeys(names)), _MOST_SENSORS)
 
@@ -283,7 +295,7 @@ _MOST_SENSORS = 6
 
 
 def _comparison_error(response: Response) -> str:
-    """Return what is known about the error of the time integration of a comparison."""
+    """Return a clause on the estimated error of a peak drift and on the energy imbalance."""
     imbalance = (
         f"the energy imbalance is {number_text(100.0 * abs(response.energy.error), 2)} % of the "
         "input energy"
@@ -299,7 +311,7 @@ def _comparison_error(response: Response) -> str:
 def comparison_page(
     comparisons: Sequence[Comparison],
     draw: Callable[[], Figure],
-    told: Told,
+    page_text: PageText,
     fitted: Table | None,
     units: OutputUnits,
 ) -> bytes:
@@ -311,7 +323,7 @@ def comparison_page(
         Comparisons of the building with its recordings.
     draw : callable
         Function that draws the figure.
-    told : Told
+    page_text : PageText
         Verdict, warnings and inputs of the report.
     fitted : Table or None
         Values that were fitted to one of the recordings.
@@ -323,7 +335,7 @@ def comparison_page(
     band = comparisons[0].event.recording.band
     motions = [item.event.base for item in comparisons]
     chapters = [
-        Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
+        Chapter("Result", (list(page_text.sentences), buildings.comparison_table(comparisons))),
         Chapter(
             "Recorded and computed",
             (Picture(draw, "Recorded and computed histories and spectra of the floors"),),
@@ -353,5 +365,5 @@ def comparison_page(
         response.model.name,
         f"Comparison of {response.model.name} with recordings.",
         chapters,
-        told,
+        page_text,
     )

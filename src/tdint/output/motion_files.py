@@ -26,7 +26,7 @@ _CHANNEL = 3  # characters of a channel code in MiniSEED
 _OTHER_INSTRUMENT = re.compile(r"([A-Z])[HLGMPD]([ENZ123])")
 """Channel codes that MiniSEED readers would not take for an accelerometer's."""
 
-_OF_PAIR = ("H1", "H2")
+_PAIR_COMPONENTS = ("H1", "H2")
 """Components of a pair whose own names do not identify them."""
 
 
@@ -43,13 +43,14 @@ def motion_file_names(motions: Sequence[GroundMotion], kind: str) -> list[str]:
     kind : str
         One of `FORMATS`; also the suffix of the names.
     """
-    names = [_names_of_components(components(motion), kind) for motion in motions]
-    count = Counter(name for of_motion in names for name in of_motion)
-    return [
-        f"{number}-{name}" if any(count[other] > 1 for other in of_motion) else name
-        for number, of_motion in enumerate(names, start=1)
-        for name in of_motion
-    ]
+    names_of_motions = [_names_of_components(components(motion), kind) for motion in motions]
+    count = Counter(name for names in names_of_motions for name in names)
+    result: list[str] = []
+    for number, names in enumerate(names_of_motions, start=1):
+        # All components of a motion get its number if one of their names is not unique.
+        prefix = f"{number}-" if any(count[name] > 1 for name in names) else ""
+        result += [f"{prefix}{name}" for name in names]
+    return result
 
 
 def motion_contents(
@@ -80,14 +81,15 @@ def motion_contents(
     contents: list[bytes] = []
     notes: list[str] = []
     for motion in motions:
-        of_motion = _named_components(components(motion))
-        channels = _channels([record.component for record in of_motion])
-        for record, channel in zip(of_motion, channels, strict=True):
+        named_records = _named_components(components(motion))
+        channels = _channels([record.component for record in named_records])
+        for record, channel in zip(named_records, channels, strict=True):
             network, station, _, _ = _codes(record)
-            named = ".".join((network[:2], stations[station], IN_SI, channel))
-            content, said = to_mseed([replace(record, id=named)])
+            # The location code states that the samples are in SI units.
+            record_id = ".".join((network[:2], stations[station], IN_SI, channel))
+            content, mseed_notes = to_mseed([replace(record, id=record_id)])
             contents.append(content)
-            notes += said
+            notes += mseed_notes
             if stations[station] != station:
                 notes.append(
                     f"MiniSEED has {_STATION} characters for a station: {station} is written as "
@@ -97,22 +99,26 @@ def motion_contents(
 
 
 def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
-    """Return file names for the components of one motion that identify them as such."""
-    stems = [Path(record.source).stem.strip(" -") or "motion" for record in records]
-    ends = [_end_of_name(record.component) for record in records]
-    with_ends = [f"{stem}-{end}".rstrip("-") for stem, end in zip(stems, ends, strict=True)]
-    if len(records) == 1:
-        way = stems if _is_in_name(ends[0], stems[0]) else with_ends
-        return [f"{way[0]}.{kind}"]
+    """Return file names for the components of one motion, from which readers recognize a pair.
 
-    # The first of these ways by which the two files are recognized as one motion.
+    The name of a single component contains the component.
+    """
+    stems = [Path(record.source).stem.strip(" -") or "motion" for record in records]
+    suffixes = [_component_suffix(record.component) for record in records]
+    with_suffixes = [
+        f"{stem}-{suffix}".rstrip("-") for stem, suffix in zip(stems, suffixes, strict=True)
+    ]
+    if len(records) == 1:
+        has_component = _is_in_name(suffixes[0], stems[0])
+        return [f"{(stems if has_component else with_suffixes)[0]}.{kind}"]
+
+    # Use the first pair of names by which the two files are recognized as one motion.
     common = os.path.commonprefix(stems).rstrip(" -_.") or stems[0]  # noqa: RUF071  of letters
-    ways = (stems, with_ends, [f"{common}-{end}" for end in ends])
-    for way in ways:
-        names = [f"{name}.{kind}" for name in way]
+    for candidates in (stems, with_suffixes, [f"{common}-{suffix}" for suffix in suffixes]):
+        names = [f"{name}.{kind}" for name in candidates]
         if names[0] != names[1] and len(set(motion_names(names))) == 1:
             return names
-    return [f"{common}-{end}.{kind}" for end in _OF_PAIR]
+    return [f"{common}-{suffix}.{kind}" for suffix in _PAIR_COMPONENTS]
 
 
 def _is_in_name(component: str, stem: str) -> bool:
@@ -123,7 +129,7 @@ def _is_in_name(component: str, stem: str) -> bool:
     return bool(component and re.search(word, stem, re.IGNORECASE))
 
 
-def _end_of_name(component: str) -> str:
+def _component_suffix(component: str) -> str:
     """Return a component as it is written at the end of a file name: directions have three
     digits."""
     name = re.sub(r"[^\w-]+", "-", component.strip())
@@ -134,7 +140,7 @@ def _named_components(records: Sequence[Record]) -> list[Record]:
     """Return the components of a motion; a pair whose components have no names gets names."""
     names = [record.component.strip() for record in records]
     if len(records) == 2 and (not all(names) or names[0] == names[1]):
-        names = list(_OF_PAIR)
+        names = list(_PAIR_COMPONENTS)
     return [replace(record, component=name) for record, name in zip(records, names, strict=True)]
 
 
@@ -159,26 +165,31 @@ def _csv_header(record: Record) -> bytes:
 
 def _short_stations(stations: Sequence[str]) -> dict[str, str]:
     """Return a code of at most five letters and digits for each station, different for each."""
-    short: dict[str, str] = {}
+    codes: dict[str, str] = {}
     for station in dict.fromkeys(stations):
-        plain = re.sub(r"[\W_]+", "", station)
-        code = plain[:_STATION] if len(station) > _STATION else station
+        letters_and_digits = re.sub(r"[\W_]+", "", station)
+        code = letters_and_digits[:_STATION] if len(station) > _STATION else station
+        # If the code is already used, replace its end by a number.
         number = 1
-        while code in short.values():
+        while code in codes.values():
             number += 1
-            code = f"{plain[: _STATION - len(str(number))]}{number}"
-        short[station] = code
-    return short
+            code = f"{letters_and_digits[: _STATION - len(str(number))]}{number}"
+        codes[station] = code
+    return codes
 
 
 def _channels(names: Sequence[str]) -> list[str]:
-    """Return the channel codes of the components of a motion in MiniSEED: their names as far as
-    these fit, or their directions in degrees."""
+    """Return the channel codes of the components of a motion in MiniSEED.
+
+    A code is the name of the component, or its direction in degrees if the name is too long. The
+    components of a pair are HN1 and HN2 if their codes do not identify perpendicular directions.
+    """
     codes = []
     for name in names:
         code, direction = name.upper(), azimuth(name)
         if len(code) > _CHANNEL and direction is not None:
             code = f"{round(direction) % 360:03d}"
+        # Replace the letter of another instrument by N, the letter of an accelerometer.
         code = _OTHER_INSTRUMENT.sub(r"\1N\2", code)
         codes.append(code if len(code) <= _CHANNEL and code.isalnum() else "")
     if len(codes) == 1:

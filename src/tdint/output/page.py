@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tdint.number_parsing import table_number
 from tdint.output import figures
@@ -51,20 +51,22 @@ code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; paddi
 """  # noqa: E501
 
 # Dimensions of the printed page, mm: area between the margins, and text sizes in Helvetica.
-_PAGE, _WIDTH = 262.0, 180.0
+_PAGE, _WIDTH = 262.0, 180.0  # height and width
 _LINE, _LETTERS = 4.94, 96  # line height (10 pt times 1.4), characters per line (1.87 mm each)
-_TABLE_LINE, _TABLE_LETTER = 4.2, 1.65
+_TABLE_LINE, _TABLE_LETTER = 4.2, 1.65  # line height and width of a character in tables
 # Vertical margins, as far as they do not collapse with the margin above. The margin of a figure
 # includes its caption, the margin of a table row its border.
 _PARAGRAPH, _HEADING, _ROW, _FIGURE, _TABLE = 2.5, 11.4, 1.3, 7.4, 3.0
 _FIRST_ROWS = 33.0  # height of a heading of three lines and of three rows of a table
 _KEPT = 34.0  # minimum height below a heading; otherwise the heading moves to the next page
-_WHITE = 52.0  # maximum height left blank before a figure; less than a quarter of a page
-_LEAST_PART = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
-_LEAST_LAST, _MOST_BLANK = 0.33, 0.2
-"""Fractions of a page: least content of the last page and most blank area on other pages."""
-_SURE = 1.5 * _PAGE  # distance from a fixed break up to which estimated positions are reliable
-_TALLEST, _USUAL = 195.0, 110.0  # maximum heights of the first figure and of later figures
+_MAX_BLANK = 52.0  # maximum height left blank before a figure; less than a quarter of a page
+_MIN_SCALE = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
+_MIN_LAST_PAGE, _MAX_BLANK_FRACTION = 0.33, 0.2
+"""Fractions of a page: minimum content of the last page, maximum blank area on other pages."""
+_KNOWN_DISTANCE = 1.5 * _PAGE
+"""Distance from a fixed page break, mm, up to which estimated positions are reliable."""
+_MAX_FIRST_FIGURE, _MAX_FIGURE = 195.0, 110.0
+"""Maximum heights of the first figure and of later figures, mm."""
 
 
 @dataclass(frozen=True)
@@ -88,12 +90,12 @@ class Chapter:
 
 
 @dataclass(frozen=True)
-class Told:
+class PageText:
     """Texts of a report that are not computed from its tables.
 
     Attributes
     ----------
-    said : sequence of str
+    sentences : sequence of str
         Results in a few sentences.
     verdict : sequence of (bool or None, str)
         Headline sentences. True: the limit is met; False: the limit is exceeded or the building
@@ -110,7 +112,7 @@ class Told:
         Story of the highest ratio of demand to limit, from 1; None without limits of stories.
     """
 
-    said: Sequence[str] = ()
+    sentences: Sequence[str] = ()
     warnings: Sequence[str] = ()
     head: Sequence[tuple[str, str]] = ()
     inputs: Sequence[Mapping[str, Any]] = ()
@@ -133,24 +135,46 @@ def page_units(units: OutputUnits) -> OutputUnits:
 class _Flow:
     """Parts of a report in their order, with an estimate of the position on the printed page.
 
-    The estimated position (`down`, mm) is used to keep headings with their content, to avoid large
-    blank areas and to reduce figures to the available space.
+    The estimated position is used to keep headings with their content, to avoid large blank areas
+    and to reduce figures to the available space.
+
+    Parameters
+    ----------
+    scale : float
+        Factor of the heights of figures, at most 1.
+    last_chapters : int
+        The first of this number of chapters from the end begins a page; 0 if none of them must.
+
+    Attributes
+    ----------
+    body : list of str
+        HTML elements.
+    position : float
+        Estimated distance from the top of the current page, mm.
+    distance : float
+        Estimated distance from the last page break whose position is known, mm.
+    blank : float
+        Height of the largest blank area at the end of a page, mm.
+    postponed : list of (str, str, float)
+        Figures that did not fit: attributes of the image, caption, height divided by width.
     """
 
-    def __init__(self, scale: float = 1.0, fresh: int = 0) -> None:
-        self.scale = scale  # factor of the heights of figures
-        self.fresh = fresh  # number of chapters from the end, of which the first begins a page
-        self.blank = 0.0  # largest blank area at the end of a page, mm
+    def __init__(self, scale: float = 1.0, last_chapters: int = 0) -> None:
+        self.scale = scale
+        self.last_chapters = last_chapters
+        self.blank = 0.0
         self.body: list[str] = []
-        self.down = 0.0
-        self.since = 0.0  # mm since the last page break whose position is known
-        self.waiting: list[tuple[str, str, float]] = []
+        self.position = 0.0
+        self.distance = 0.0
+        self.postponed: list[tuple[str, str, float]] = []
 
     @property
     def cost(self) -> float:
         """Measure of blank areas and of reduced figures; 0 for a page without either."""
-        last = max(_LEAST_LAST - self.down / _PAGE, 0.0)
-        return 10.0 * (last + max(self.blank / _PAGE - _MOST_BLANK, 0.0)) + 1.0 - self.scale
+        missing_content = max(_MIN_LAST_PAGE - self.position / _PAGE, 0.0)
+        excess_blank = max(self.blank / _PAGE - _MAX_BLANK_FRACTION, 0.0)
+        # The weight 10 avoids blank areas before it avoids reduced figures.
+        return 10.0 * (missing_content + excess_blank) + 1.0 - self.scale
 
     def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
         """Add a paragraph.
@@ -166,33 +190,36 @@ class _Flow:
         height : float
             Height in addition to the text lines, mm; 0 selects the margin of a paragraph.
         """
-        lines = sum(
-            -(-max(len(line), 1) // _LETTERS) for line in re.sub("<br>", "\n", text).split("\n")
-        )
+        # Each line takes at least one printed line; the division is rounded up.
+        lines = re.sub("<br>", "\n", text).split("\n")
+        line_count = sum(-(-max(len(line), 1) // _LETTERS) for line in lines)
         self.body.append(f"<{element}{more}>{text}</{element.split()[0]}>")
-        self.go(lines * _LINE + (height or _PARAGRAPH))
+        self.advance(line_count * _LINE + (height or _PARAGRAPH))
 
-    def go(self, height: float) -> None:
+    def advance(self, height: float) -> None:
         """Advance the position by the height (mm) of content that may break between pages."""
-        self.since += height
-        self.down = (self.down + height) % _PAGE
+        self.distance += height
+        self.position = (self.position + height) % _PAGE
 
-    def kept(self, height: float) -> str:
-        """Return the HTML class that moves content to the next page if less than `height` is left.
+    def break_class(self, height: float) -> str:
+        """Return the HTML class of content that needs `height` (mm) on one page.
 
-        Far from the last known break, the decision is left to the browser.
+        The class moves the content to the next page if the current page has less space; otherwise
+        it is empty. Far from the last known page break, the browser decides.
         """
-        if _PAGE - self.down >= height:
+        if _PAGE - self.position >= height:
             return ""
-        self.blank = max(self.blank, _PAGE - self.down)
+        self.blank = max(self.blank, _PAGE - self.position)
         # The heights are estimates, so the position is unknown far from the last known page break.
         # A chapter that must begin a new page (infinite height) does not depend on the estimate.
-        is_known = self.since < _SURE or math.isinf(height)
-        self.down = 0.0
-        self.since = 0.0 if is_known else self.since
-        return ' class="n"' if is_known else ""
+        is_known = self.distance < _KNOWN_DISTANCE or math.isinf(height)
+        self.position = 0.0
+        if not is_known:
+            return ""
+        self.distance = 0.0
+        return ' class="n"'
 
-    def heading(self, title: str, part: Part = "", *, fresh: bool = False) -> None:
+    def heading(self, title: str, part: Part = "", *, on_new_page: bool = False) -> None:
         """Add the heading of a chapter; it remains on the page of the content that follows.
 
         Parameters
@@ -201,13 +228,14 @@ class _Flow:
             Heading.
         part : Part
             First part of the chapter; the first rows of a table remain below its heading.
-        fresh : bool
+        on_new_page : bool
             True to begin a new page; false by default.
         """
-        rows = _HEADING + _FIRST_ROWS if isinstance(part, Table) else _KEPT
-        needed = math.inf if fresh and self.down > 0.0 else rows
-        self.body.append(f"<h2{self.kept(needed)}>{escape(title)}</h2>")
-        self.go(_HEADING)
+        needed = _HEADING + _FIRST_ROWS if isinstance(part, Table) else _KEPT
+        if on_new_page and self.position > 0.0:
+            needed = math.inf
+        self.body.append(f"<h2{self.break_class(needed)}>{escape(title)}</h2>")
+        self.advance(_HEADING)
 
     def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
         """Add a figure as large as the space allows, or postpone a figure that would be small.
@@ -223,33 +251,36 @@ class _Flow:
         last : bool
             True if no content follows, so that the figure cannot be postponed; false by default.
         """
-        first = not any(text.startswith("<figure") for text in self.body)
-        full, room = (
-            self.scale * min(_WIDTH * ratio, _TALLEST if first else _USUAL),
-            _PAGE - self.down - _FIGURE,
-        )
-        large = full <= room
-        if not large and room >= _WHITE - _FIGURE and room < _LEAST_PART * full and not last:
-            self.waiting.append((image, caption, ratio))
+        is_first = not any(text.startswith("<figure") for text in self.body)
+        max_height = _MAX_FIRST_FIGURE if is_first else _MAX_FIGURE
+        full_height = self.scale * min(_WIDTH * ratio, max_height)
+        space = _PAGE - self.position - _FIGURE
+        fits = full_height <= space
+        # Postpone a figure that would be small, unless so little space is left that a page break
+        # leaves no large blank area.
+        is_small = _MAX_BLANK - _FIGURE <= space < _MIN_SCALE * full_height
+        if is_small and not fits and not last:
+            self.postponed.append((image, caption, ratio))
             return
-        page_class = self.kept(_WHITE) if not large else ""
-        height = min(
-            full, _PAGE - self.down - _FIGURE, math.inf if self.since < _SURE or first else _WHITE
-        )
+        page_class = "" if fits else self.break_class(_MAX_BLANK)
+        height = min(full_height, _PAGE - self.position - _FIGURE)
+        # Where the position is uncertain, a tall figure could leave a large blank area.
+        if self.distance >= _KNOWN_DISTANCE and not is_first:
+            height = min(height, _MAX_BLANK)
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
         self.body.append(
             f"<figure{page_class}><img {size} {image}><figcaption>{caption}</figcaption></figure>"
         )
-        self.go(height + _FIGURE)
+        self.advance(height + _FIGURE)
 
-    def place(self, *, last: bool = False) -> None:
-        """Add the postponed figures, as far as there is space now."""
-        waiting, self.waiting = self.waiting, []
-        for image, caption, ratio in waiting:
+    def add_postponed(self, *, last: bool = False) -> None:
+        """Add the postponed figures that fit now; with `last`, all of them."""
+        postponed, self.postponed = self.postponed, []
+        for image, caption, ratio in postponed:
             self.picture(image, caption, ratio, last=last)
 
 
-def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
+def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageText) -> bytes:
     """Return a report as UTF-8 HTML.
 
     The order is: title, verdict, introduction, warnings, chapters, input files, software versions.
@@ -262,7 +293,7 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
         Introduction of one sentence.
     chapters : iterable of Chapter
         Chapters; a chapter without content is omitted.
-    told : Told
+    page_text : PageText
         Verdict, warnings, lines of the head and input files.
     """
     # The first 16 digits of a plug-in's digest are enough to distinguish its versions.
@@ -270,20 +301,24 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     plugins = {
         f"plug-in {name}": digest[:16] for name, digest in packages.pop("plugins", {}).items()
     }
-    made = ", ".join(f"{name} {number}" for name, number in (packages | plugins).items() if number)
-    title_text, listed = title, list(chapters)
-    drawn: dict[int, tuple[str, float]] = {}
+    software = ", ".join(
+        f"{name} {number}" for name, number in (packages | plugins).items() if number
+    )
+    title_text, chapter_list = title, list(chapters)
+    images: dict[int, tuple[str, float]] = {}
 
-    def laid_out(scale: float, fresh: int = 0) -> _Flow:
-        """Return all parts with figures of this scale; the last `fresh` chapters begin a page."""
-        return _laid_out(title_text, about, listed, told, made, _Flow(scale, fresh), drawn)
+    def lay_out(scale: float, last_chapters: int = 0) -> _Flow:
+        """Return all parts with figures of this scale, the last chapters from a new page."""
+        flow = _Flow(scale, last_chapters)
+        return _lay_out(title_text, about, chapter_list, page_text, software, flow, images)
 
     # Figures are reduced until neither the last page nor another page is nearly blank. If that is
-    # not sufficient, one of the last chapters begins on the last page.
-    flow = min(map(laid_out, _SCALES), key=lambda found: found.cost)
+    # not sufficient (the cost exceeds the cost of the smallest figures), one of the last chapters
+    # begins on a new page.
+    flow = min(map(lay_out, _SCALES), key=lambda layout: layout.cost)
     if flow.cost > 1.0 - _SCALES[-1]:
-        broken = (laid_out(scale, fresh) for fresh in _FRESH for scale in _SCALES)
-        flow = min(flow, *broken, key=lambda found: found.cost)
+        with_break = (lay_out(scale, count) for count in _LAST_CHAPTERS for scale in _SCALES)
+        flow = min(flow, *with_break, key=lambda layout: layout.cost)
     text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -296,18 +331,18 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
 _SCALES = tuple(1.0 - 0.04 * step for step in range(9))
 """Factors of the heights of figures that are tried; smaller figures are hard to read."""
 
-_FRESH = (1, 2, 3)
+_LAST_CHAPTERS = (1, 2, 3)
 """Numbers of chapters from the end that begin on a new page, if the last page is nearly blank."""
 
 
-def _laid_out(
+def _lay_out(
     title: str,
     about: str,
     chapters: Sequence[Chapter],
-    told: Told,
-    made: str,
+    page_text: PageText,
+    software: str,
     flow: _Flow,
-    drawn: dict[int, tuple[str, float]],
+    images: dict[int, tuple[str, float]],
 ) -> _Flow:
     """Return the flow with all parts of a page.
 
@@ -317,73 +352,78 @@ def _laid_out(
         Title and introduction.
     chapters : sequence of Chapter
         Chapters.
-    told : Told
+    page_text : PageText
         Verdict, warnings, lines of the head and input files.
-    made : str
+    software : str
         Versions of the software.
     flow : _Flow
         Empty flow with its scale of figures.
-    drawn : dict
+    images : dict
         Attributes of the HTML image and ratio of height to width of each figure that is already
-        drawn.
+        drawn, by the identity (`id`) of its `Picture`.
     """
     flow.text("h1", escape(title), height=_LINE)
-    if told.head:
-        lines = (f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in told.head)
+    if page_text.head:
+        lines = (
+            f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in page_text.head
+        )
         flow.text("p", "<br>".join(lines), more=' class="h"')
     # The verdict comes first; warnings precede all numbers.
-    for kept, text in told.verdict:
-        kind = "" if kept is None else " kept" if kept else " broken"
-        flow.text("p", _said(text), more=f' class="v{kind}"', height=6.3)
-    flow.text("p", _said(about))
-    for text in once(told.warnings):
-        flow.text("p", f"<strong>Warning:</strong> {_said(text)}", more=' class="w"')
+    classes = {None: "v", True: "v kept", False: "v broken"}
+    for is_met, text in page_text.verdict:
+        flow.text("p", _html(text), more=f' class="{classes[is_met]}"', height=6.3)
+    flow.text("p", _html(about))
+    for text in once(page_text.warnings):
+        flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
     # The last chapter lists each input file once.
     files: list[tuple[Cell, ...]] = list(
-        dict.fromkeys((item["file"], item["sha256"]) for item in told.inputs)
-    )
-    written = (
-        (chapter.title, [part for part in chapter.parts if _has(part)])
-        for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),)))
+        dict.fromkeys((item["file"], item["sha256"]) for item in page_text.inputs)
     )
     # A chapter without content has no heading.
-    shown = [(title, parts) for title, parts in written if parts]
-    for left, (title, parts) in zip(range(len(shown), 0, -1), shown, strict=True):
-        flow.place()
-        flow.heading(title, parts[0], fresh=left == flow.fresh)
+    shown_chapters = []
+    for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
+        if parts := [part for part in chapter.parts if _has_content(part)]:
+            shown_chapters.append((chapter.title, parts))
+    for index, (chapter_title, parts) in enumerate(shown_chapters):
+        flow.add_postponed()
+        remaining = len(shown_chapters) - index
+        flow.heading(chapter_title, parts[0], on_new_page=remaining == flow.last_chapters)
         for part in parts:
-            _add(flow, part, drawn)
-    flow.place(last=True)
-    flow.text("p", f"Made by {escape(made)}.")
+            _add(flow, part, images)
+    flow.add_postponed(last=True)
+    flow.text("p", f"Made by {escape(software)}.")
     return flow
 
 
-def _has(part: Part) -> bool:
+def _has_content(part: Part) -> bool:
     """Return True if the part has content."""
     return bool(part.rows) if isinstance(part, Table) else bool(part)
 
 
-def _add(flow: _Flow, part: Part, drawn: dict[int, tuple[str, float]]) -> None:
-    """Add a part to the page; `drawn` has the figures that are already drawn."""
+def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
+    """Add a part to the page; `images` contains the figures that are already drawn, and receives
+    new ones."""
     if isinstance(part, str):
-        flow.text("p", _said(part), more=' class="k"' if part.endswith(":") else "")
+        # The class k keeps a sentence that ends with a colon together with the following part.
+        flow.text("p", _html(part), more=' class="k"' if part.endswith(":") else "")
     elif isinstance(part, Table):
         _add_table(flow, part)
     elif isinstance(part, Picture):
         caption = escape(part.caption)
-        if id(part) not in drawn:
-            kind, content, (wide, high) = _drawn(part)
+        if id(part) not in images:
+            image_format, content, (width, height) = _draw(part)
             data = base64.b64encode(content).decode("ascii")
-            source = f'alt="{caption}" src="data:image/{kind};base64,{data}"'
-            drawn[id(part)] = source, high / wide
-        flow.picture(drawn[id(part)][0], caption, drawn[id(part)][1])
+            source = f'alt="{caption}" src="data:image/{image_format};base64,{data}"'
+            images[id(part)] = source, height / width
+        image, ratio = images[id(part)]
+        flow.picture(image, caption, ratio)
     else:
-        lines = sum(-(-len(point) // _LETTERS) for point in part)
-        flow.body.append("<ul>" + "".join(f"<li>{_said(point)}</li>" for point in part) + "</ul>")
-        flow.go(lines * _LINE + 1.0 + _PARAGRAPH)
+        line_count = sum(-(-len(point) // _LETTERS) for point in part)
+        flow.body.append("<ul>" + "".join(f"<li>{_html(point)}</li>" for point in part) + "</ul>")
+        flow.advance(line_count * _LINE + 1.0 + _PARAGRAPH)
 
 
-def _said(text: str) -> str:
+def _html(text: str) -> str:
     """Return a text as HTML: lines are kept, and numbers are written without powers of ten."""
     return "<br>".join(escape(_plain(line)) for line in text.splitlines())
 
@@ -405,18 +445,51 @@ def once(texts: Iterable[str]) -> list[str]:
     return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
 
 
-def _drawn(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
-    """Return the format, the content and the size of a figure.
+def _draw(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
+    """Return the format, the content, and width and height of a figure.
 
     PNG is used instead of SVG if lines with thousands of points make the SVG file large.
     """
-    for kind in ("svg+xml", "png"):
-        drawing, stream = figures.style.picture(f".{kind[:3]}", picture.draw), io.BytesIO()
+    for image_format in ("svg+xml", "png"):
+        drawing, stream = figures.style.picture(f".{image_format[:3]}", picture.draw), io.BytesIO()
         figure = drawing.figure()
         drawing.save(figure, stream)
         if len(stream.getvalue()) <= _LARGE:
             break
-    return kind, stream.getvalue(), tuple(figure.get_size_inches())
+    return image_format, stream.getvalue(), tuple(figure.get_size_inches())
+
+
+_TEXT_CLASS = ' class="t"'
+"""Attribute of the cells of a text column."""
+
+
+class _Column(NamedTuple):
+    """Column of a table on a page.
+
+    Attributes
+    ----------
+    heading : str
+        HTML text: the name of the column with spaces, and the unit in parentheses.
+    css_class : str
+        Attribute of the cells: class t for text, d for digests, empty for numbers. Text and digests
+        are left-aligned.
+    cells : list of str
+        Text of each cell.
+    """
+
+    heading: str
+    css_class: str
+    cells: list[str]
+
+    @property
+    def is_text(self) -> bool:
+        """True for text, which can be wrapped."""
+        return self.css_class == _TEXT_CLASS
+
+    @property
+    def longest_cell(self) -> int:
+        """Number of characters of the longest cell."""
+        return max(map(len, self.cells))
 
 
 def _add_table(flow: _Flow, table: Table) -> None:
@@ -425,82 +498,113 @@ def _add_table(flow: _Flow, table: Table) -> None:
     Empty columns and the zero forces of absent dampers are omitted. A table that is wider than the
     page is continued below, again with its first column.
     """
-    # The heading is the column name with spaces and the unit in parentheses. Text and digests are
-    # left-aligned.
-    heads, sides, cells = [], [], []
-    moved = _largest_of(table, (name for name in table.columns if _is_moved(table, name)))
-    for i, name in enumerate(table.columns):
-        column = [row[i] for row in table.rows]
-        unit, factor = table.meanings.get(name, {}).get("unit", TEXT), 1.0
-        error = " error" * name.endswith("_error")
-        bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
-        # Drifts and displacements of a table have one unit.
-        largest = moved if _is_moved(table, name) else _largest_of(table, (name,))
-        if "drift_ratio" in name:
-            unit, factor = "%", 0.01
-        elif unit == "m" and 0.0 < largest < _MILLIMETERS:
-            unit, factor = "mm", 1e-3
-        elif unit == "t" and 0.0 < largest < 1.0:
-            unit, factor = "kg", 1e-3
-        heads.append(
-            escape(
-                f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")
-            )
-        )
-        sides.append(' class="d"' if name == DIGEST else ' class="t"' if unit == TEXT else "")
-        if name == "record":
-            # Files have short, distinct names here; the chapter Inputs lists their paths.
-            short_names = figures.style.record_names(map(str, column))
-            column = [short_names[str(cell)] for cell in column]
-        written = [_shown(converted(cell, factor), largest / factor) for cell in column]
-        cells.append([""] * len(written) if "damper_force" in name and largest == 0.0 else written)
-    kept = [i for i, column in enumerate(cells) if any(column)]
+    # Drifts and displacements of a table have one unit, which follows from their maximum.
+    max_length = _max_number(table, [name for name in table.columns if _is_motion(table, name)])
+    columns = []
+    for name in table.columns:
+        maximum = max_length if _is_motion(table, name) else _max_number(table, [name])
+        column = _column(table, name, maximum)
+        is_absent_damper = "damper_force" in name and maximum == 0.0
+        if any(column.cells) and not is_absent_damper:
+            columns.append(column)
     # Each part of a divided table repeats the first column, which identifies the row.
-    widths = [kept[:MOST_COLUMNS]]
-    for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
-        widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
-    for columns in widths:
-        # The width of a number column follows from its longest cell and heading word. The remaining
-        # width is divided between the text columns.
-        most = {i: max(map(len, cells[i])) for i in columns}
-        wide = [i for i in columns if sides[i] and "d" not in sides[i]]
-        numbers = sum(max(most[i], *map(len, heads[i].split())) for i in columns if i not in wide)
-        words = (_WIDTH - 2.4 * len(columns)) / _TABLE_LETTER - numbers
-        part = min(1.0, max(words, 20.0) / max(sum(most[i] for i in wide), 1))
-        head = "".join(f"<th{sides[i]}>{heads[i]}</th>" for i in columns)
-        one_line = numbers + sum(len(heads[i]) for i in columns) < words + numbers
-        high = (
-            1 if one_line else max(-(-len(heads[i]) // 15) for i in columns)
-        ) * _TABLE_LINE + _ROW
-        page_class = flow.kept(high + 3.0 * (_TABLE_LINE + _ROW))
-        flow.go(high + _TABLE)
-        lines = []
-        for number in range(len(table.rows)):
-            row = "".join(f"<td{sides[i]}>{escape(cells[i][number])}</td>" for i in columns)
-            lines.append(f"<tr>{row}</tr>")
-            tall = max(
-                (math.ceil(len(cells[i][number]) / max(part * most[i], 1.0)) for i in wide),
-                default=1,
-            )
-            step = max(tall, 1) * _TABLE_LINE + _ROW
-            # The heading is repeated on each page.
-            flow.go(step if flow.down + step <= _PAGE else _PAGE - flow.down + high + step)
-        rows = "\n".join(lines)
-        flow.body.append(
-            f"<table{page_class}><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table>"
-        )
+    _add_columns(flow, columns[:MOST_COLUMNS])
+    for first in range(MOST_COLUMNS, len(columns), MOST_COLUMNS - 1):
+        _add_columns(flow, [columns[0], *columns[first : first + MOST_COLUMNS - 1]])
 
 
-def _is_moved(table: Table, name: str) -> bool:
-    """Return True for a column of drifts or displacements, with their errors."""
+def _column(table: Table, name: str, maximum: float) -> _Column:
+    """Return a column of a table with the unit for a page.
+
+    Parameters
+    ----------
+    table : Table
+        The table.
+    name : str
+        Name of the column.
+    maximum : float
+        Largest absolute number of the column, or of all columns that must have the same unit.
+    """
+    index = table.columns.index(name)
+    cells = [row[index] for row in table.rows]
+    unit, factor = table.meanings.get(name, {}).get("unit", TEXT), 1.0
+    heading = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
+    if name.endswith("_error"):
+        heading += " error"
+    if "drift_ratio" in name:
+        unit, factor = "%", 0.01
+    elif unit == "m" and 0.0 < maximum < _MILLIMETERS:
+        unit, factor = "mm", 1e-3
+    elif unit == "t" and 0.0 < maximum < 1.0:
+        unit, factor = "kg", 1e-3
+    if unit not in (TEXT, "1"):
+        heading += f" ({unit.replace('^2', '²')})"
+    css_class = _TEXT_CLASS if unit == TEXT else ""
+    if name == DIGEST:
+        css_class = ' class="d"'
+    if name == "record":
+        # Files have short, distinct names here; the chapter Inputs lists their paths.
+        short_names = figures.style.record_names(map(str, cells))
+        cells = [short_names[str(cell)] for cell in cells]
+    texts = [_cell_text(converted(cell, factor), maximum / factor) for cell in cells]
+    return _Column(escape(heading), css_class, texts)
+
+
+def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
+    """Add a table with at most `MOST_COLUMNS` columns, and estimate its height."""
+    # The width of a number column, in characters, follows from its longest cell and heading word.
+    # The remaining width is divided between the text columns.
+    text_columns = [column for column in columns if column.is_text]
+    number_width = sum(
+        max(column.longest_cell, *map(len, column.heading.split()))
+        for column in columns
+        if not column.is_text
+    )
+    text_width = (_WIDTH - 2.4 * len(columns)) / _TABLE_LETTER - number_width
+    longest_texts = sum(column.longest_cell for column in text_columns)
+    # Width of each text column, as a fraction of its longest cell.
+    width_fraction = min(1.0, max(text_width, 20.0) / max(longest_texts, 1))
+    # A heading is wrapped to about 15 characters if not all headings fit in one line.
+    heading_lines = max((-(-len(column.heading) // 15) for column in columns), default=1)
+    if sum(len(column.heading) for column in columns) < text_width:
+        heading_lines = 1
+    heading_height = heading_lines * _TABLE_LINE + _ROW
+    # The heading remains together with three rows.
+    page_class = flow.break_class(heading_height + 3.0 * (_TABLE_LINE + _ROW))
+    flow.advance(heading_height + _TABLE)
+    rows = []
+    for cells in zip(*(column.cells for column in columns), strict=True):
+        row = ""
+        line_count = 1
+        for column, cell in zip(columns, cells, strict=True):
+            row += f"<td{column.css_class}>{escape(cell)}</td>"
+            if column.is_text:
+                column_width = max(width_fraction * column.longest_cell, 1.0)
+                line_count = max(line_count, math.ceil(len(cell) / column_width))
+        rows.append(f"<tr>{row}</tr>")
+        row_height = line_count * _TABLE_LINE + _ROW
+        # The heading is repeated on each page.
+        if flow.position + row_height <= _PAGE:
+            flow.advance(row_height)
+        else:
+            flow.advance(_PAGE - flow.position + heading_height + row_height)
+    heading = "".join(f"<th{column.css_class}>{column.heading}</th>" for column in columns)
+    body = "\n".join(rows)
+    flow.body.append(
+        f"<table{page_class}><thead><tr>{heading}</tr></thead><tbody>\n{body}\n</tbody></table>"
+    )
+
+
+def _is_motion(table: Table, name: str) -> bool:
+    """Return True for a column of drifts or displacements in m, or of their errors."""
     unit = table.meanings.get(name, {}).get("unit", TEXT)
     return unit == "m" and any(word in name for word in ("drift", "displacement"))
 
 
-def _largest_of(table: Table, names: Iterable[str]) -> float:
+def _max_number(table: Table, names: Sequence[str]) -> float:
     """Return the largest absolute number of some columns; 0 without a number."""
-    places = [table.columns.index(name) for name in names]
-    numbers = (row[i] for row in table.rows for i in places)
+    indices = [table.columns.index(name) for name in names]
+    numbers = (row[i] for row in table.rows for i in indices)
     return max(
         (abs(cell) for cell in numbers if isinstance(cell, float) and math.isfinite(cell)),
         default=0.0,
@@ -511,8 +615,8 @@ _MILLIMETERS = 0.01
 """m; a column of lengths with smaller values is printed in mm, so that it needs no power of ten."""
 
 
-def _shown(cell: Cell, largest: float = 1.0) -> str:
-    """Return a cell; `largest` is the maximum of its column."""
+def _cell_text(cell: Cell, maximum: float = 1.0) -> str:
+    """Return a cell as text; `maximum` is the largest absolute number of its column."""
     if isinstance(cell, float):
-        return table_number(cell, largest)
+        return table_number(cell, maximum)
     return "" if cell is None else _plain(str(cell))

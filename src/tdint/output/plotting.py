@@ -38,7 +38,7 @@ _PERIODS = (0.04, 4.0, 100)
 
 
 @dataclass(frozen=True)
-class _Look:
+class _Drawing:
     """Functions that draw results of a type.
 
     Attributes
@@ -126,17 +126,18 @@ def plot(
     OutputError
         The file format is unknown, or the file cannot be written.
     """
-    several = list(result) if isinstance(result, list | tuple | ResultList) else [result]
-    kind = _kind_of(several)
-    shown = several[0] if kind.alone else several
+    results = list(result) if isinstance(result, list | tuple | ResultList) else [result]
+    drawing = _drawing_of(results)
+    shown = results[0] if drawing.alone else results
     output_units = parse_output_units(units) if units else SI
-    wide = figure_width(width, "plot:") if isinstance(width, str) else width
-    written = (
-        parse_style(style, "plot: style")
-        if isinstance(style, str)
-        else PrintedAs(style=str(style or "") or None)
-    )
-    printed = PrintedAs(wide, font, title, tuple((label or {}).items())).over(written)
+    width_m = figure_width(width, "plot:") if isinstance(width, str) else width
+    # A text has all settings; a path is a style sheet.
+    if isinstance(style, str):
+        style_settings = parse_style(style, "plot: style")
+    else:
+        style_settings = PrintedAs(style=str(style or "") or None)
+    labels = tuple((label or {}).items())
+    printed = PrintedAs(width_m, font, title, labels).over(style_settings)
     if ax is not None:
         # The figure of existing axes determines all settings except line styles.
         if file is not None or printed != PrintedAs():
@@ -144,109 +145,122 @@ def plot(
                 "width, font, title, label, style and file cannot be used with ax; set them for "
                 "its figure"
             )
-        if kind.on_axes is None:
-            raise UsageError(f"a {type(several[0]).__name__} has no main panel; plot it without ax")
+        if drawing.on_axes is None:
+            raise UsageError(f"a {type(results[0]).__name__} has no main panel; plot it without ax")
         with style_context():
-            kind.on_axes(ax, shown, output_units.in_figures)
+            drawing.on_axes(ax, shown, output_units.in_figures)
         return ax
     # Drawing functions read the settings from a context variable, which is valid for this call.
     before = PRINTED.set(printed)
     try:
         path = Path(file) if file is not None else None
         # The figure is drawn once, for the file and for the notebook.
-        made = picture(path.suffix if path else ".png", lambda: kind.picture(shown, output_units))
-        figure = made.figure()
+        suffix = path.suffix if path else ".png"
+        writer = picture(suffix, lambda: drawing.picture(shown, output_units))
+        figure = writer.figure()
         if path is not None:
-            write_files({path: lambda stream: made.save(figure, stream)}, overwrite=True)
+            write_files({path: lambda stream: writer.save(figure, stream)}, overwrite=True)
     finally:
         PRINTED.reset(before)
     return figure
 
 
-def _kind_of(results: _Shown) -> _Look:
+def _drawing_of(results: _Shown) -> _Drawing:
+    """Return the drawing functions of results; raise UsageError if they cannot share a figure."""
     # All results of a figure must have the same type.
-    kinds = {type(result) for result in results}
-    looks = _LOOKS.get(next(iter(kinds)).__name__) if len(kinds) == 1 else None
-    if looks and (len(results) == 1 or not looks.alone):
-        return looks
-    names = " and ".join(sorted(result.__name__ for result in kinds)) or "an empty sequence"
-    raise UsageError(f"{'several of ' * (len(results) > 1)}{names}: no figure is available")
+    types = {type(result) for result in results}
+    if not types:
+        raise UsageError("plot: the sequence of results is empty; pass at least one result")
+    names = " and ".join(sorted(result_type.__name__ for result_type in types))
+    if len(types) > 1:
+        raise UsageError(f"plot: {names} cannot share a figure; plot each type separately")
+    drawing = _DRAWINGS.get(names)
+    if drawing is None:
+        raise UsageError(
+            f"plot: no figure is available for {names}; available for {', '.join(_DRAWINGS)}"
+        )
+    if len(results) > 1 and drawing.alone:
+        raise UsageError(f"plot: several of {names} cannot share a figure; plot each separately")
+    return drawing
 
 
-def _compared(results: _Shown, units: OutputUnits) -> Figure:
-    least, most, count = _PERIODS
+def _compare(results: _Shown, units: OutputUnits) -> Figure:
+    """Return the figure of comparisons with recordings."""
+    shortest, longest, count = _PERIODS
     # Below two sampling intervals, a spectrum depends on the interpolation between samples.
-    periods = np.geomspace(max(least, 2.0 * results[0].event.base.dt), most, count)
+    shortest = max(shortest, 2.0 * results[0].event.base.dt)
+    periods = np.geomspace(shortest, longest, count)
     return comparison.comparison_picture(results, periods, SA_DAMPING, units)
 
 
 def _info(results: _Shown) -> list[RecordInfo]:
+    """Return the properties of records; results that already are properties are unchanged."""
     return [result if isinstance(result, RecordInfo) else record_info(result) for result in results]
 
 
-_INFO = _Look(
+_INFO = _Drawing(
     lambda results, units: comparison.info_picture(_info(results), units),
     lambda ax, results, units: comparison.draw_acceleration(ax, _info(results)[0].record, units),
 )
-_LOOKS: dict[str, _Look] = {
-    "Chart": _Look(
+_DRAWINGS: dict[str, _Drawing] = {
+    "Chart": _Drawing(
         lambda result, _: assessment.chart_picture(
             result, name="Work-precision diagram", target="peak-drift"
         ),
         alone=True,
     ),
-    "Comparison": _Look(_compared),
-    "CyclicTest": _Look(comparison.cyclic_picture, comparison.draw_loop, alone=True),
-    "DriftSpectrum": _Look(spectrum_curves.drift_spectrum_picture),
-    "FieldChart": _Look(
+    "Comparison": _Drawing(_compare),
+    "CyclicTest": _Drawing(comparison.cyclic_picture, comparison.draw_loop, alone=True),
+    "DriftSpectrum": _Drawing(spectrum_curves.drift_spectrum_picture),
+    "FieldChart": _Drawing(
         lambda result, _: comparison.profile_picture(result, target="peak-drift"), alone=True
     ),
-    "FloorSpectrum": _Look(suites.floor_picture),
-    "FourierSpectrum": _Look(comparison.fourier_picture, comparison.draw_fourier),
-    "Fragility": _Look(
+    "FloorSpectrum": _Drawing(suites.floor_picture),
+    "FourierSpectrum": _Drawing(comparison.fourier_picture, comparison.draw_fourier),
+    "Fragility": _Drawing(
         lambda results, _: collapse.fragility_picture(results),
         lambda ax, results, _: collapse.draw_functions(ax, results),
     ),
-    "FragilityResult": _Look(
+    "FragilityResult": _Drawing(
         lambda result, _: collapse.fragility_picture(result.functions),
         lambda ax, result, _: collapse.draw_functions(ax, result.functions),
         alone=True,
     ),
-    "Gradient": _Look(many_runs.gradient_picture, alone=True),
-    "IdaStudy": _Look(
+    "Gradient": _Drawing(many_runs.gradient_picture, alone=True),
+    "IdaStudy": _Drawing(
         lambda result, units: collapse.ida_picture(result.in_units(units)),
         lambda ax, result, units: collapse.draw_ida(ax, result.in_units(units)),
         alone=True,
     ),
-    "InelasticSpectrum": _Look(spectrum_curves.inelastic_picture),
-    "Match": _Look(comparison.match_picture, comparison.draw_match, alone=True),
-    "ModalResponse": _Look(
+    "InelasticSpectrum": _Drawing(spectrum_curves.inelastic_picture),
+    "Match": _Drawing(comparison.match_picture, comparison.draw_match, alone=True),
+    "ModalResponse": _Drawing(
         mode_shapes.modal_response_picture, mode_shapes.draw_modal_drifts, alone=True
     ),
-    "Modes": _Look(
+    "Modes": _Drawing(
         lambda result, _: mode_shapes.mode_picture(result, name="Modes"),
         lambda ax, result, _: mode_shapes.draw_modes(ax, result),
         alone=True,
     ),
-    "ObservedOrder": _Look(lambda results, _: assessment.order_picture(results)),
-    "Overshoot": _Look(lambda results, _: assessment.overshoot_picture(results)),
-    "Pushover": _Look(comparison.pushover_picture, comparison.draw_curve, alone=True),
+    "ObservedOrder": _Drawing(lambda results, _: assessment.order_picture(results)),
+    "Overshoot": _Drawing(lambda results, _: assessment.overshoot_picture(results)),
+    "Pushover": _Drawing(comparison.pushover_picture, comparison.draw_curve, alone=True),
     "Record": _INFO,
     "RecordInfo": _INFO,
-    "Response": _Look(runs.run_picture, runs.draw_drifts, alone=True),
-    "RotatedSpectrum": _Look(spectrum_curves.rotated_picture),
-    "Runs": _Look(many_runs.runs_picture, many_runs.draw_runs, alone=True),
-    "Scaling": _Look(collapse.suite_picture, collapse.draw_suite, alone=True),
-    "Spectrum": _Look(
+    "Response": _Drawing(runs.run_picture, runs.draw_drifts, alone=True),
+    "RotatedSpectrum": _Drawing(spectrum_curves.rotated_picture),
+    "Runs": _Drawing(many_runs.runs_picture, many_runs.draw_runs, alone=True),
+    "Scaling": _Drawing(collapse.suite_picture, collapse.draw_suite, alone=True),
+    "Spectrum": _Drawing(
         lambda results, units: spectrum_curves.spectrum_picture(results, units=units),
         spectrum_curves.draw_accelerations,
     ),
-    "StabilityCurve": _Look(
+    "StabilityCurve": _Drawing(
         lambda results, _: assessment.stability_picture(results),
         lambda ax, results, _: assessment.draw_radius(ax, results),
     ),
-    "ParameterEffect": _Look(runs.sensitivity_picture),
-    "TargetDisplacement": _Look(comparison.target_picture),
-    "Trial": _Look(lambda results, _: assessment.failure_picture(results)),
+    "ParameterEffect": _Drawing(runs.sensitivity_picture),
+    "TargetDisplacement": _Drawing(comparison.target_picture),
+    "Trial": _Drawing(lambda results, _: assessment.failure_picture(results)),
 }
 """Drawing functions by class name of the results, so that their modules need not be imported."""

@@ -58,17 +58,17 @@ PRINTED: ContextVar[PrintedAs] = ContextVar("printed", default=ON_SCREEN)
 TRUSTED: ContextVar[bool] = ContextVar("trusted", default=True)
 """True if a style sheet may start programs; false for style sheets named in a foreign file."""
 
-_PART = re.compile(r"""(?:'[^']*'|"[^"]*"|[^,'"])+""")
+_ITEM = re.compile(r"""(?:'[^']*'|"[^"]*"|[^,'"])+""")
 _QUOTED = re.compile(r"""'([^']*)'|"([^"]*)\"""")
 _LENGTH = re.compile(r"([0-9.]+)\s*([a-z]+)")
-_WORDS = ("width", "font", "title", "label:NAME", "file")
+_KEYS = ("width", "font", "title", "label:NAME", "file")
 
 
 def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -> PrintedAs:
     """Return the settings that a text specifies.
 
-    The text contains a width, a style sheet or KEY=VALUE, separated by commas; values with commas
-    are quoted.
+    The text is a list of items, separated by commas: a width, a style sheet or KEY=VALUE. Values
+    with commas are quoted.
 
     Parameters
     ----------
@@ -85,18 +85,16 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
     UsageError
         A part is invalid, or a width is out of range.
     """
-    # Between the parts there may be only commas; anything else is an unclosed quotation mark.
-    if not text.strip() or re.sub(_PART, "", text).strip(","):
+    # Between the items there may be only commas; anything else is an unclosed quotation mark.
+    if not text.strip() or re.sub(_ITEM, "", text).strip(","):
         raise UsageError(
-            f"{of} {text!r}: write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."
+            f"{of} {text!r} must be a width (90mm), a style sheet (paper.mplstyle) or "
+            "KEY=VALUE,..., with closed quotation marks"
         )
     printed = before
-    for part in (part.strip() for part in _PART.findall(text)):
-        key, equals, value = part.partition("=")
-        key, value = (
-            _QUOTED.sub(lambda match: match[1] or match[2] or "", words).strip()
-            for words in (key, value)
-        )
+    for item in (item.strip() for item in _ITEM.findall(text)):
+        key, equals, value = item.partition("=")
+        key, value = _unquoted(key), _unquoted(value)
         name = key.removeprefix("label:")
         # A style sheet and a width are recognized without a key.
         if not equals and key.lower().endswith(".mplstyle"):
@@ -114,8 +112,13 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
         elif key.startswith("label:") and name and value:
             printed = replace(printed, labels=(*printed.labels, (name, value)))
         else:
-            raise UsageError(f"{of} {part!r}: {_style_error(key, bool(equals))}")
+            raise UsageError(f"{of} {item!r}: {_style_error(key, bool(equals))}")
     return printed
+
+
+def _unquoted(text: str) -> str:
+    """Return a text without its quotation marks and without spaces at its ends."""
+    return _QUOTED.sub(lambda match: match[1] or match[2] or "", text).strip()
 
 
 def _style_error(key: str, has_value: bool) -> str:
@@ -124,9 +127,9 @@ def _style_error(key: str, has_value: bool) -> str:
         return "title must be yes or no"
     if key.partition(":")[0] == "label":
         return "a label must be label:NAME=TEXT, such as label:moment4='present method'"
-    if has_value and key in _WORDS:
+    if has_value and key in _KEYS:
         return f"{key} requires a value"
-    hint = did_you_mean(key, _WORDS) or f"; the keys are {', '.join(_WORDS)}"
+    hint = did_you_mean(key, _KEYS) or f"; the keys are {', '.join(_KEYS)}"
     return f"unknown key{hint}"
 
 
@@ -170,9 +173,10 @@ SYMBOLS = {
 def in_print(text: str, printed: PrintedAs) -> str:
     """Return a text of a figure as printed: with the replaced label, or with symbols."""
     # Replacements of labels are used unchanged; symbols are inserted into all other text.
-    for before, after in printed.labels:
-        if text.strip() == before or text.strip().startswith(before + ":"):
-            return text.replace(text.strip(), after)
+    # A label of a method may be followed by a colon and its parameters.
+    for label, replacement in printed.labels:
+        if text.strip() == label or text.strip().startswith(f"{label}:"):
+            return text.replace(text.strip(), replacement)
     for word, symbol in SYMBOLS.items():
         text = text.replace(word, symbol)
     return text

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
-from tdint.output.page import Chapter, Part, Picture, Told, once, page, page_units
+from tdint.output.page import Chapter, PageText, Part, Picture, once, page, page_units
 from tdint.output.spectrum_text import spectrum_text
 from tdint.output.summary import campaign_summary
 from tdint.output.tables import buildings
@@ -107,11 +107,9 @@ def _secant_period(model: Model, peaks: StoryPeaks) -> float:
 
 def damping_text(model: Model) -> str:
     """Return a short description of the damping of the model, dashpots excluded."""
-    exception = (
-        ""
-        if all(story.rayleigh for story in model.stories)
-        else ", without the share of the isolators"
-    )
+    exception = ""
+    if not all(story.rayleigh for story in model.stories):
+        exception = ", without the share of the isolators"
     match model.damping:
         case RayleighRatio(ratios, modes):
             pairs = dict.fromkeys(zip(ratios, modes, strict=True))
@@ -144,7 +142,7 @@ _MOST_DAMAGE = 60
 SPECTRUM_PERIODS = (0.05, 5.0, 100)
 """First and last period, s, and number of periods of the spectra in a report."""
 
-_OF_STORIES = (
+_STORY_COLUMNS = (
     "peak_drift_ratio",
     "peak_drift",
     "residual_drift",
@@ -155,7 +153,7 @@ _OF_STORIES = (
     "peak_displacement",
     "peak_absolute_acceleration",
 )
-_OF_SUITE = (
+_SUITE_COLUMNS = (
     "residual_drift",
     "peak_total_shear",
     "peak_absolute_acceleration",
@@ -169,7 +167,7 @@ _ERRORS = (
 
 def run_page(
     response: Response,
-    told: Told,
+    page_text: PageText,
     *,
     floors: Sequence[FloorSpectrum] = (),
     units: OutputUnits = SI,
@@ -180,7 +178,7 @@ def run_page(
     ----------
     response : Response
         Result of the run, with its response history if the report has its figure.
-    told : Told
+    page_text : PageText
         Verdict, warnings and inputs of the report.
     floors : sequence of FloorSpectrum
         Requested floor spectra; none by default.
@@ -194,29 +192,18 @@ def run_page(
     damped = any(response.stories.peak_damper_force)
     columns = {_quantity(table, name): name for name in table.columns}
     names = [
-        columns[name]
-        for name in _OF_STORIES
-        if name in columns and not (damped and name == "peak_shear")
+        columns[quantity]
+        for quantity in _STORY_COLUMNS
+        if quantity in columns and not (damped and quantity == "peak_shear")
     ]
-    drawn = [
-        Picture(
-            lambda: figures.runs.run_picture(response, units),
-            "Response histories, energies, profiles, hysteresis loops",
-        )
-    ]
-    # The figure of the run has the loop of one story, which may differ from the governing story.
-    governing, loops = told.governing_story, list[Picture]()
-    if (
-        governing is not None
-        and response.history is not None
-        and governing != figures.runs.loop_story(response)[0] + 1
-    ):
-        loops = [
+    run_figures = []
+    if response.history is not None:
+        run_figures.append(
             Picture(
-                lambda: figures.runs.loop_picture(response, governing, units),
-                f"Hysteresis loop of story {governing}, which governs the limits",
+                lambda: figures.runs.run_picture(response, units),
+                "Response histories, energies, profiles, hysteresis loops",
             )
-        ]
+        )
     spectra = Picture(
         lambda: figures.suites.floor_picture(
             floors, units, title=model.name, period=first_period(model)
@@ -224,8 +211,8 @@ def run_page(
         "Floor spectra",
     )
     chapters = [
-        Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
-        Chapter("Limits", (*((told.limits,) if told.limits else ()), *loops)),
+        Chapter("Result", (list(page_text.sentences), *run_figures)),
+        Chapter("Limits", _limit_parts(response, page_text, units)),
         Chapter(
             "Peaks of the stories",
             (table.chosen(["story", *names]), *_errors_of_run(response, table, names)),
@@ -248,8 +235,28 @@ def run_page(
         model.name,
         f"Time history analysis of {model.name}: status {response.status}.",
         chapters,
-        told,
+        page_text,
     )
+
+
+def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) -> list[Part]:
+    """Return the table of limits, and the hysteresis loop of the governing story.
+
+    The loop is omitted if the figure of the run already contains it, or without a history.
+    """
+    parts: list[Part] = [page_text.limits] if page_text.limits else []
+    story = page_text.governing_story
+    if story is None or response.history is None:
+        return parts
+    # The first value of `loop_story` is the index of the story whose loop the figure shows.
+    if story != figures.runs.loop_story(response)[0] + 1:
+        parts.append(
+            Picture(
+                lambda: figures.runs.loop_picture(response, story, units),
+                f"Hysteresis loop of story {story}, which governs the limits",
+            )
+        )
+    return parts
 
 
 def method_text(specification: str) -> str:
@@ -289,13 +296,9 @@ def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tu
     shown, columns = [name for name in names if "_ratio" not in name], [cells["story"]]
     for name in shown:
         # A residual drift can be close to zero, so its error is given relative to the peak drift.
-        reference = cells[drift if name.startswith("residual") else name]
-        columns.append(
-            [
-                _percent(error, size)
-                for error, size in zip(cells[f"{name}_error"], reference, strict=True)
-            ]
-        )
+        references = cells[drift if name.startswith("residual") else name]
+        errors = cells[f"{name}_error"]
+        columns.append(list(map(_percent, errors, references)))
     labels = [_quantity(table, name) for name in shown]
     meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {
         "story": table.meanings["story"]
@@ -303,23 +306,20 @@ def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tu
     return _ERRORS, Table(("story", *labels), list(zip(*columns, strict=True)), meanings)
 
 
-def _percent(error: Cell, size: Cell) -> float | None:
+def _percent(error: Cell, value: Cell) -> float | None:
     """Return an error in percent of a value, with two digits; None if the value is 0 or missing."""
-    if (
-        not isinstance(error, float)
-        or not isinstance(size, float)
-        or math.isnan(error)
-        or size == 0.0
-    ):
+    if not isinstance(error, float) or not isinstance(value, float):
         return None
-    return float(f"{100.0 * error / abs(size):.2g}")
+    if math.isnan(error) or value == 0.0:
+        return None
+    return float(f"{100.0 * error / abs(value):.2g}")
 
 
 def suite_page(
     plan: Plan,
     store: Store,
     profiles: Sequence[Profile],
-    told: Told,
+    page_text: PageText,
     *,
     limit: float | None = None,
     ratios: Table | None = None,
@@ -336,7 +336,7 @@ def suite_page(
         Store of the campaign, in which all runs of the plan are completed.
     profiles : sequence of Profile
         Statistics over the ground motions, for each building and intensity level.
-    told : Told
+    page_text : PageText
         Verdict, warnings and inputs of the report.
     limit : float, optional
         Limit of the drift ratio, which the figure shows.
@@ -349,11 +349,11 @@ def suite_page(
     """
     content, units = campaign_summary(store), page_units(units)
     runs = content["runs"]
-    about = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
-    line = "" if limit is None else f", limit {100.0 * limit:g} %"
-    profile = Picture(
+    status_text = ", ".join(f"{count} {status}" for status, count in runs["by_status"].items())
+    limit_text = "" if limit is None else f", limit {100.0 * limit:g} %"
+    profile_figure = Picture(
         lambda: figures.suites.profile_picture(profiles, units, limit=limit, title=plan.name),
-        f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{line}",
+        f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{limit_text}",
     )
     periods = _first_periods(store)
     spectra = Picture(
@@ -361,55 +361,49 @@ def suite_page(
         "Floor spectra: mean, envelope",
     )
     # Only the first buildings are described, because the report must remain readable.
-    models = [
-        item.subject()
-        for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()
-    ]
-    methods = ", ".join(dict.fromkeys(method_text(item.method) for item in models))
+    buildings_by_name = {building.name: building for building in plan.buildings[:_MOST_MODELS]}
+    subjects = [building.subject() for building in buildings_by_name.values()]
+    methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
     step, accuracy = _steps_and_errors(store)
     free_vibration = (
         ("runs continue after the end of the record until free vibration has decayed",)
         if plan.settings.until_rest
         else ()
     )
-    # Doubts about the scaling and the records are printed as warnings at the top.
-    scaled, doubts = _scaling(plan, units, periods)
-    of_records = [
+    # Warnings about the scaling and the records are printed at the top. Notes with the same text
+    # are omitted.
+    scaling_parts, scaling_warnings = _scaling(plan, units, periods)
+    record_warnings = [
         f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings
     ]
-    warned = [text.partition(": ")[2] for text in of_records]
+    warned = tuple(text.partition(": ")[2] for text in record_warnings)
+    notes = [note for note in plan.notes if not note.endswith(warned)]
     chapters = [
-        Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
-        Chapter("Limits", (told.limits,) if told.limits else ()),
-        Chapter("Ratios to the baseline", (_compared(ratios),) if ratios else ()),
-        *(_over_motions(item, units) for item in profiles),
-        _one_by_one(store),
+        Chapter("Result", (list(page_text.sentences), *((profile_figure,) if profiles else ()))),
+        Chapter("Limits", (page_text.limits,) if page_text.limits else ()),
+        Chapter("Ratios to the baseline", (_ratio_rows(ratios),) if ratios else ()),
+        *(_statistics_chapter(profile, units) for profile in profiles),
+        _runs_chapter(store),
         Chapter("Damage", _damage(store)),
         Chapter("Floor spectra", (spectra,) if floors else ()),
-        *(model_chapter(item.model, units) for item in models),
-        motion_chapter(
-            _as_run(plan, store),
-            units,
-            scaled,
-            periods,
-        ),
-        assumptions(f"{methods}, {step}", [accuracy, *free_vibration, *_of_pairs(store), _SUITE]),
-        Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
+        *(model_chapter(subject.model, units) for subject in subjects),
+        motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
+        assumptions(f"{methods}, {step}", [accuracy, *free_vibration, *_pair_rule(store), _SUITE]),
+        Chapter("Notes", (once(notes),)),
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
-    inputs = [*(told.inputs or content["inputs"]), campaign]
-    told = replace(
-        told,
-        warnings=[*plan.warnings, *told.warnings, *doubts, *of_records],
+    inputs = [*(page_text.inputs or content["inputs"]), campaign]
+    page_text = replace(
+        page_text,
+        warnings=[*plan.warnings, *page_text.warnings, *scaling_warnings, *record_warnings],
         inputs=inputs,
-        verdict=[*told.verdict, *(() if told.verdict else _largest(store, profiles))],
+        verdict=page_text.verdict or _headlines(store, profiles),
     )
-    return page(
-        plan.name, f"{runs['done']} of {pluralize(runs['all'], 'run')}: {about}.", chapters, told
-    )
+    about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
+    return page(plan.name, about, chapters, page_text)
 
 
-def _largest(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:
+def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:
     """Return the headlines of a campaign without limits: lost runs and the largest drift ratio.
 
     Parameters
@@ -445,7 +439,7 @@ def _largest(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | Non
 
 
 def _steps_and_errors(store: Store) -> tuple[str, str]:
-    """Return the time steps of a campaign, and what is known about the errors of its runs."""
+    """Return a text on the time steps of a campaign, and a text on the errors of its runs."""
     query = "SELECT min(dt_s), max(dt_s), max(abs(energy_error)) FROM run_rows"
     low, high, energy = store.connection.execute(query).fetchone()
     step = (
@@ -460,10 +454,8 @@ def _steps_and_errors(store: Store) -> tuple[str, str]:
     if not store.checked:
         not_estimated = "the error of the time integration was not estimated (--check)"
         return step, "; ".join(filter(None, (not_estimated, imbalance)))
-    largest = store.connection.execute(
-        "SELECT max(peak_drift_m_error / peak_drift_m) FROM run_rows"
-    )
-    (error,) = largest.fetchone()
+    query = "SELECT max(peak_drift_m_error / peak_drift_m) FROM run_rows"
+    (error,) = store.connection.execute(query).fetchone()
     estimated = ""
     if error is not None:
         estimated = (
@@ -478,20 +470,20 @@ def _first_periods(store: Store) -> list[tuple[str, float]]:
     return [(name, period) for name, period in periods if period is not None]
 
 
-def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
+def _statistics_chapter(profile: Profile, units: OutputUnits) -> Chapter:
     """Return the chapter of means and maxima of a building, with their estimated errors."""
     has_heights = not np.isnan(profile.height).any()
     # Isolators have no height, so their drifts in length units are listed in addition to the
     # ratios.
     drifts = ("peak_drift_ratio",) if has_heights else ("peak_drift_ratio", "peak_drift")
-    parts: list[Part] = [profile_table(profile, (*drifts, *_OF_SUITE), units)]
+    parts: list[Part] = [profile_table(profile, (*drifts, *_SUITE_COLUMNS), units)]
     if profile.peak_errors:
-        parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))]
+        parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_SUITE_COLUMNS))]
     building = ", ".join(filter(None, [profile.building, profile.level_text]))
     return Chapter(f"Statistics over the ground motions: {building}", parts)
 
 
-def _one_by_one(store: Store) -> Chapter:
+def _runs_chapter(store: Store) -> Chapter:
     """Return the chapter that lists the runs in the order of decreasing drift.
 
     The list shows which ground motions dominate the mean and which caused collapse.
@@ -504,29 +496,25 @@ def _one_by_one(store: Store) -> Chapter:
         "BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
     )
     rows = store.connection.execute(query).fetchall()
-    several = len({row[0] for row in rows}) > 1
-    of_drift = ("peak_drift_ratio", "peak_drift_m")
-    numbers = ("factor", *of_drift, "story", "ductility")
-    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers} | {
-        "peak_drift_m": {"unit": "m"}
-    }
-    table = Table(
-        ("building", "record", "component", *numbers, "status"), rows[:_MOST_MOTIONS], meanings
-    )
+    numbers = ("factor", "peak_drift_ratio", "peak_drift_m", "story", "ductility")
+    columns = ("building", "record", "component", *numbers, "status")
+    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers}
+    meanings["peak_drift_m"] = {"unit": "m"}
+    table = Table(columns, rows[:_MOST_MOTIONS], meanings)
     # If any story has a height, the drift ratio is shown and the drift is omitted.
-    omitted = of_drift[any(row[4] is not None for row in rows)]
-    shown = table.chosen(
-        [name for name in table.columns if name != omitted and (several or name != "building")]
-    )
-    more = (
-        f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
-        if len(rows) > _MOST_MOTIONS
-        else ""
-    )
-    return Chapter("Individual ground motions, largest drift first", (shown, more))
+    has_ratios = any(row[columns.index("peak_drift_ratio")] is not None for row in rows)
+    omitted = ["peak_drift_m" if has_ratios else "peak_drift_ratio"]
+    # The name of a single building is omitted.
+    if len({row[columns.index("building")] for row in rows}) <= 1:
+        omitted.append("building")
+    table = table.chosen([name for name in columns if name not in omitted])
+    omission = ""
+    if len(rows) > _MOST_MOTIONS:
+        omission = f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
+    return Chapter("Individual ground motions, largest drift first", (table, omission))
 
 
-def _compared(ratios: Table) -> Table:
+def _ratio_rows(ratios: Table) -> Table:
     """Return the rows that contain a ratio, with spaces instead of underscores in quantities."""
     first_ratio = ratios.columns.index("quantity") + 1
     rows = [
@@ -545,48 +533,59 @@ def _damage(store: Store) -> tuple[Part, ...]:
         return ()
     from tdint.output.tables.damage_states import loss_table, type_table
 
-    # The rule for pairs is one of the assumptions.
+    # The rule for pairs is one of the assumptions, so its column is omitted.
     losses = loss_table(store)
     losses = losses.chosen([name for name in losses.columns if name != "pair_demand"])
-    states, losses = (
-        replace(table, rows=table.rows[:_MOST_DAMAGE])
-        for table in (_by_state(type_table(store)), losses)
-    )
-    more = _MOST_DAMAGE in (len(states.rows), len(losses.rows))
+    losses = replace(losses, rows=losses.rows[:_MOST_DAMAGE])
+    states = _with_state_columns(type_table(store))
+    states = replace(states, rows=states.rows[:_MOST_DAMAGE])
+    loss_text = ""
+    if losses.rows:
+        loss_text = (
+            "Mean loss ratios with their standard errors, and standard deviations of the loss:"
+        )
+    omission = ""
+    if _MOST_DAMAGE in (len(states.rows), len(losses.rows)):
+        omission = "The first rows; damage-types.csv and losses.csv list all."
     return (
         "Mean probabilities of the damage states, by building type and level:",
         states,
-        "Mean loss ratios with their standard errors, and standard deviations of the loss:"
-        * bool(losses.rows),
+        loss_text,
         losses,
-        "The first rows; damage-types.csv and losses.csv list all." if more else "",
+        omission,
     )
 
 
-def _by_state(table: Table) -> Table:
+def _with_state_columns(table: Table) -> Table:
     """Return damage-types.csv with one row per type, level and event, and a column per state."""
     keys: list[str] = [name for name in ("type", "level", "event") if name in table.columns]
-    places = [table.columns.index(name) for name in (*keys, "state", "probability")]
-    rows: dict[tuple[Cell, ...], dict[str, Cell]] = {}
-    states: dict[str, None] = {}
+    indices = [table.columns.index(name) for name in (*keys, "state", "probability")]
+    # For each type, level and event: the probability of each state.
+    probabilities: dict[tuple[Cell, ...], dict[str, Cell]] = {}
+    states: dict[str, None] = {}  # an ordered set
     for row in table.rows:
-        *key, state, probability = (row[place] for place in places)
+        *key, state, probability = (row[i] for i in indices)
         states[str(state)] = None
-        rows.setdefault(tuple(key), {})[str(state)] = probability
+        probabilities.setdefault(tuple(key), {})[str(state)] = probability
     meanings = {name: table.meanings[name] for name in keys}
     meanings |= dict.fromkeys(states, table.meanings["probability"])
-    cells = [(*key, *(of.get(state) for state in states)) for key, of in rows.items()]
-    return Table((*keys, *states), cells, meanings)
+    rows = [
+        (*key, *(by_state.get(state) for state in states))
+        for key, by_state in probabilities.items()
+    ]
+    return Table((*keys, *states), rows, meanings)
 
 
-def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
+def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
     """Return the ground motions with their scale factors for each level, smallest factors first.
 
     Lists that several buildings share are returned once.
     """
+    # Factors by building, ground motion and sample of the varied parameters.
     factors: dict[tuple[int, int, int], list[float]] = {}
     for building, motion, scale, sample, *_ in store.runs():
         factors.setdefault((building, motion, sample), []).append(scale)
+    # Ground motions and factors by building and level.
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
         # The smallest factor of each ground motion belongs to the first level, whatever its value.
@@ -624,48 +623,10 @@ def _scaling(
         ), []
     # The settings of the command: target or intensity measure, rule, period range, damping, pairs.
     settings = plan.scaled["settings"]
-    aim = spectrum_text(settings["target"] or "") or " ".join(
-        f"{settings['measure']} = {settings['value']:.4g} {settings['unit']}".split()
-        if settings["measure"]
-        else ()
-    )
-    facts = [
-        f"Scale factors: {plan.factors}, computed by `tdint scale`",
-        f"rule {settings['rule']} ({_RULES[settings['rule']]})",
-    ]
-    facts += [f"target {aim}"] if aim else []
-    if settings["periods_s"]:
-        facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
-    facts.append(f"{100.0 * settings['damping']:g} % damping")
-    facts += (
-        [f"pairs represented by {figures.collapse.pair_text(settings['pairs'])}"]
-        if settings["pairs"]
-        else []
-    )
-    if settings["least_average_over_target"] is not None:
-        least_ratio = 100.0 * settings["least_average_over_target"]
-        facts.append(f"the minimum ratio of average to target is {least_ratio:.3g} %")
-    parts: list[Part] = ["; ".join(facts) + "."]
+    parts: list[Part] = [_scaling_text(plan.factors, settings)]
     if settings["target"] and isinstance(plan.levels, MotionFactors):
-        motions = _as_scaled(plan, plan.levels, paired=bool(settings["pairs"]))
-        # The average in the text is the average of pairs; it is not drawn for single components.
-        singles = settings["pairs"] and any(isinstance(motion, Record) for motion, _ in motions)
-        # Several factors per ground motion define several suites; the figure shows only one suite.
-        if all(len(factors) == 1 for _, factors in motions):
-            scaling = Scaling(
-                tuple(motion for motion, _ in motions),
-                np.array([factors[0] for _, factors in motions]),
-                settings["rule"],
-                settings["pairs"] or GEOMETRIC_MEAN,
-                settings["damping"],
-                target=read_target(settings["target"]),
-                periods=np.geomspace(*settings["periods_s"]),
-                # For rules that check the average, the figure also shows the average and 90 % of
-                # the target.
-                least=None
-                if (least := settings["least_average_over_target"]) is None or singles
-                else (least, math.nan),
-            )
+        scaling = _scaled_suite(plan, plan.levels, settings)
+        if scaling is not None:
             parts.append(
                 Picture(
                     partial(figures.collapse.suite_picture, scaling, units, periods),
@@ -675,25 +636,92 @@ def _scaling(
     return tuple(parts), [f"{plan.factors}: {text}" for text in plan.scaled.get("warnings", ())]
 
 
-def _as_scaled(
+def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
+    """Return a sentence on the scaling: rule, target, periods, damping, pairs, minimum ratio.
+
+    Parameters
+    ----------
+    factors : str
+        File of the scale factors.
+    settings : mapping
+        Settings of `tdint scale`.
+    """
+    facts = [
+        f"Scale factors: {factors}, computed by `tdint scale`",
+        f"rule {settings['rule']} ({_RULES[settings['rule']]})",
+    ]
+    # The target is a spectrum or the value of an intensity measure.
+    if settings["target"]:
+        facts.append(f"target {spectrum_text(settings['target'])}")
+    elif settings["measure"]:
+        value = f"{settings['value']:.4g} {settings['unit']}".strip()
+        facts.append(f"target {settings['measure']} = {value}")
+    if settings["periods_s"]:
+        facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
+    facts.append(f"{100.0 * settings['damping']:g} % damping")
+    if settings["pairs"]:
+        facts.append(f"pairs represented by {figures.collapse.pair_text(settings['pairs'])}")
+    if settings["least_average_over_target"] is not None:
+        ratio = 100.0 * settings["least_average_over_target"]
+        facts.append(f"the minimum ratio of average to target is {ratio:.3g} %")
+    return f"{'; '.join(facts)}."
+
+
+def _scaled_suite(plan: Plan, levels: MotionFactors, settings: Mapping[str, Any]) -> Scaling | None:
+    """Return the scaled suite for its figure; None if a ground motion has several factors.
+
+    Several factors define several suites, and the figure shows only one.
+
+    Parameters
+    ----------
+    plan : Plan
+        Buildings and ground motions of the campaign.
+    levels : MotionFactors
+        Factors of each ground motion.
+    settings : mapping
+        Settings of `tdint scale`.
+    """
+    motions = _scaled_motions(plan, levels, paired=bool(settings["pairs"]))
+    if any(len(factors) > 1 for _, factors in motions):
+        return None
+    # For rules that check the average, the figure also shows the average and 90 % of the target.
+    # The average of pairs is not drawn for single components.
+    minimum_ratio = settings["least_average_over_target"]
+    if settings["pairs"] and any(isinstance(motion, Record) for motion, _ in motions):
+        minimum_ratio = None
+    return Scaling(
+        tuple(motion for motion, _ in motions),
+        np.array([factors[0] for _, factors in motions]),
+        settings["rule"],
+        settings["pairs"] or GEOMETRIC_MEAN,
+        settings["damping"],
+        target=read_target(settings["target"]),
+        periods=np.geomspace(*settings["periods_s"]),
+        least=None if minimum_ratio is None else (minimum_ratio, math.nan),
+    )
+
+
+def _scaled_motions(
     plan: Plan, levels: MotionFactors, *, paired: bool
 ) -> list[tuple[GroundMotion, tuple[float, ...]]]:
     """Return the scaled ground motions with their factors.
 
     If `paired` is true, pairs are returned as pairs, also if the runs use single components.
     """
-    partners = PairRule.of_motions(plan.motions, None).partners if paired else {}
-    seconds = {first: second for second, first in partners.items()}
+    # The index of the first component for each second component, and vice versa.
+    first_of_second = PairRule.of_motions(plan.motions, None).partners if paired else {}
+    second_of_first = {first: second for second, first in first_of_second.items()}
+    # Both components of a pair in one file have the same object `whole`: use it as the key.
     motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
-    for number, item in enumerate(plan.motions):
+    for index, item in enumerate(plan.motions):
         motion = item.whole
-        if number in partners and isinstance(motion, Record):
+        if index in first_of_second and isinstance(motion, Record):
             continue  # the second component of a pair that the list already contains
-        if number in seconds and isinstance(motion, Record):
-            both = [motion, plan.motions[seconds[number]].record]
+        if index in second_of_first and isinstance(motion, Record):
+            components = [motion, plan.motions[second_of_first[index]].record]
             with suppress(RecordError):  # the files are not a pair: the component remains single
-                motion = find_horizontals(both)
-        motions[id(item.whole)] = motion, tuple(levels.by_motion[number])
+                motion = find_horizontals(components)
+        motions[id(item.whole)] = motion, tuple(levels.by_motion[index])
     return list(motions.values())
 
 
@@ -728,7 +756,8 @@ def motion_chapter(
         factors = {factor for _, factor in level}
         times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its scale factor"
         scaling = "" if factors == {1.0} else f", {times}"
-        parts += [f"Level {number} of {len(levels)}{scaling}:"] * (len(levels) > 1)
+        if len(levels) > 1:
+            parts.append(f"Level {number} of {len(levels)}{scaling}:")
         parts.append(motion_table(records, component_names(records)).in_units(units))
         # A figure of more spectra would be a gray area.
         if len(records) <= _MOST_MOTIONS and not drawn:
@@ -742,8 +771,8 @@ def motion_chapter(
 _SUITE = "means are over the ground motions without collapse"
 
 
-def _of_pairs(store: Store) -> list[str]:
-    """Return how the two components of pairs are counted; empty without pairs."""
+def _pair_rule(store: Store) -> list[str]:
+    """Return a clause on the demand of the two components of a pair; empty without pairs."""
     rule = store.pair_rule()
     return [f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []
 

@@ -162,8 +162,7 @@ def run_summary(
         Comparisons with the limits of the model or of the command line.
     """
     energy = response.energy
-    # The story with the largest residual oscillation.
-    moving = int(response.residual_oscillation.argmax())
+    oscillating = int(response.residual_oscillation.argmax())  # index of the story
     content = {
         "schema": schema("run"),
         "status": response.status,
@@ -189,8 +188,8 @@ def run_summary(
         "check": _check(response.check, response.stories),
         **({"events": [_shock(shock) for shock in response.events]} if response.events else {}),
         "at_end": {
-            "residual_oscillation_m": float(response.residual_oscillation[moving]),
-            "residual_oscillation_story": moving + 1,
+            "residual_oscillation_m": float(response.residual_oscillation[oscillating]),
+            "residual_oscillation_story": oscillating + 1,
             "time_at_rest_s": response.time_at_rest,
         },
         "collapse_drift": response.model.collapse_drift,
@@ -198,7 +197,8 @@ def run_summary(
         **_damage(response),
         **_limits(limits),
     }
-    return _ended(content, response.record, settings, (*response.warnings, *response.notes), inputs)
+    notes = (*response.warnings, *response.notes)
+    return _with_provenance(content, response.record, settings, notes, inputs)
 
 
 def failure_summary(
@@ -232,17 +232,31 @@ def failure_summary(
         "building": _building(model, first),
         "collapse_drift": model.collapse_drift,
     }
-    return _ended(content, record, settings, failure.notes, inputs)
+    return _with_provenance(content, record, settings, failure.notes, inputs)
 
 
-def _ended(
+def _with_provenance(
     content: dict[str, Any],
     record: Record | None,
     settings: Mapping[str, Any] | None,
     notes: Sequence[str],
     inputs: Sequence[Input],
 ) -> dict[str, Any]:
-    """Return the content with the parts that end every summary of a run."""
+    """Return the content of a summary with record, settings, notes, inputs, versions and meanings.
+
+    Parameters
+    ----------
+    content : dict
+        Results of the run.
+    record : Record or None
+        Ground motion of the run.
+    settings : mapping or None
+        Options of the command line that are not part of the model.
+    notes : sequence of str
+        Notes and warnings of the run.
+    inputs : sequence of Input
+        Input files.
+    """
     content |= {
         "record": motion_summary(record) if record else None,
         # Unused options are omitted, because `tdint rerun` uses the stored arguments.
@@ -261,20 +275,20 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     # Settings are documented by --help, parameters of methods by the publications of the methods.
     skipped = ("settings", "method_parameters")
     names = dict.fromkeys(
-        _numbers({key: part for key, part in content.items() if key not in skipped})
+        _number_keys({key: value for key, value in content.items() if key not in skipped})
     )
     return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
 
-def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
+def _number_keys(content: Mapping[str, Any]) -> Iterator[str]:
     """Yield the keys of numbers and of lists of numbers, at any depth."""
     for key, value in content.items():
-        parts = value if isinstance(value, list) else [value]
+        items = value if isinstance(value, list) else [value]
         # Events and outcomes can have different keys, so all of them are searched.
-        if parts and isinstance(parts[0], Mapping):
-            for part in parts:
-                yield from _numbers(part)
-        elif _is_number(value) or (isinstance(value, list) and any(map(_is_number, value))):
+        if items and isinstance(items[0], Mapping):
+            for item in items:
+                yield from _number_keys(item)
+        elif any(map(_is_number, items)):
             yield key
 
 

@@ -21,7 +21,7 @@ from tdint.model.config.model_file import load_model
 from tdint.number_parsing import number_text, pluralize
 from tdint.output import figures
 from tdint.output.figures.collapse import measure_words
-from tdint.output.page import Chapter, Part, Picture, Told, page, page_units
+from tdint.output.page import Chapter, PageText, Part, Picture, page, page_units
 from tdint.output.report import (
     first_period,
     method_text,
@@ -29,7 +29,7 @@ from tdint.output.report import (
     motion_chapter,
     simplifications,
 )
-from tdint.output.summary import told_of
+from tdint.output.summary import stored_summary
 from tdint.output.tables.studies import motion_rows
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits
@@ -80,7 +80,12 @@ _INTERVALS = (
 
 
 def ida_page(
-    study: IdaStudy, settings: IdaSettings, told: Told, units: OutputUnits, *, damping: float
+    study: IdaStudy,
+    settings: IdaSettings,
+    page_text: PageText,
+    units: OutputUnits,
+    *,
+    damping: float,
 ) -> bytes:
     """Return the report of an incremental dynamic analysis.
 
@@ -90,7 +95,7 @@ def ida_page(
         Curves of the building, in the units of the report (`IdaStudy.in_units`).
     settings : IdaSettings
         Settings of the levels and runs.
-    told : Told
+    page_text : PageText
         Warnings, head and inputs of the report.
     units : OutputUnits
         Units of the report.
@@ -102,11 +107,11 @@ def ida_page(
     runs = sum(len(curve.runs) for curve in study.curves)
     functions, failures = _fits(study)
     states = study.states
-    motions = _counted(study)
+    motions = _motion_count(study)
     fits: list[Part] = []
     if functions:
         fits = [_LOGNORMAL, fit_table_of(functions, damaged=len(states) > 1), *failures]
-    capacities, more = _capacities(study)
+    capacities, remark = _capacities(study)
     chapters = [
         Chapter(
             "Result",
@@ -120,7 +125,7 @@ def ida_page(
         ),
         Chapter("Fractiles of the capacities over the ground motions", (_fractile_table(study),)),
         Chapter("Fitted fragility functions", fits),
-        Chapter(f"Capacities of the ground motions, {measure} ({unit})", (capacities, more)),
+        Chapter(f"Capacities of the ground motions, {measure} ({unit})", (capacities, remark)),
         model_chapter(study.model, units),
         motion_chapter(
             [[(curve.record, 1.0) for curve in states[0].curves]],
@@ -133,10 +138,10 @@ def ida_page(
         f"Incremental dynamic analysis of {study.model.name}: {motions}, {pluralize(runs, 'run')}."
     )
     verdict = [(None, text) for text in _medians(study)]
-    return page(study.model.name, about, chapters, replace(told, verdict=verdict))
+    return page(study.model.name, about, chapters, replace(page_text, verdict=verdict))
 
 
-def _counted(study: IdaStudy) -> str:
+def _motion_count(study: IdaStudy) -> str:
     """Return the number of ground motions of a study; a pair is one motion."""
     paired = 0 if study.pair_demand == SEPARATE else len(study.states[0].partners)
     return motions_text(len(study.states[0].curves), paired)
@@ -150,9 +155,9 @@ def _curves_text(study: IdaStudy) -> str:
         f"{pluralize(len(study.motion_curves), 'motion')} (a drift ratio above "
         f"{100.0 * study.model.collapse_drift:g} %, or loss of resistance)"
     )
-    again = sum(curve.resurrection for curve in study.motion_curves)
-    if again:
-        text += f"; under {again}, it does not collapse at a level above its first collapse"
+    resurrections = sum(curve.resurrection for curve in study.motion_curves)
+    if resurrections:
+        text += f"; under {resurrections}, it does not collapse at a level above its first collapse"
     return f"{text}."
 
 
@@ -161,15 +166,15 @@ def _medians(study: IdaStudy) -> list[str]:
     texts, unit = [], study.measure.unit
     for state in study.states:
         curves = state.motion_curves
-        low, middle, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+        # Fractiles above the maximum intensity are NaN.
+        low, median, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
         damage = curves[0].damage
         name = f", damaged to {100.0 * damage:g} %" if damage else ""
         text = f"Median capacity against collapse{name}: "
-        text += (
-            f"{measure_words(study.im_name)} = {number_text(middle)} {unit}"
-            if math.isfinite(middle)
-            else "above the largest intensity"
-        )
+        if math.isfinite(median):
+            text += f"{measure_words(study.im_name)} = {number_text(median)} {unit}"
+        else:
+            text += "above the largest intensity"
         if len(curves) > 1 and math.isfinite(low) and math.isfinite(high):
             text += f"; 16 % and 84 % fractiles {number_text(low)} and {number_text(high)} {unit}"
         texts.append(f"{text}.")
@@ -179,20 +184,21 @@ def _medians(study: IdaStudy) -> list[str]:
 def _fractile_table(study: IdaStudy) -> Table:
     """Return fractiles of the capacities for each drift ratio and state of damage."""
     # The state of damage is a column only if the study has several.
-    unit, several = study.measure.unit, len(study.states) > 1
-    columns = (*(("state",) * several), "drift_ratio", "fractile_16", "median", "fractile_84")
-    columns = (*columns, "motions", "censored")
+    unit, has_states = study.measure.unit, len(study.states) > 1
+    intensities = ("fractile_16", "median", "fractile_84")
+    columns = ("drift_ratio", *intensities, "motions", "censored")
     rows: list[tuple[Cell, ...]] = []
     for state in study.states:
         curves = state.motion_curves
         values = fractiles(curves, np.array(study.thresholds), _FRACTILES).T.tolist()
         for threshold, row in zip(study.thresholds, values, strict=True):
             censored = sum(curve.capacity(threshold).censored for curve in curves)
-            named = (_state(curves[0].damage),) * several
-            rows.append((*named, threshold, *row, len(curves), censored))
-    meanings = {name: {"meaning": "", "unit": unit} for name in columns[-5:-2]}
-    meanings |= {name: {"meaning": "", "unit": "1"} for name in ("drift_ratio", *columns[-2:])}
-    return Table(columns, rows, meanings)
+            cells: tuple[Cell, ...] = (threshold, *row, len(curves), censored)
+            rows.append((_state(curves[0].damage), *cells) if has_states else cells)
+    meanings = {
+        name: {"meaning": "", "unit": unit if name in intensities else "1"} for name in columns
+    }
+    return Table(("state", *columns) if has_states else columns, rows, meanings)
 
 
 def _state(damage: float) -> str:
@@ -202,26 +208,29 @@ def _state(damage: float) -> str:
 
 def _capacities(study: IdaStudy) -> tuple[Table, str]:
     """Return the capacities of each motion at the largest drift ratios, and a remark."""
-    several, unit = len(study.states) > 1, study.measure.unit
+    has_states, unit = len(study.states) > 1, study.measure.unit
+    # The last threshold is the collapse drift.
     thresholds = study.thresholds[-_MOST_THRESHOLDS:]
     names = [f"at_{100.0 * threshold:g}_%" for threshold in thresholds[:-1]] + ["collapse"]
-    columns = (*(("state",) * several), "record", "component", *names, "collapse_factor", "status")
+    columns = ("record", "component", *names, "collapse_factor", "status")
     rows: list[tuple[Cell, ...]] = []
     for source, component, curve in motion_rows(study):
-        limits = [curve.capacity(threshold) for threshold in thresholds]
-        status = "censored" if limits[-1].censored else "collapsed"
-        named = (_state(curve.damage),) * several
-        values = [limit.capacity for limit in limits]
-        rows.append((*named, source, component, *values, _factor(curve, values[-1]), status))
+        capacities = [curve.capacity(threshold) for threshold in thresholds]
+        status = "censored" if capacities[-1].censored else "collapsed"
+        values = [capacity.capacity for capacity in capacities]
+        cells: tuple[Cell, ...] = (source, component, *values, _factor(curve, values[-1]), status)
+        rows.append((_state(curve.damage), *cells) if has_states else cells)
     meanings = {name: {"meaning": "", "unit": unit} for name in names}
     meanings["collapse_factor"] = {"meaning": "", "unit": "1"}
+    if has_states:
+        columns = ("state", *columns)
     table = Table(columns, rows[:_MOST_CAPACITIES], meanings)
-    remark = "A censored capacity is the largest level that was run." * any(
-        row[-1] == "censored" for row in rows
-    )
+    remarks = []
+    if any(row[-1] == "censored" for row in rows):
+        remarks.append("A censored capacity is the largest level that was run.")
     if len(rows) > _MOST_CAPACITIES:
-        remark += f" The first {_MOST_CAPACITIES} of {len(rows)}; capacities.csv lists all."
-    return table, remark.strip()
+        remarks.append(f"The first {_MOST_CAPACITIES} of {len(rows)}; capacities.csv lists all.")
+    return table, " ".join(remarks)
 
 
 def _factor(curve: IdaCurve, capacity: float) -> float:
@@ -230,6 +239,7 @@ def _factor(curve: IdaCurve, capacity: float) -> float:
     Between two levels the factor is interpolated on logarithmic axes, on which factor and intensity
     have a linear relation.
     """
+    # Both components of a pair have the same factors.
     runs = curve.parts[0].runs if isinstance(curve, PairCurve) and curve.parts else curve.runs
     points = sorted({(run.im, run.scale) for run in runs if math.isfinite(run.scale)})
     if not points or not math.isfinite(capacity):
@@ -247,11 +257,11 @@ def _fits(study: IdaStudy) -> tuple[list[Fragility], list[str]]:
     for state in study.states:
         curves = state.motion_curves
         for threshold in study.thresholds:
-            limits = [curve.capacity(threshold) for curve in curves]
-            known = [one for one in limits if math.isfinite(one.capacity) and one.capacity > 0.0]
+            capacities = [curve.capacity(threshold) for curve in curves]
+            known = [item for item in capacities if 0.0 < item.capacity < math.inf]
             try:
                 fitted = fit_capacities(
-                    [one.capacity for one in known], [one.censored for one in known]
+                    [item.capacity for item in known], [item.censored for item in known]
                 )
             except AnalysisError as error:
                 failures.append(f"Drift ratio {100.0 * threshold:g} %: {error}.")
@@ -266,14 +276,15 @@ def _ida_points(study: IdaStudy, settings: IdaSettings, damping: float) -> list[
     step = (
         f"time step {settings.dt:g} s" if settings.dt else "time steps of the model or the records"
     )
-    spectral = study.measure.unit in ("m/s^2", "g", "cm/s^2", "in/s^2", "ft/s^2")
-    of_damping = f", {100.0 * damping:g} % damping" * spectral
+    damping_text = ""
+    if study.measure.unit in ("m/s^2", "g", "cm/s^2", "in/s^2", "ft/s^2"):
+        damping_text = f", {100.0 * damping:g} % damping"
     points = [
         "Levels (Vamvatsikos and Cornell 2002, Earthquake Engineering and Structural Dynamics 31, "
         "491-514): each record is scaled up until the building collapses, the collapse capacity is "
         f"bracketed within {100.0 * settings.precision:g} %, and the curve is filled between the "
         "levels.",
-        f"Intensity measure: {measure_words(study.im_name)}{of_damping}; each ground motion is "
+        f"Intensity measure: {measure_words(study.im_name)}{damping_text}; each ground motion is "
         "scaled by one factor.",
         f"Time integration: {method_text(study.method)}, {step}; a run without a result is "
         "repeated with half the time step, up to three times.",
@@ -334,7 +345,7 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
     rows: list[tuple[Cell, ...]] = []
     for function in functions:
         factor = math.exp(_TWO_SIDED * function.theta_error)
-        half = _TWO_SIDED * function.beta_error
+        half_width = _TWO_SIDED * function.beta_error
         rows.append(
             (
                 *((function.type, function.state) * has_types),
@@ -344,8 +355,8 @@ def fit_table_of(functions: Sequence[Fragility], *, damaged: bool = False) -> Ta
                 function.theta / factor,
                 function.theta * factor,
                 function.beta,
-                max(function.beta - half, 0.0),
-                function.beta + half,
+                max(function.beta - half_width, 0.0),
+                function.beta + half_width,
                 *((function.beta_total,) * has_total_beta),
                 function.motions or function.runs,
                 *((function.runs,) * has_several_runs),
@@ -362,7 +373,7 @@ def fragility_page(
     functions: Sequence[Fragility],
     draw: Callable[[Sequence[Fragility]], Figure],
     source: str,
-    told: Told,
+    page_text: PageText,
 ) -> bytes:
     """Return the report of fragility functions.
 
@@ -374,8 +385,8 @@ def fragility_page(
         Function that draws the figure of functions.
     source : str
         Table or directory with the observations.
-    told : Told
-        Warnings, notes (`said`), inputs and head of the report.
+    page_text : PageText
+        Warnings, notes (`sentences`), inputs and head of the report.
     """
     study = _summary(Path(source))
     # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
@@ -393,13 +404,13 @@ def fragility_page(
         Chapter(
             "Result",
             (
-                list(told.said),
+                list(page_text.sentences),
                 Picture(partial(draw, functions), f"Probability of exceedance over {measure}"),
             ),
         ),
         Chapter("Fitted parameters", (_LOGNORMAL, fitted)),
-        Chapter("Numbers of exceedances and fitted function", _counts(functions)),
-        Chapter("Observations", (*_observations(functions), *_study(source, study))),
+        Chapter("Numbers of exceedances and fitted function", _count_table(functions)),
+        Chapter("Observations", (*_observations(functions), *_study_parts(source, study))),
         Chapter(
             "Methods and assumptions",
             (
@@ -414,7 +425,7 @@ def fragility_page(
         ),
     ]
     about = f"Fragility functions fitted to {source}: {pluralize(len(functions), 'function')}."
-    return page("Fragility functions", about, chapters, replace(told, verdict=verdict))
+    return page("Fragility functions", about, chapters, replace(page_text, verdict=verdict))
 
 
 def _damaged(functions: Sequence[Fragility]) -> bool:
@@ -457,7 +468,7 @@ def _dispersion(functions: Sequence[Fragility]) -> list[str]:
     ]
 
 
-def _counts(functions: Sequence[Fragility]) -> tuple[Part, ...]:
+def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     """Return a table that compares the functions with the counts in bins; empty without counts."""
     rows: list[tuple[Cell, ...]] = []
     for function in functions:
@@ -484,7 +495,7 @@ def _summary(source: Path) -> dict[str, Any]:
     folder = source if source.is_dir() else source.parent
     if not source.is_dir() and source.name not in _TABLES:
         return {}
-    summaries = (told_of(folder / name) for name in _SUMMARIES)
+    summaries = (stored_summary(folder / name) for name in _SUMMARIES)
     content: dict[str, Any] = next(filter(None, summaries), {})
     return content if content.get("records") else {}
 
@@ -493,7 +504,7 @@ _TABLES = ("capacities.csv", "ida.csv", "runs.csv")
 """Tables of studies that contain observations."""
 
 
-def _study(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
+def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
     """Return building, method, errors and records of a study.
 
     Parameters
@@ -528,15 +539,15 @@ def _study(source: str, content: dict[str, Any]) -> tuple[Part, ...]:
     else:
         facts.append("Each record was scaled to the levels of its runs by one factor per level.")
     columns = ("record", "component", "dt_s", "samples", "pga_m_s2")
-    rows = [
-        tuple(record["file" if name == "record" else name] for name in columns)
-        for record in content["records"]
-    ]
+    keys = ("file", *columns[1:])
+    rows = [tuple(record[key] for key in keys) for record in content["records"]]
     units = {"dt_s": "s", "samples": "1", "pga_m_s2": "m/s^2"}
     meanings = {name: {"meaning": "", "unit": unit} for name, unit in units.items()}
     table = Table(columns, rows[:_MOST_RECORDS], meanings).in_units(SI.in_figures)
-    more = f"The first {_MOST_RECORDS} of {len(rows)} records." * (len(rows) > _MOST_RECORDS)
-    return (facts, "Records of the study, unscaled:", table, more)
+    omission = ""
+    if len(rows) > _MOST_RECORDS:
+        omission = f"The first {_MOST_RECORDS} of {len(rows)} records."
+    return (facts, "Records of the study, unscaled:", table, omission)
 
 
 def _building(model: Mapping[str, Any]) -> str:
@@ -558,12 +569,14 @@ def _building(model: Mapping[str, Any]) -> str:
 def _observations(functions: Sequence[Fragility]) -> tuple[Part, ...]:
     """Return the number and the range of the observations of each fit."""
     points = []
+    # Functions with the same observations are listed once.
     for fit, runs, motions, censored in dict.fromkeys(
-        (one.fit, one.runs, one.motions, one.censored) for one in functions
+        (function.fit, function.runs, function.motions, function.censored) for function in functions
     ):
-        under = f" under {pluralize(motions, 'ground motion')}" if motions else ""
+        motions_text = f" under {pluralize(motions, 'ground motion')}" if motions else ""
         points.append(
-            f"{_NAMES.get(fit, fit)}: {pluralize(runs, 'observation')}{under}, {censored} censored"
+            f"{_NAMES.get(fit, fit)}: {pluralize(runs, 'observation')}{motions_text}, "
+            f"{censored} censored"
         )
     failed = max(function.failed for function in functions)
     if failed:

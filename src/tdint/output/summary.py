@@ -84,7 +84,7 @@ def table_summary(
         "command": command,
         "settings": settings,
         "records": list(records),
-        "inputs": merged_inputs(given for record in records for given in record["inputs"]),
+        "inputs": merged_inputs(*(record["inputs"] for record in records)),
         "columns": meanings,
         "versions": versions(),
     }
@@ -133,11 +133,9 @@ def campaign_summary(store: Store) -> dict[str, Any]:
 
 def without_error(store: Store) -> int | None:
     """Return the number of runs without an error estimate; None if no estimates were requested."""
-    return (
-        store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL")
-        if store.checked
-        else None
-    )
+    if not store.checked:
+        return None
+    return store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL")
 
 
 def schema(name: str) -> dict[str, str | int]:
@@ -162,27 +160,40 @@ def in_units(
     keys : mapping
         SI units of keys, in addition to the keys that all summaries share.
     """
-    result: dict[str, Any] = (
-        content if units == SI else _in_units(content, units, {**_UNITS, **keys}, 1.0)
-    )
+    if units == SI:
+        return content
+    result: dict[str, Any] = _in_units(content, units, {**_UNITS, **keys}, 1.0)
     return result
 
 
 def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: float) -> Any:
+    """Return a value of a summary, and all values in it, in output units.
+
+    Parameters
+    ----------
+    value : Any
+        Dictionary, list, number or other value in SI units.
+    units : OutputUnits
+        Units of the result.
+    keys : mapping of str to str
+        SI unit of the number of each key; numbers of other keys are not converted.
+    factor : float
+        Output unit of the key of this value, in SI units. A number is divided by it.
+    """
     if isinstance(value, list | tuple):
         return [_in_units(item, units, keys, factor) for item in value]
     if not isinstance(value, dict):
         return converted(value, factor)
     result: dict[str, Any] = {}
-    for key, part in value.items():
+    for key, item in value.items():
         # Settings keep the values of the command line; columns are described with their new units.
         if key == "settings":
-            result[key] = {**part, "output_units": str(units)}
-        elif key in ("columns", "meanings") and isinstance(part, Mapping):
-            result[key] = described_in(part, units)
+            result[key] = {**item, "output_units": str(units)}
+        elif key in ("columns", "meanings") and isinstance(item, Mapping):
+            result[key] = described_in(item, units)
         else:
             name, factor_of_key = units.column(key, keys.get(key, "1"))
-            result[name] = _in_units(part, units, keys, factor_of_key)
+            result[name] = _in_units(item, units, keys, factor_of_key)
     return result
 
 
@@ -209,12 +220,12 @@ def listed_files(summary: Path) -> dict[str, str]:
     The result is empty if the file is not the summary of a run.
     """
     try:
-        return {file["file"]: file["sha256"] for file in told_of(summary)["files"]}
+        return {file["file"]: file["sha256"] for file in stored_summary(summary)["files"]}
     except (LookupError, TypeError):
         return {}
 
 
-def told_of(summary: Path) -> dict[str, Any]:
+def stored_summary(summary: Path) -> dict[str, Any]:
     """Return the content of a JSON file of tdint; empty if the file is missing or foreign."""
     try:
         content = json.loads(summary.read_bytes())
@@ -224,6 +235,7 @@ def told_of(summary: Path) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
+    """Return a value, and all values in it, as JSON has them: rounded, None for NaN."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -254,7 +266,8 @@ def motion_summary(record: Record) -> dict[str, Any]:
 def merged_inputs(*lists: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
     """Return the distinct inputs of several lists, sorted by name."""
     merged = {(item["file"], item["sha256"]): dict(item) for inputs in lists for item in inputs}
-    # Files with the same content and different names remain separate entries.
+    # The keys are name and SHA-256, so that files with the same content and different names remain
+    # separate entries.
     return [merged[key] for key in sorted(merged)]
 
 
@@ -309,15 +322,15 @@ class Advice:
         Recommended point of the chart; None if no point meets the limit.
     next_best : Point or None
         Best point of another method.
-    told : float
+    estimated_error : float
         Error of a peak drift that `tdint run` estimates at this point: maximum over the stories,
-        divided by the peak drift; nan if it is unknown.
+        divided by the peak drift; NaN if it is unknown.
     """
 
     limit: float
     point: Point | None
     next_best: Point | None
-    told: float
+    estimated_error: float
 
 
 def chart_summary(
@@ -381,7 +394,9 @@ def chart_summary(
             {"limit": advised.limit}
             | (_point(advised.point, target) if advised.point else {"method": None})
             | {
-                "told_error": None if math.isnan(advised.told) else advised.told,
+                "told_error": None
+                if math.isnan(advised.estimated_error)
+                else advised.estimated_error,
                 "next_best": advised.next_best and _point(advised.next_best, target),
             }
             for advised in advice

@@ -45,18 +45,19 @@ def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) 
         Units of the sentences.
     """
     verdicts = []
-    fallen = "" if status == "done" else f", status {status}"
-    for level, of_level in by_level(checks).items():
-        met = all(check.within for check in of_level)
-        first = of_level[0]
-        if _is_drift_alone(of_level):
+    status_text = "" if status == "done" else f", status {status}"
+    for level, level_checks in by_level(checks).items():
+        met = all(check.within for check in level_checks)
+        has_single_limit = _is_drift_alone(level_checks)
+        if has_single_limit:
+            check = level_checks[0]
             text = (
-                f"Maximum drift ratio {_demand(first, units, 3)} (story {first.story}), "
-                f"limit {_limit(first, units)}: {'met' if met else 'exceeded'}{fallen}."
+                f"Maximum drift ratio {_demand(check, units, 3)} (story {check.story}), "
+                f"limit {_limit(check, units)}: {'met' if met else 'exceeded'}{status_text}."
             )
         else:
-            text = _sentence(level, of_level, units, met=met, lost=fallen, mean=False)
-        verdicts.append(Verdict(met, text, _is_drift_alone(of_level)))
+            text = _sentence(level, level_checks, units, met=met, lost=status_text, mean=False)
+        verdicts.append(Verdict(met, text, has_single_limit))
     return verdicts
 
 
@@ -91,19 +92,20 @@ def suite_verdicts(
         Units of the sentences.
     """
     verdicts = []
-    pairs = f" Demand of pairs: {pair_demand}." if pair_demand else ""
-    for level, of_level in by_level(checks).items():
-        met = all(check.within for check in of_level)
-        first = of_level[0]
-        if _is_drift_alone(of_level):
+    pair_text = f" Demand of pairs: {pair_demand}." if pair_demand else ""
+    for level, level_checks in by_level(checks).items():
+        met = all(check.within for check in level_checks)
+        has_single_limit = _is_drift_alone(level_checks)
+        if has_single_limit:
+            check = level_checks[0]
             text = (
-                f"Mean drift {_demand(first, units, 3)} (story {first.story}), limit "
-                f"{_limit(first, units)}: {'met' if met else 'exceeded'}{lost.text}; "
-                f"{_largest(first, units)}."
+                f"Mean drift {_demand(check, units, 3)} (story {check.story}), limit "
+                f"{_limit(check, units)}: {'met' if met else 'exceeded'}{lost.text}; "
+                f"{_maximum(check, units)}."
             )
         else:
-            text = _sentence(level, of_level, units, met=met, lost=lost.text, mean=True)
-        verdicts.append(Verdict(met, text + pairs, _is_drift_alone(of_level)))
+            text = _sentence(level, level_checks, units, met=met, lost=lost.text, mean=True)
+        verdicts.append(Verdict(met, text + pair_text, has_single_limit))
     return verdicts
 
 
@@ -138,22 +140,22 @@ def _sentence(
     mean : bool
         True for the mean demands of a suite.
     """
-    parts = []
+    clauses = []
     for i, check in enumerate(checks):
         quantity = QUANTITIES[check.quantity]
-        largest = f", {_largest(check, units)}" if mean and i == 0 else ""
-        governs = " governs:" if i == 0 and len(checks) > 1 else ","
-        parts.append(
-            f"{'mean ' * mean}{quantity.text} {_demand(check, units)} "
-            f"({quantity.place} {check.story}){governs} "
-            f"{number_text(check.ratio, unlike=1.0)} times the limit of {_limit(check, units)}"
-            f"{largest}"
-        )
-    of_level = f" of {level}" if level else ""
-    return f"Limits{of_level} {'met' if met else 'exceeded'}{lost}: {'; '.join(parts)}."
+        clause = f"mean {quantity.text}" if mean else quantity.text
+        clause += f" {_demand(check, units)} ({quantity.place} {check.story})"
+        clause += " governs:" if i == 0 and len(checks) > 1 else ","
+        ratio = number_text(check.ratio, unlike=1.0)
+        clause += f" {ratio} times the limit of {_limit(check, units)}"
+        if mean and i == 0:
+            clause += f", {_maximum(check, units)}"
+        clauses.append(clause)
+    level_text = f" of {level}" if level else ""
+    return f"Limits{level_text} {'met' if met else 'exceeded'}{lost}: {'; '.join(clauses)}."
 
 
-def _largest(check: LimitCheck, units: OutputUnits) -> str:
+def _maximum(check: LimitCheck, units: OutputUnits) -> str:
     """Return the maximum demand of all motions with its story and motion."""
     place = QUANTITIES[check.quantity].place
     value = _text(check, check.largest, units, 3)
@@ -208,8 +210,8 @@ def _limit(check: LimitCheck, units: OutputUnits) -> str:
 def governing_story(checks: Iterable[LimitCheck]) -> int | None:
     """Return the story (from 1) with the highest ratio of demand to limit; None without limits of
     stories."""
-    of_stories = [check for check in checks if QUANTITIES[check.quantity].place == "story"]
-    return max(of_stories, key=lambda check: check.ratio).story if of_stories else None
+    story_checks = [check for check in checks if QUANTITIES[check.quantity].place == "story"]
+    return max(story_checks, key=lambda check: check.ratio).story if story_checks else None
 
 
 def isolator_sentence(check: LimitCheck | None, units: OutputUnits, *, mean: bool) -> str:
@@ -229,7 +231,7 @@ def isolator_sentence(check: LimitCheck | None, units: OutputUnits, *, mean: boo
     value = _demand(check, units)
     if mean:
         return (
-            f"Mean isolator displacement {value} (story {check.story}), {_largest(check, units)}."
+            f"Mean isolator displacement {value} (story {check.story}), {_maximum(check, units)}."
         )
     return f"Isolator displacement {value} (story {check.story})."
 
@@ -255,14 +257,14 @@ def limit_table(
         True for a suite, with the columns of the maximum and its motion.
     """
     rows: list[tuple[Cell, ...]] = []
-    named = any(checks_by_name)
-    leveled = any(check.level for checks in checks_by_name.values() for check in checks)
+    has_names = any(checks_by_name)
+    has_levels = any(check.level for checks in checks_by_name.values() for check in checks)
     for name, checks in checks_by_name.items():
-        for level, of_level in by_level(checks).items():
-            for check in of_level:
+        for level, level_checks in by_level(checks).items():
+            for check in level_checks:
                 quantity = QUANTITIES[check.quantity]
-                row = [name] if named else []
-                row += [level or "-"] if leveled else []
+                row = [name] if has_names else []
+                row += [level or "-"] if has_levels else []
                 row += [
                     quantity.text,
                     f"{quantity.place} {check.story}",
@@ -274,8 +276,8 @@ def limit_table(
                 if mean:
                     row += [_text(check, check.largest, units), check.motion]
                 rows.append(tuple(row))
-    columns = ["building"] if named else []
-    columns += ["level"] if leveled else []
+    columns = ["building"] if has_names else []
+    columns += ["level"] if has_levels else []
     columns += ["quantity", "place", "mean demand" if mean else "demand", "limit"]
     columns += ["demand/limit", "result"]
     if mean:

@@ -130,7 +130,7 @@ def test_a_reference_judges_what_it_is_known_well_enough_for():
         if one.quantity == "peak_absolute_acceleration"
     }
     assert problems == {0.1: 2, 0.03: 2, 0.01: 2, 0.003: 1, 0.001: 1, 0.0001: 1}
-    with pytest.raises(AnalysisError, match="no reference is accurate enough"):
+    with pytest.raises(AnalysisError, match="no reference solution is accurate enough"):
         field_chart([measured(points("a", 4, 1.0), gap=1.0)]).leaders()
 
 

@@ -40,14 +40,14 @@ def test_steps_under_a_record(dt, duration, expected):
     ("dt", "below", "above"), [(0.004, "0.00333333333333", "0.005"), (0.025, "0.02", "0.03")]
 )
 def test_a_step_that_does_not_fit_names_its_neighbors(dt, below, above):
-    with pytest.raises(UsageError, match=f"such as {below} or {above} s"):
+    with pytest.raises(UsageError, match=f"the nearest time steps are {below} and {above} s"):
         choose_steps(dt, None, 0.01, 40.0)
 
 
 def test_without_a_record_step_and_duration_must_be_given():
-    with pytest.raises(UsageError, match="no time step"):
+    with pytest.raises(UsageError, match="the time step is required"):
         choose_steps(None, 1.0, None, 0.0)
-    with pytest.raises(UsageError, match="no duration"):
+    with pytest.raises(UsageError, match="the duration is required"):
         choose_steps(0.1, None, None, 0.0)
     assert choose_steps(0.1, 1.0, None, 0.0) == Steps(0.1, 10)
 

@@ -292,7 +292,10 @@ def observed_order(
     if integrator.family.linear_only and not problem.building.linear:
         raise UsageError(f"{integrator.label} supports linear buildings only")
     if find_instability(integrator, np.array([_OMEGA]), np.array([_XI]), COARSEST):
-        raise AnalysisError(f"{integrator.label} is unstable at dt {COARSEST} s")
+        raise AnalysisError(
+            f"{integrator.label} is unstable with the largest time step of the test, {COARSEST} s; "
+            "use a method with a larger stability limit"
+        )
     exact, label = problem.exact, integrator.label
     largest = np.max(np.abs(exact), axis=1)
     # The acceleration stored by the method is compared if the method stores an acceleration. With
@@ -336,7 +339,10 @@ def _integrate(
         integrator, steps, problem.ground, history_rows=parts * count
     )
     if result.code < 0:
-        raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
+        raise AnalysisError(
+            f"{integrator.label} failed with the time step {steps.h:.6g} s; the order of a method "
+            "that fails cannot be measured"
+        )
     return float(result.space.state[rows.ACCELERATION, 0]), result.space.history
 
 

@@ -594,7 +594,8 @@ def _motion(problem: Problem, samples: int, method: str, steps_per_interval: int
     )
     if motion is None:
         raise AnalysisError(
-            f"the reference cannot be computed: {method} with dt {h:.6g} s does not reach the end"
+            f"the reference solution cannot be computed: {method} with the time step {h:.6g} s "
+            "fails before the end of the motion; use a smaller scale factor or another model"
         )
     return motion
 

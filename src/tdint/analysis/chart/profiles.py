@@ -338,7 +338,8 @@ class FieldChart(Tabular):
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
             raise AnalysisError(
-                "no reference is accurate enough for any tolerance: no method can be recommended"
+                "no method can be recommended, because no reference solution is accurate enough "
+                "for any of the tolerances; add other problems"
             )
 
         # Number of problems, over all quantities and tolerances, solved at most at twice the cost.

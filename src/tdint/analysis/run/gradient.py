@@ -101,8 +101,8 @@ def number_at(model: Model, name: str) -> float:
         numbers = set(getattr(model.damping, "ratios", ()))
         if not numbers:
             raise UsageError(
-                f"gradient: damping needs damping ratios, but {model.name} has no damping or "
-                "specifies coefficients"
+                f"gradient: damping requires a model with damping ratios, but {model.name} has no "
+                "damping or damping coefficients; specify damping ratios, or omit damping"
             )
     else:
         numbers = {

@@ -520,12 +520,9 @@ def _planned_runs(
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
     work.check_draws(invalid)
     record_scales = work.vary.get(SCALE, np.ones(work.draws)).tolist()
-    if not all(
-        math.isfinite(factor) and factor
-        for draw, factor in enumerate(record_scales)
-        if draw not in invalid
-    ):
-        raise UsageError(f"{SCALE} must be numbers other than zero")
+    for draw, factor in enumerate(record_scales):
+        if draw not in invalid and not (math.isfinite(factor) and factor):
+            raise UsageError(f"{SCALE} must be numbers other than zero, got {factor:g}")
     if zip_records:
         # Each list has the common length, or a single item that applies to all runs.
         sizes = {"models": len(work.subjects), "draws": work.draws}

@@ -313,7 +313,7 @@ class _Oscillator:
             raise AnalysisError(
                 f"the oscillator with the period {2.0 * math.pi / self.omega:.6g} s and the yield "
                 f"displacement {yield_displacement:.6g} m has too many changes between elastic and "
-                "plastic motion"
+                "plastic motion; use longer periods or a larger strength"
             )
         return float(results[inelastic.LARGEST]), float(results[inelastic.RESIDUAL])
 
@@ -380,7 +380,9 @@ def _bracket(
     while high[1] < target:
         low = (high[0] * _STRENGTH_STEP, ductility(high[0] * _STRENGTH_STEP))
         if low[0] < _MIN_RATIO:
-            raise AnalysisError(f"no strength leads to the ductility {target:.6g}")
+            raise AnalysisError(
+                f"no strength leads to the ductility {target:.6g}; request a smaller ductility"
+            )
         # The ductility has a maximum between the points that may reach the target: compute it.
         if low[1] < target and high[1] > max(_REFINED_FRACTION * target, previous[1], low[1]):
             maximum = _maximum(ductility, target, low[0], previous[0])

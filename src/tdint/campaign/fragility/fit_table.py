@@ -557,7 +557,10 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     has_intensity = im > 0.0
     has_result = is_known & (drift > 0.0) & has_intensity
     if not has_result.any():
-        raise ModelError(f"{table.source}: no run has a result")
+        raise ModelError(
+            f"{table.source}: no run has both an intensity and a result; at least one completed "
+            "run is required"
+        )
     im = im[has_intensity]
     return _Runs(
         im=im,

@@ -294,7 +294,8 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
         Stripes are requested, but a level has fewer than three ground motions.
     """
     if not runs.im.size:
-        return [AnalysisError("no run has a result") for _ in runs.states.states]
+        reason = "no run has a result; execute the runs of these buildings first"
+        return [AnalysisError(reason) for _ in runs.states.states]
     # Count the distinct ground motions at each level, for all buildings of the group together.
     level = levels_of(runs.im)
     motions_at_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])

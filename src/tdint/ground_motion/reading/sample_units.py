@@ -129,7 +129,7 @@ def file_units(given: SampleUnits | None) -> FileUnits:
         try:
             units = None if text.strip().lower() in _COUNTS else parse_units(text)
         except UsageError as error:
-            raise UsageError(f"of {name[:40]!r}, {error}") from None
+            raise UsageError(f"units of {name[:40]!r}: {error}") from None
         entries.append((pattern, units))
     return FileUnits(tuple(entries))
 

@@ -224,7 +224,7 @@ def _places(
     if match := _NUMBERS.fullmatch(name):
         first, last = int(match[1]), int(match[2] or match[1])
         if not first <= last <= count:
-            entry.fault(f"there is no {place} {name}; {place} numbers are from 1 to {count}")
+            entry.fault(f"{place} {name} not found; {place} numbers are from 1 to {count}")
             return []
         chosen = [i for i in range(first - 1, last) if applies[i]]
         # Stories of a range to which the quantity does not apply, such as isolators for drift
@@ -237,13 +237,13 @@ def _places(
     kinds = list(dict.fromkeys(story.law.name for story in stories))
     chosen = [i for i, story in enumerate(stories) if story.law.name == name and applies[i]]
     if quantity == ACCELERATION:
-        entry.fault(f"floors have no type; give floor numbers from 1 to {count}, or {OTHERS}")
+        entry.fault(f"floors have no type; specify floor numbers from 1 to {count}, or {OTHERS}")
         return []
     if not chosen:
         hint = did_you_mean(name, [*kinds, OTHERS]) if name not in kinds else ""
         entry.fault(
-            f"no story with this limit has the type {name!r}{hint}; give story numbers from 1 to "
-            f"{count}, types of laws of the stories ({', '.join(kinds)}), or {OTHERS}"
+            f"no story to which this limit applies has a law of the type {name!r}{hint}; specify "
+            f"story numbers from 1 to {count}, types of laws ({', '.join(kinds)}), or {OTHERS}"
         )
     return chosen
 

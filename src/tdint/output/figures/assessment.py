@@ -48,7 +48,7 @@ _RADIUS_RANGE = (1e-2, 1e3)  # dt/T
 _BAND = (3.1, 3.7)  # omega dt around sqrt(12)
 _ROUNDING = 1e-9  # rounding error of a spectral radius of 1
 _THIN = 0.7  # points; width of additional lines
-_TALLEST = 1e4  # maximum of the axis; larger values are cut off
+_MAX_AXIS = 1e4  # maximum of the axis; larger values are cut off
 
 
 def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
@@ -75,7 +75,8 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         (damping, "numerical_damping"),
     ):
         _draw_quantity(axes, curves, quantity, styles)
-    # Around sqrt(12), the stability limit of linear acceleration.
+    # The growth around sqrt(12), the stability limit of linear acceleration. Growth within the
+    # rounding error is not drawn.
     if band:
         zoom = figure.add_subplot(grid[2, :])
         for curve, style in zip(curves, styles, strict=True):
@@ -92,10 +93,8 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     add_legend(figure, radius, lines, _curve_labels(curves), NARROW)
     # A single line has its name in the title, because there is no legend.
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
-    title = (
-        f"One time step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} "
-        f"{', '.join(ratios)}"
-    )
+    noun = "damping ratio" if len(ratios) == 1 else "damping ratios"
+    title = f"One time step of an oscillator without load, {noun} {', '.join(ratios)}"
     if len(curves) == 1:
         title = f"{curves[0].method}\n{title}"
     return titled(figure, title)
@@ -115,10 +114,12 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     lines = {}
     for motion, style in zip(motions, styles, strict=True):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
-        row = panels[starts.index(motion.start)]
-        label = motion.method + f", ξ {motion.damping:g}" * (len(dampings) > 1)
-        (lines[label],) = row[0].plot(motion.displacement, **style)
-        row[1].plot(motion.velocity, **style)
+        displacement_axes, velocity_axes = panels[starts.index(motion.start)]
+        label = motion.method
+        if len(dampings) > 1:
+            label += f", ξ {motion.damping:g}"
+        (lines[label],) = displacement_axes.plot(motion.displacement, **style)
+        velocity_axes.plot(motion.velocity, **style)
     for start, row in zip(starts, panels, strict=False):
         for axes, quantity in zip(row, ("displacement", "velocity"), strict=True):
             axes.set_title(f"{quantity}, from a {start}")
@@ -131,8 +132,8 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             if largest > 10.0:
                 axes.set_yscale("symlog", linthresh=1.0, linscale=1.0)
                 axes.yaxis.set_minor_formatter(NullFormatter())
-            reach = min(1.3 * largest, _TALLEST)
-            axes.set_ylim(-reach, reach)
+            limit = min(1.3 * largest, _MAX_AXIS)
+            axes.set_ylim(-limit, limit)
     for axes in panels[-1]:
         axes.set_xlabel("step")
     add_legend(figure, panels[0, 0], list(lines.values()), list(lines), NARROW)
@@ -182,21 +183,23 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
 
     Methods differ by dashes and markers; several damping ratios differ by dashes.
     """
-    number = {method: i for i, method in enumerate(dict.fromkeys(methods))}
-    ratios = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
+    method_index = {method: i for i, method in enumerate(dict.fromkeys(methods))}
+    ratio_index = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
     looks, styles = method_looks(methods), []
     for method, ratio in zip(methods, dampings, strict=True):
-        i = number[method]
-        style = looks[method] | {"markersize": 3.5, "markevery": (0.025 * (i % 8), 0.2)}
-        if len(ratios) > 1:
-            style["linestyle"] = DASHES[ratios[ratio] % len(DASHES)]
+        # Markers have a distance of 0.2 times the diagonal of the axes. They start at different
+        # positions, so that markers of lines that coincide do not cover each other.
+        start = 0.025 * (method_index[method] % 8)
+        style = looks[method] | {"markersize": 3.5, "markevery": (start, 0.2)}
+        if len(ratio_index) > 1:
+            style["linestyle"] = DASHES[ratio_index[ratio] % len(DASHES)]
         styles.append(style)
     return styles
 
 
-# Maximum spectral radius that is plotted; the axis ends at 1.25. On a line that rises to 1e14, the
-# placement of markers at equal distances along the line would not end.
-_FAR_ABOVE = 1e3
+_MAX_RADIUS = 1e3
+"""Maximum spectral radius that is plotted; the axis ends at 1.25. On a line that rises to 1e14, the
+placement of markers at equal distances along the line would not end."""
 
 
 def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
@@ -240,21 +243,24 @@ def accuracy_picture(
 
 
 def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
+    """Return the line style of each curve."""
     return line_styles([curve.method for curve in curves], [curve.damping for curve in curves])
 
 
 def _thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
     """Return the styles; the last `count` styles are thin lines without markers."""
-    first = len(styles) - count
+    first_thin = len(styles) - count
     return [
-        *styles[:first],
-        *({**style, "linewidth": _THIN, "marker": None} for style in styles[first:]),
+        *styles[:first_thin],
+        *({**style, "linewidth": _THIN, "marker": None} for style in styles[first_thin:]),
     ]
 
 
 def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
-    several = len({curve.damping for curve in curves}) > 1
-    return [curve.method + (f", ξ {curve.damping:g}" if several else "") for curve in curves]
+    """Return the label of each curve: the method, and the damping ratio if the ratios differ."""
+    if len({curve.damping for curve in curves}) == 1:
+        return [curve.method for curve in curves]
+    return [f"{curve.method}, ξ {curve.damping:g}" for curve in curves]
 
 
 _ACCURACIES = {
@@ -272,19 +278,18 @@ def _draw_quantity(
     lines = []
     for curve, style in zip(curves, styles, strict=True):
         x, y = curve.dt_over_t, getattr(curve, quantity)
-        near = x <= _ACCURACY_RANGE * 1.01
+        # A line continues slightly beyond the end of the axis.
+        shown = x <= _ACCURACY_RANGE * 1.01
         if quantity == "spectral_radius":
-            lines += _plot(axes, x, np.minimum(y, _FAR_ABOVE), style)
+            lines += _plot(axes, x, np.minimum(y, _MAX_RADIUS), style)
         else:
-            lines += _plot(axes, x[near], 100.0 * y[near], style)
+            lines += _plot(axes, x[shown], 100.0 * y[shown], style)
     axes.set_xlabel("dt / T")
     if quantity == "spectral_radius":
         axes.set_xscale("log")
         steps = np.concatenate([curve.dt_over_t for curve in curves])
-        low, high = (
-            max(float(np.min(steps)), _RADIUS_RANGE[0]),
-            min(float(np.max(steps)), _RADIUS_RANGE[1]),
-        )
+        low = max(float(np.min(steps)), _RADIUS_RANGE[0])
+        high = min(float(np.max(steps)), _RADIUS_RANGE[1])
         if low < high:
             axes.set_xlim(low, high)
         axes.axhline(1.0, color=LIGHT, linewidth=0.8)
@@ -293,9 +298,9 @@ def _draw_quantity(
         return lines
     # Accuracy matters only for small time steps. The limits are wide enough to hide rounding
     # errors.
-    name, low, high = _ACCURACIES[quantity]
+    name, min_bottom, max_top = _ACCURACIES[quantity]
     bottom, top = axes.get_ylim()
-    limits = min(max(bottom, low), -0.05), max(min(top, high), 1.0)
+    limits = min(max(bottom, min_bottom), -0.05), max(min(top, max_top), 1.0)
     axes.set(ylim=limits, xlim=(0.0, _ACCURACY_RANGE), ylabel=name)
     return lines
 
@@ -365,19 +370,17 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
 # ---- Figure of failures: a matrix of methods and problems, readable in black and white
 
 _CELL = (0.46, 0.25)  # inches
-_LEVEL, _UPRIGHT = (
-    0.28,
-    0.13,
-)  # minimum widths of a printed cell for five 6 pt digits, inches: horizontal and vertical text
-_TALL = 0.34  # inches; height of a cell with vertical text
-_LETTER_UP = 0.06  # inches; width of an 8 pt character
+_MIN_WIDTH, _MIN_WIDTH_VERTICAL = 0.28, 0.13
+"""Minimum widths of a printed cell for five 6 pt digits, inches: horizontal and vertical text."""
+_HEIGHT_VERTICAL = 0.34  # inches; height of a cell with vertical text
+_LETTER_WIDTH = 0.06  # inches; width of an 8 pt character
 _LINE = 0.15  # inches; height of a line
-_MOST_LETTERS = 5  # maximum number of characters of a printed number
-_MOST_PANELS = 3  # maximum number of panels below each other
+_MAX_LETTERS = 5  # maximum number of characters of a printed number
+_MAX_PANELS = 3  # maximum number of panels below each other
 
 
 class _Mark(NamedTuple):
-    """Style of a cell: filling, hatching, text color. Other verdicts have the last style."""
+    """Style of a cell: color of the area, hatching, color of the text."""
 
     face: str
     hatch: str = ""
@@ -393,6 +396,8 @@ _MARKS = {
     "refused": _Mark("white", ink="0.45"),
     "": _Mark("0.82"),
 }
+"""Style of each verdict; the last style is that of all other verdicts."""
+
 _LEGEND = {
     "passes": "pass",
     "loses energy": "loses energy",
@@ -418,78 +423,118 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     """
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
-    heads = [f"{name}, dt {dt:.4g}" for name, dt in columns]
-    narrow, (width, across, tall, upright) = is_narrow(), _rooms(methods, len(columns))
-    parts = [heads[first : first + across] for first in range(0, len(heads), across)]
-    high = sum(_LINE + _LETTER_UP * max(map(len, part)) + tall * len(methods) for part in parts)
-    figure = Figure(figsize=(width, high + (1.7 if narrow else 1.13)), layout="constrained")
-    panels = figure.subplots(len(parts), 1, squeeze=False)[:, 0]
+    headings = [f"{name}, dt {dt:.4g}" for name, dt in columns]
+    narrow, size = is_narrow(), _matrix_size(methods, len(columns))
+    # Each panel has a part of the columns.
+    panel_headings = [
+        headings[first : first + size.columns] for first in range(0, len(headings), size.columns)
+    ]
+    height = 0.0
+    for part in panel_headings:
+        height += _LINE + _LETTER_WIDTH * max(map(len, part)) + size.row_height * len(methods)
+    height += 1.7 if narrow else 1.13  # title and legend
+    figure = Figure(figsize=(size.width, height), layout="constrained")
+    panels = figure.subplots(len(panel_headings), 1, squeeze=False)[:, 0]
     # Each trial has a cell; text in a hatched cell has a plain background.
-    look: dict[str, Any] = {
+    text_style: dict[str, Any] = {
         "fontsize": 6.0 if PRINTED.get().width else 6.8,
-        "rotation": 90.0 if upright else 0.0,
+        "rotation": 90.0 if size.is_vertical else 0.0,
     }
     for trial in trials:
-        panel, x = divmod(columns.index((trial.problem, trial.dt)), across)
+        panel, x = divmod(columns.index((trial.problem, trial.dt)), size.columns)
         y, mark = methods.index(trial.method), _MARKS.get(trial.verdict, _MARKS[""])
         panels[panel].add_patch(_patch(x, y, mark))
-        behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
+        box = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
         panels[panel].text(
-            x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look
+            x,
+            y,
+            _cell_text(trial),
+            ha="center",
+            va="center",
+            color=mark.ink,
+            bbox=box,
+            **text_style,
         )
     # Problems are at the top, methods at the side; lines separate problems.
-    for panel, (axes, part) in enumerate(zip(panels, parts, strict=True)):
-        first = panel * across
-        axes.set(xlim=(-0.5, across - 0.5), ylim=(len(methods) - 0.5, -0.5))
+    for panel, (axes, part) in enumerate(zip(panels, panel_headings, strict=True)):
+        first = panel * size.columns
+        axes.set(xlim=(-0.5, size.columns - 0.5), ylim=(len(methods) - 0.5, -0.5))
         axes.grid(False)
         axes.tick_params(length=0.0)
         axes.xaxis.tick_top()
-        turned = {"rotation": 90.0} if upright else {"rotation": 60.0, "ha": "left"}
-        axes.set_xticks(range(len(part)), part, **turned)
+        rotation = {"rotation": 90.0} if size.is_vertical else {"rotation": 60.0, "ha": "left"}
+        axes.set_xticks(range(len(part)), part, **rotation)
         axes.set_yticks(range(len(methods)), methods, parse_math=False)
         for x in range(1, len(part)):
-            if columns[first + x][0] != columns[first + x - 1][0]:
+            problem, previous_problem = columns[first + x][0], columns[first + x - 1][0]
+            if problem != previous_problem:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
     # The legend explains the styles of cells; its title explains the numbers.
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
-    size = {
-        "ncols": 2 if narrow else 3,
-        "handlelength": 2.4,
-        "handleheight": 1.4,
-        "title_fontsize": 7.5,
-    }
     explanation = "\n".join(wrap(_EXPLANATION, NARROW_FOOT)) if narrow else _EXPLANATION
     legend = figure.legend(
-        handles, list(_LEGEND), loc="outside lower center", title=explanation, **size
+        handles,
+        list(_LEGEND),
+        loc="outside lower center",
+        title=explanation,
+        ncols=2 if narrow else 3,
+        handlelength=2.4,
+        handleheight=1.4,
+        title_fontsize=7.5,
     )
     legend.get_title().set_multialignment("center")
     return titled(figure, "Problems on which methods fail")
 
 
-def _rooms(methods: Sequence[str], count: int) -> tuple[float, int, float, bool]:
-    """Return the space that columns need: as much as necessary on a screen; few panels in print.
+class _MatrixSize(NamedTuple):
+    """Size of the matrix of failures.
 
-    The result is the width of the figure, the number of columns of a panel, the height of a row
-    (inches), and True if the text is vertical.
+    Attributes
+    ----------
+    width : float
+        Width of the figure, inches.
+    columns : int
+        Number of columns of a panel.
+    row_height : float
+        Height of a row, inches.
+    is_vertical : bool
+        True if the text in the cells is vertical.
     """
-    side = _LINE + _LETTER_UP * max(map(len, methods))
-    printed = PRINTED.get().width
-    if not printed:
-        return max(_CELL[0] * count + max(2.2, 1.2 * side), 7.5), count, _CELL[1], False
-    width = printed / INCH
-    for panels in range(1, _MOST_PANELS + 1):
+
+    width: float
+    columns: int
+    row_height: float
+    is_vertical: bool
+
+
+def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
+    """Return the size of the matrix with `count` columns.
+
+    On a screen, one panel is as wide as necessary. In print, the width is given, and the matrix is
+    divided into as few panels as possible.
+    """
+    name_width = _LINE + _LETTER_WIDTH * max(map(len, methods))
+    printed_width = PRINTED.get().width
+    if not printed_width:
+        width = max(_CELL[0] * count + max(2.2, 1.2 * name_width), 7.5)
+        return _MatrixSize(width, count, _CELL[1], is_vertical=False)
+    width = printed_width / INCH
+    for panels in range(1, _MAX_PANELS + 1):
         columns = math.ceil(count / panels)
-        cell = (width - side) / columns
-        if cell >= _UPRIGHT:
-            upright = cell < _LEVEL
-            return width, columns, _TALL if upright else _CELL[1], upright
-    least = math.ceil(1e3 * INCH * (side + _UPRIGHT * columns))
+        cell_width = (width - name_width) / columns
+        if cell_width >= _MIN_WIDTH:
+            return _MatrixSize(width, columns, _CELL[1], is_vertical=False)
+        if cell_width >= _MIN_WIDTH_VERTICAL:
+            return _MatrixSize(width, columns, _HEIGHT_VERTICAL, is_vertical=True)
+    min_width = math.ceil(1e3 * INCH * (name_width + _MIN_WIDTH_VERTICAL * columns))
     raise UsageError(
-        f"the names of these methods and their numbers require a width of at least {least} mm"
+        f"the names of these methods and their numbers require a width of at least {min_width} mm; "
+        "specify a larger width, or fewer methods and problems"
     )
 
 
 def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
+    """Return the rectangle of a cell with its center at (x, y)."""
     return Rectangle(
         (x - 0.5, y - 0.5),
         1.0,
@@ -501,29 +546,33 @@ def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
     )
 
 
-def _words(trial: Trial) -> str:
+def _cell_text(trial: Trial) -> str:
     """Return the text of a cell, in print at most five characters.
 
     It is the measure with three digits, the number of time steps before a failure, or a dash.
     """
     if math.isnan(trial.measure):
         return "-" if trial.outcome == "refused" else str(trial.steps)
-    texts = []
-    for digits in (3, 2):
-        if 0.01 <= trial.measure < 1000.0 or trial.measure == 0.0:
-            texts.append(f"{trial.measure:.{digits}g}")
-        else:
-            number, power = f"{trial.measure:.{int(digits > 2 and trial.measure > 1e-9)}e}".split(
-                "e"
-            )
-            texts.append(f"{float(number):g}e{int(power)}")
-    return texts[PRINTED.get().width is not None and len(texts[0]) > _MOST_LETTERS]
+    text = _measure_text(trial.measure, 3)
+    if PRINTED.get().width is not None and len(text) > _MAX_LETTERS:
+        return _measure_text(trial.measure, 2)
+    return text
+
+
+def _measure_text(measure: float, digits: int) -> str:
+    """Return a measure with 2 or 3 significant digits, or as a short power of ten: 1.2e-5."""
+    if 0.01 <= measure < 1000.0 or measure == 0.0:
+        return f"{measure:.{digits}g}"
+    # Very small measures are rounding errors: one digit is sufficient.
+    decimals = 1 if digits > 2 and measure > 1e-9 else 0
+    mantissa, power = f"{measure:.{decimals}e}".split("e")
+    return f"{float(mantissa):g}e{int(power)}"
 
 
 # ---- Work-precision diagrams: time over error, error over time step, cost over number of stories;
 # readable in black and white
 
-_FRONT = "0.85"
+_FRONT = "0.85"  # gray of the band of the front
 _SMALLEST_GAP = 1e-14  # replaces a gap of 0, which has no position on a logarithmic axis
 _LARGEST_ERROR = 10.0  # larger errors are not shown
 _COSTS = {
@@ -577,18 +626,17 @@ def sizes_picture(
     handles = []
     for line, style in _styles(lines, highlight).items():
         # For each number of stories, the point with the time step closest to the sampling interval.
-        closest: list[tuple[_Drawing, Point]] = []
+        stories, step_costs, errors = [], [], []
         for drawing in drawings:
             points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
             if points:
                 interval = drawing.chart.interval
-                closest.append(
-                    (drawing, min(points, key=lambda point: abs(math.log(point.dt / interval))))
-                )
-        stories = [drawing.chart.stories for drawing, _ in closest]
-        step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in closest]
-        handles += cost.plot(stories, step_cost, **style)
-        accuracy.plot(stories, [drawing.error(point) for drawing, point in closest], **style)
+                closest = min(points, key=lambda point: abs(math.log(point.dt / interval)))
+                stories.append(drawing.chart.stories)
+                step_costs.append(1e6 * closest.fastest / (closest.steps or math.nan))
+                errors.append(drawing.error(closest))
+        handles += cost.plot(stories, step_costs, **style)
+        accuracy.plot(stories, errors, **style)
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _chart_frame(axes)
         plain_numbers(axes.xaxis)
@@ -616,7 +664,23 @@ def sizes_picture(
 
 
 class _Drawing:
-    """Points of a chart that are drawn for one type of error."""
+    """Points of a chart that are drawn for one type of error.
+
+    Attributes
+    ----------
+    chart : Chart
+        Measurements.
+    target : str
+        Type of error, a key of `QUANTITIES`.
+    versus : str
+        Type of cost: `time`, `steps` or `solves`.
+    gap : float
+        Uncertainty of the reference solution. Smaller errors are not known.
+    lines : dict of str to list of Point
+        Points with a known error and cost, by the name of their line.
+    points : list of Point
+        Points of all lines.
+    """
 
     def __init__(self, chart: Chart, target: str, versus: str = "time") -> None:
         self.chart = chart
@@ -646,8 +710,8 @@ class _Drawing:
         """Return the points with an error above the gap."""
         return [point for point in points if point.error(self.target) > self.gap]
 
-    def place(self, point: Point) -> tuple[float, float]:
-        """Return error and cost."""
+    def position(self, point: Point) -> tuple[float, float]:
+        """Return error and cost, the coordinates of a point."""
         return self.error(point), self.cost(point)
 
     def front(self) -> list[Point]:
@@ -668,7 +732,7 @@ class _Drawing:
         return footnote(self.chart, self.target, self.points, self.has_triangles)
 
     def below(self, points: Sequence[Point]) -> list[Point]:
-        """Return the cheapest point below the gap, if there are points below the gap."""
+        """Return a list with the cheapest point below the gap; empty without such points."""
         below = [point for point in points if point.error(self.target) <= self.gap]
         return [min(below, key=self.cost)] if below else []
 
@@ -695,12 +759,12 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         *_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1
     )
     handles = []
-    shown: list[Point] = []  # points with a marker
+    shown_points: list[Point] = []  # points with a marker
     styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
         style = styles[line]
         compared, below = drawing.known(points), drawing.below(points)
-        shown += [*compared, *below]
+        shown_points += [*compared, *below]
         axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
         axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
         axes.plot(
@@ -717,9 +781,10 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         "markerfacecolor": "none",
         "markeredgecolor": "0.25",
     }
+    # Rings mark the points whose time step is the sampling interval, except for rounding.
     interval = drawing.chart.interval
-    own = [point for point in shown if abs(point.dt - interval) <= 1e-9 * interval]
-    axes.plot(*_columns(drawing, own), linestyle="none", **rings, markeredgewidth=0.8)
+    at_interval = [point for point in shown_points if abs(point.dt - interval) <= 1e-9 * interval]
+    axes.plot(*_columns(drawing, at_interval), linestyle="none", **rings, markeredgewidth=0.8)
     _chart_frame(axes)
     if drawing.versus != "time":  # these costs often differ by less than a decade
         plain_numbers(axes.yaxis)
@@ -749,14 +814,15 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
     # Time steps at the points of the front and at the smallest time step of each line, if there is
     # space after the layout.
-    finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
-    labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
-    labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
-    write_labels(figure, axes, labels, [drawing.place(point) for point in shown])
+    finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown_points]
+    labelled = dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt))
+    labels = [(*drawing.position(point), f"{point.dt:.4g}") for point in labelled]
+    write_labels(figure, axes, labels, [drawing.position(point) for point in shown_points])
     return figure
 
 
 def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    """Return the errors and the costs of points."""
     return [drawing.error(point) for point in points], [drawing.cost(point) for point in points]
 
 

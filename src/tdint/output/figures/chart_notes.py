@@ -23,8 +23,8 @@ def short_footnote(chart: Chart, target: str, has_triangles: bool) -> str:
 
     The command prints the reference and the conditions of the times.
     """
-    of_step = "sampling interval" if chart.recorded else "time step of the model"
-    text = f"band: {BAND_RULE}; circle: {of_step}, {chart.interval:.4g} s"
+    interval = "sampling interval" if chart.recorded else "time step of the model"
+    text = f"band: {BAND_RULE}; circle: {interval}, {chart.interval:.4g} s"
     if has_triangles:
         gap = f"{chart.reference.gap.of(target):.1e}"
         text += f"; triangle: error below {gap}, the uncertainty of the reference"
@@ -48,21 +48,22 @@ def footnote(chart: Chart, target: str, points: Sequence[Point], has_triangles: 
     reference = chart.reference
     gap = reference.gap.of(target)
     interval = "sampling interval of the record" if chart.recorded else "time step of the model"
-    chosen = "; by tolerance: of the whole run" * any(
-        math.isnan(p.dt) and PEER not in p.line for p in points
-    )
+    # Points of --tolerance have no time step of their own (NaN), as points of other programs.
+    tolerance_note = ""
+    if any(math.isnan(point.dt) and PEER not in point.line for point in points):
+        tolerance_note = "; by tolerance: of the whole run"
     programs = [
         f"tdint {version_of_sources()[0]}",
         *(f"{peer.name} {peer.version}" for peer in chart.peers),
     ]
-    triangle = "; triangle: smaller error" * has_triangles
+    triangle = "; triangle: smaller error" if has_triangles else ""
     return "\n".join(
         wrap(
             f"circle: {interval}, {chart.interval:.4g} s; reference: "
             f"{reference.method}, dt {reference.dt:.3g} s; difference from "
             f"{reference.confirmed_by}: {gap:.1e}{triangle}; times: "
             f"{CLOCKS[chart.timing.clock]}, {chart.timing.description}, "
-            f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
+            f"{chart.timing.processor}{tolerance_note}; {', '.join(programs)}",
             _FOOT,
         )
     )

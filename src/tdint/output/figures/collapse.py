@@ -47,8 +47,8 @@ from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 GRAY = "0.72"
 """Style of a single record in a suite."""
 
-_PAIRS = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
-_WORDS = {
+_PAIR_PREFIXES = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
+_MEASURE_NAMES = {
     "sa": "Sa",
     "sa-avg": "Sa_avg",
     "pga": "PGA",
@@ -63,8 +63,8 @@ BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
 
 _MIN_MOTIONS = 3  # minimum number of ground motions for fractiles
 _PERIODS = (0.05, 5.0, 120)
-_SHORTEST = 0.06  # minimum period of spectra
-_PAIR = {
+_MIN_INTERVALS = 0.06  # minimum period of spectra divided by the sampling interval
+_PAIR_TEXTS = {
     GEOMETRIC_MEAN: "geometric mean of both components",
     "rotd50": "RotD50",
     "rotd100": "RotD100",
@@ -73,7 +73,7 @@ _PAIR = {
 
 def pair_text(demand: str) -> str:
     """Return the printed form of a spectrum of both components, such as RotD50."""
-    return _PAIR.get(demand, demand)
+    return _PAIR_TEXTS.get(demand, demand)
 
 
 def single_look(several: bool) -> dict[str, Any]:
@@ -83,12 +83,14 @@ def single_look(several: bool) -> dict[str, Any]:
 
 def measure_words(name: str) -> str:
     """Return an intensity measure as in publications: Sa(1.095 s) for `sa(1.09504)`."""
+    # The name is [PAIR-]MEASURE[(PERIOD)]. A parameter that is not a number is not changed.
     pair = next((pair for pair in PAIRS if name.startswith(f"{pair}-")), "")
-    kind, _, rest = name.removeprefix(f"{pair}-").partition("(")
-    period = rest.removesuffix(")")
+    measure, _, parameter = name.removeprefix(f"{pair}-").partition("(")
+    period = parameter.removesuffix(")")
     with suppress(ValueError):
         period = f"{_period_text(float(period))} s"
-    return _PAIRS.get(pair, "") + _WORDS.get(kind, kind) + (f"({period})" if period else "")
+    text = _PAIR_PREFIXES.get(pair, "") + _MEASURE_NAMES.get(measure, measure)
+    return f"{text}({period})" if period else text
 
 
 def _period_text(period: float) -> str:
@@ -108,15 +110,15 @@ def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
     if unit == "g" or unit not in ACCELERATION:
         return
     g = STANDARD_GRAVITY / ACCELERATION[unit]
-    both = (lambda value: value / g, lambda value: value * g)
-    second = (
-        axes.secondary_xaxis("top", functions=both)
-        if horizontal
-        else axes.secondary_yaxis("right", functions=both)
-    )
-    axis = second.xaxis if horizontal else second.yaxis
+    conversions = (lambda value: value / g, lambda value: value * g)
+    if horizontal:
+        axis = axes.secondary_xaxis("top", functions=conversions).xaxis
+        scale = axes.get_xscale()
+    else:
+        axis = axes.secondary_yaxis("right", functions=conversions).yaxis
+        scale = axes.get_yscale()
     plain_numbers(axis)
-    if (axes.get_xscale() if horizontal else axes.get_yscale()) == "log":
+    if scale == "log":
         minor_ticks(axis)
     axis.set_label_text("(g)")
 
@@ -151,11 +153,11 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
     if periods:
         mark_first_periods(axes, periods)
         axes.legend(loc="lower left")
-    # Description of the target.
-    aim = scaling.target
-    target = (
-        "" if aim is None else spectrum_text(aim.source) if aim.curve else record_name(aim.source)
-    )
+    # Description of the target: a design spectrum, a file, or the value of an intensity measure.
+    target = ""
+    if scaling.target is not None:
+        source = scaling.target.source
+        target = spectrum_text(source) if scaling.target.curve else record_name(source)
     value = ""
     if scaling.measure is not None and scaling.value is not None:
         unit = scaling.measure.unit
@@ -163,28 +165,25 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
             f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} "
             f"{units.label(unit)}"
         )
-    ways = {
+    selected = "selected and " if scaling.chosen else ""
+    median = f", scaled to median {value}" if value else ""
+    scaling_texts = {
         "value": f"scaled to {value}",
-        "mean": f"{'selected and ' if scaling.chosen else ''}scaled to {target}, least squares of "
-        "ln Sa",
+        "mean": f"{selected}scaled to {target}, least squares of ln Sa",
         "asce7": f"scaled to {target} by ASCE 7",
         "ec8": f"scaled to {target} by EN 1998-1",
-        "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
+        "p695": f"normalized by FEMA P-695{median}",
     }
     # The number of records; a single record has its name.
     records = [record for motion in scaling.motions for record in components(motion)]
-    count = len(scaling.motions)
-    subject = "record" if isinstance(scaling.motions[0], Record) else "pair"
-    names = (
-        pluralize(count, subject)
-        if count > 1
-        else f"{record_name(records[0].source)} {scaling.motions[0].component}"
-    )
-    pair = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
-    title = (
-        f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % "
-        f"damping{pair}"
-    )
+    noun = "record" if isinstance(scaling.motions[0], Record) else "pair"
+    subject = pluralize(len(scaling.motions), noun)
+    if len(scaling.motions) == 1:
+        subject = f"{record_name(records[0].source)} {scaling.motions[0].component}"
+    title = f"{subject}{changed(records)}, {scaling_texts[scaling.rule]}\n"
+    title += f"{100.0 * scaling.damping:g} % damping"
+    if noun == "pair" and scaling.rule != "p695":
+        title += f", {_PAIR_TEXTS[scaling.pair]}"
     return titled(figure, title)
 
 
@@ -192,11 +191,12 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     """Draw the scaled spectra with median, fractiles and target."""
     # The periods include the target and are not shorter than the samples can resolve.
     low, high, count = _PERIODS
-    for aimed in (scaling.periods, _aimed(scaling)):
-        if aimed is not None and len(aimed) and aimed[0] > 0.0:
-            low, high = min(low, 0.8 * float(aimed[0])), max(high, 1.25 * float(aimed[-1]))
+    for target_periods in (scaling.periods, _target_periods(scaling)):
+        if target_periods is not None and len(target_periods) and target_periods[0] > 0.0:
+            low = min(low, 0.8 * float(target_periods[0]))
+            high = max(high, 1.25 * float(target_periods[-1]))
     intervals = [record.dt for motion in scaling.motions for record in components(motion)]
-    periods = np.geomspace(max(low, _SHORTEST * max(intervals)), high, int(count))
+    periods = np.geomspace(max(low, _MIN_INTERVALS * max(intervals)), high, int(count))
     # Each ground motion has a line, but the median of FEMA P-695 is that of all components.
     quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
     if quantity == "pair" and scaling.rule == "p695":
@@ -220,7 +220,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
         draw_median(axes, periods, spectra, COLORS[0], zorder=4.0).set_label("median")
     if len(spectra) >= _MIN_MOTIONS:
         draw_fractiles(axes, periods, spectra, COLORS[0], zorder=3.0).set_label(BETWEEN_FRACTILES)
-    _draw_aim(axes, scaling, periods, spectra, units)
+    _draw_target(axes, scaling, periods, spectra, units)
     plain_logarithmic(axes)
     axes.set(xlim=(periods[0], periods[-1]), xlabel="period (s)")
     axes.set_ylabel(f"pseudo-acceleration Sa ({units.label('m/s^2')})")
@@ -228,7 +228,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     axes.legend(loc="lower left")
 
 
-def _draw_aim(
+def _draw_target(
     axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits
 ) -> None:
     """Draw the target of the scaling: a point, or a spectrum in its period range."""
@@ -248,33 +248,32 @@ def _draw_aim(
             )
             style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
             axes.plot(periods, np.mean(spectra, axis=0), **style, label="average")
-    periods_aimed = _aimed(scaling)
-    if scaling.value is None or not periods_aimed:
+    target_periods = _target_periods(scaling)
+    if scaling.value is None or not target_periods:
         return
     value = units.of(scaling.value, "m/s^2")
-    said = f"{value:.4g} {units.label('m/s^2')}"
-    if len(periods_aimed) == 1 and periods_aimed[0] > 0.0:
-        label = f"Sa({periods_aimed[0]:.4g} s) = {said}"
-        axes.plot(periods_aimed[0], value, "o", color=red, markersize=7, zorder=6, label=label)
-    elif len(periods_aimed) > 1:
-        label = f"Sa_avg = {said}"
-        axes.axvspan(periods_aimed[0], periods_aimed[-1], color="0.95", zorder=0)
-        axes.plot(
-            [periods_aimed[0], periods_aimed[-1]], [value] * 2, color=red, zorder=5, label=label
-        )
+    value_text = f"{value:.4g} {units.label('m/s^2')}"
+    first, last = target_periods[0], target_periods[-1]
+    if len(target_periods) == 1 and first > 0.0:
+        label = f"Sa({first:.4g} s) = {value_text}"
+        axes.plot(first, value, "o", color=red, markersize=7, zorder=6, label=label)
+    elif len(target_periods) > 1:
+        label = f"Sa_avg = {value_text}"
+        axes.axvspan(first, last, color="0.95", zorder=0)
+        axes.plot([first, last], [value] * 2, color=red, zorder=5, label=label)
 
 
-def _aimed(scaling: Scaling) -> tuple[float, ...]:
-    """Return the periods of the target intensity measure."""
+def _target_periods(scaling: Scaling) -> tuple[float, ...]:
+    """Return the periods of the target intensity measure, s; empty for a target spectrum."""
     return scaling.measure.periods if isinstance(scaling.measure, SpectralIntensity) else ()
 
 
 # ---- Collapse
 
-_PARTS = (0.16, 0.5, 0.84)
+_FRACTIONS = (0.16, 0.5, 0.84)  # of the fractiles
 _DRIFTS = 240  # points of a curve, which is smooth at a width of 180 mm
-_ROOM = 1.1  # upper end of the intensity axis divided by the maximum capacity
-_BEYOND = 1.04  # end of flat lines divided by the maximum drift
+_IM_MARGIN = 1.1  # upper end of the intensity axis divided by the maximum capacity
+_DRIFT_MARGIN = 1.04  # end of flat lines divided by the maximum drift
 
 
 def ida_picture(study: IdaStudy) -> Figure:
@@ -330,9 +329,10 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         )
     # The intensity axis ends above the capacities and the maximum levels without collapse.
     capacities = (curve.collapse.capacity for curve in study.motion_curves)
-    stood = (run.im for curve in study.motion_curves for run in curve.stable)
-    highest = max((*filter(math.isfinite, capacities), *stood), default=0.0)
-    axes.set(xlim=(0.0, 100.0 * _BEYOND * limit), ylim=(0.0, _ROOM * (highest or 1.0)))
+    stable = (run.im for curve in study.motion_curves for run in curve.stable)
+    highest = max((*filter(math.isfinite, capacities), *stable), default=0.0)
+    axes.set(xlim=(0.0, 100.0 * _DRIFT_MARGIN * limit))
+    axes.set(ylim=(0.0, _IM_MARGIN * (highest or 1.0)))
     axes.set(
         xlabel="maximum drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit)
     )
@@ -348,7 +348,7 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
     drift = [curve.left, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
     if not curve.collapse.censored and curve.stable:
-        drift += [drift[-1], _BEYOND * limit]
+        drift += [drift[-1], _DRIFT_MARGIN * limit]
         im += [curve.collapse.capacity] * 2
     axes.plot(100.0 * np.array(drift), im, zorder=1, **look)
 
@@ -359,53 +359,52 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     For several states, only the median is drawn; for few records, each curve is drawn.
     """
     damage = study.motion_curves[0].damage
-    state = (f", damaged to {100.0 * damage:g} %" if damage else ", intact") * several
+    state = f"damaged to {100.0 * damage:g} %" if damage else "intact"
     if len(study.motion_curves) < _MIN_MOTIONS:
-        for curve in study.motion_curves if several else ():
-            _draw_curve(
-                axes,
-                curve,
-                limit,
-                {"color": color, "linewidth": 1.6, "label": state.removeprefix(", ")},
-            )
-            state = ""
+        for i, curve in enumerate(study.motion_curves if several else ()):
+            # Only the first curve has a legend entry.
+            style = {"color": color, "linewidth": 1.6, "label": "" if i else state}
+            _draw_curve(axes, curve, limit, style)
         return
     drifts = np.linspace(0.0, limit, _DRIFTS)[1:]
-    for part, row in reversed(
-        list(zip(_PARTS, fractiles(study.motion_curves, drifts, _PARTS), strict=True))
-    ):
-        if not np.isfinite(row).any() or (several and part != 0.5):
+    rows = fractiles(study.motion_curves, drifts, _FRACTIONS)
+    # In reverse order, the legend lists the median first; both dashed lines have one entry.
+    for fraction, row in reversed(list(zip(_FRACTIONS, rows, strict=True))):
+        is_median = fraction == 0.5
+        if not np.isfinite(row).any() or (several and not is_median):
             continue
-        style = {"linewidth": 2.2} if part == 0.5 else {"linestyle": DASHES[1], "linewidth": 1.4}
-        label = f"median{state}" if part == 0.5 else "16 % and 84 %" if part == _PARTS[0] else None
+        if is_median:
+            style = {"linewidth": 2.2, "label": f"median, {state}" if several else "median"}
+        else:
+            label = "16 % and 84 %" if fraction == _FRACTIONS[0] else None
+            style = {"linestyle": DASHES[1], "linewidth": 1.4, "label": label}
         start = [] if damage else [0.0]  # a damaged building does not start at the origin
-        axes.plot(
-            [*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, label=label, **style
-        )
+        axes.plot([*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, **style)
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
     """Mark the capacity of each curve, or the end of a curve without collapse."""
-    collapses = ("o", COLORS[1], "capacity against collapse")
-    again = ("D", "white", "capacity, no collapse at a higher level")
+    # Each mark (marker, filling, label) is mapped to its points: drift ratio in percent, intensity.
+    collapse = ("o", COLORS[1], "capacity against collapse")
+    resurrection = ("D", "white", "capacity, no collapse at a higher level")
     censored = ("^", "white", "does not collapse up to here")
     groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {
-        collapses: [],
-        again: [],
+        collapse: [],
+        resurrection: [],
         censored: [],
     }
     for curve in study.motion_curves:
         if curve.stable:
             drift = min(curve.stable[-1].drift_ratio, limit)
-            look = (
-                censored if curve.collapse.censored else again if curve.resurrection else collapses
-            )
-            groups[look].append((100.0 * drift, curve.collapse.capacity))
+            mark = resurrection if curve.resurrection else collapse
+            if curve.collapse.censored:
+                mark = censored
+            groups[mark].append((100.0 * drift, curve.collapse.capacity))
     for (marker, face, label), points in groups.items():
         if points:
             x, y = zip(*points, strict=True)
             # Each type of mark has one legend entry for all states.
-            shown = None if label in axes.get_legend_handles_labels()[1] else label
+            legend_label = None if label in axes.get_legend_handles_labels()[1] else label
             axes.scatter(
                 x,
                 y,
@@ -415,14 +414,14 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
                 edgecolor=COLORS[1],
                 linewidth=1.1,
                 zorder=4,
-                label=shown,
+                label=legend_label,
             )
 
 
 _POINTS = 300  # points of a fragility function
-_ACROSS = 4  # panels of building types per row
-_TOGETHER = 2  # maximum number of functions that share a panel with their total dispersion
-_FAR = 2.6  # standard deviations from the maximum median to the end of the axis
+_TYPES_PER_ROW = 4  # panels of building types per row
+_MAX_IN_PANEL = 2  # maximum number of functions that share a panel with their total dispersion
+_END_DEVIATIONS = 2.6  # standard deviations from the maximum median to the end of the axis
 _NAMES = {
     "stripes": "Fragility of stripes, maximum likelihood",
     "ida": "Fragility of capacities",
@@ -435,7 +434,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     cloud = functions[0].cloud
     crowded = (
         cloud is None
-        and len(functions) > _TOGETHER
+        and len(functions) > _MAX_IN_PANEL
         and any(function.modeling_dispersion for function in functions)
     )
     stacked = crowded and is_narrow()
@@ -448,7 +447,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         # dispersion.
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
         draw_functions(first, functions, total=False)
-        end = _end(functions)
+        end = _axis_end(functions)
         im = np.linspace(0.0, end, _POINTS)[1:]
         for i, function in enumerate(functions):
             label = _label(function, function.beta_total)
@@ -493,20 +492,22 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
             for function in sorted(functions, key=lambda function: function.threshold)
         )
     )
-    wide = min(len(types), _ACROSS)
-    high = -(-len(types) // wide)
-    figure = Figure(figsize=(max(2.5 * wide, 5.0) + 0.6, 2.0 * high + 1.3), layout="constrained")
-    grid = figure.subplots(high, wide, squeeze=False, sharey=True)
+    columns = min(len(types), _TYPES_PER_ROW)
+    rows = math.ceil(len(types) / columns)
+    size = (max(2.5 * columns, 5.0) + 0.6, 2.0 * rows + 1.3)
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
     for axes in grid.flat[len(types) :]:
         axes.set_visible(False)
-    for place, (axes, (name, of_one)) in enumerate(zip(grid.flat, types.items(), strict=False)):
-        _draw_type(axes, of_one, states)
+    # With a common intensity measure, only the lowest panels have a label.
+    has_common_measure = len({function.im for function in functions}) == 1
+    for index, (axes, name) in enumerate(zip(grid.flat, types, strict=False)):
+        _draw_type(axes, types[name], states)
         axes.set_title(name, fontsize="medium")
-        if place % wide == 0:
+        if index % columns == 0:
             axes.set_ylabel("probability")
-        alike = len({function.im for function in functions}) == 1
-        if not alike or place >= len(types) - wide:
-            axes.set_xlabel(_im_label(of_one[0]))
+        if not has_common_measure or index >= len(types) - columns:
+            axes.set_xlabel(_im_label(types[name][0]))
     lines = [axes.plot([], [], **line_look(i), linewidth=1.8)[0] for i in range(len(states))]
     figure.legend(
         lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2
@@ -519,7 +520,7 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
     """Draw the functions of a type with observations and confidence bands."""
-    end = _end(functions)
+    end = _axis_end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for function in functions:
         i = states.index(function.state)
@@ -547,7 +548,7 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
 
     If `total` is true, functions with the modeling dispersion are drawn also.
     """
-    end = _end(functions)
+    end = _axis_end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
         look = line_look(i)
@@ -557,11 +558,9 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
         )
         axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
         if function.modeling_dispersion and total:
-            whole, label = (
-                function.probability(im, total=True),
-                rf"with $\beta_{{model}}$: {function.beta_total:.2f}",
-            )
-            axes.plot(im, whole, color=color, linestyle=":", linewidth=1.2, label=label)
+            probability = function.probability(im, total=True)
+            label = rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
+            axes.plot(im, probability, color=color, linestyle=":", linewidth=1.2, label=label)
         _draw_counted(
             axes, function, end, color=color, marker=MARKERS[i % len(MARKERS)], markersize=4.5
         )
@@ -619,14 +618,18 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
         )
 
 
-def _end(functions: Sequence[Fragility]) -> float:
-    """Return the end of the intensity axis, beyond the functions but near the observations."""
+def _axis_end(functions: Sequence[Fragility]) -> float:
+    """Return the end of the intensity axis.
+
+    The axis ends where the functions are nearly 1, but not beyond two times the maximum observed
+    intensity or the median.
+    """
     ends = []
     for function in functions:
         observed = function.points or function.cloud
-        curve = function.theta * math.exp(_FAR * function.beta)
-        most = float(np.max(observed.im)) if observed and observed.im.size else curve
-        ends.append(min(curve, 2.0 * max(most, function.theta)))
+        curve_end = function.theta * math.exp(_END_DEVIATIONS * function.beta)
+        max_observed = float(np.max(observed.im)) if observed and observed.im.size else curve_end
+        ends.append(min(curve_end, 2.0 * max(max_observed, function.theta)))
     return max(ends)
 
 
@@ -675,7 +678,7 @@ def _im_label(function: Fragility) -> str:
 def _label(function: Fragility, beta_total: float | None = None) -> str:
     """Return demand, median and dispersion of a function, with `beta_total` instead of beta."""
     threshold = f"{function.threshold_text}: " if function.threshold_text else ""
-    if function.damage == function.damage:
+    if not math.isnan(function.damage):
         state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
         threshold += f"{state}, "
     beta = (

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -57,7 +57,9 @@ if TYPE_CHECKING:
     from tdint.analysis.target_displacement import TargetDisplacement
 
 _RECORDED, _COMPUTED = LIGHT, MARK
-_MOST_ROWS, _WORST = 6, 4  # maximum number of floors; with more, the floors with least agreement
+_MAX_ROWS, _WORST_ROWS = 6, 4
+"""Maximum number of floors in the figure. Of more floors, only those with the least agreement have
+a row."""
 _ENERGY = (0.0005, 0.9995)  # fractions of the recorded energy at the ends of the time histories
 _CYCLES = 8  # number of recorded cycles in the close-up
 _UNITS = {"acceleration": "m/s^2", "displacement": "m"}
@@ -84,51 +86,30 @@ def comparison_picture(
     period = assemble(comparisons[0].response.model).first_period
     # Of many floors, those with the least agreement have a row; the overview below shows all
     # floors.
-    rows = [
-        (comparison, floor, spectra)
-        for comparison in comparisons
-        for floor, spectra in reversed(
-            list(zip(comparison.floors, comparison.spectra(periods, damping), strict=True))
-        )
-    ]
-    left_out = len(rows) - _WORST if len(rows) > _MOST_ROWS else 0
-    if left_out:
-        rows = sorted(rows, key=lambda row: row[1].correlation)[:_WORST]
-    high = (
-        2.7 if is_narrow() else 1.55
-    )  # inches of a row; in one column of a page words take more of them
-    figure = Figure(
-        figsize=(7.5, 1.5 + high * len(rows) + 2.6 * bool(left_out)), layout="constrained"
-    )
-    top: Any = figure
-    if left_out:
-        parts: Any = figure.subfigures(2, 1, height_ratios=(high * len(rows), 2.6))
-        top, below = parts
-        _draw_overview(below.subplots(2, 1, sharex=True), comparisons)
-    panels = top.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
-    for (comparison, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
-        event = (
-            f"{record_name(comparison.event.recording.source)}, " if len(comparisons) > 1 else ""
-        )
-        agreement = f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
-        _draw_histories(history, floor, units)
-        label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
-        history.set(xlim=_shaken(comparison), ylabel=label)
-        history.set_title(
-            f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False
-        )
-        _draw_histories(close, floor, units)
-        close.set_xlim(*_strongest(comparison))
-        close.tick_params(labelleft=False)
-        for values, color, width in (
-            (spectra.recorded, _RECORDED, 1.5),
-            (spectra.computed, _COMPUTED, 0.9),
-        ):
-            spectrum.plot(spectra.periods, units.of(values, "m/s^2"), color=color, linewidth=width)
-        spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
-        spectrum.tick_params(axis="x", which="both", labelsize=7.0)
-        log_periods(spectrum, spectra.periods)
-        mark_first_periods(spectrum, [("", period)], color="black")
+    rows: list[_FloorRow] = []
+    for comparison in comparisons:
+        all_spectra = comparison.spectra(periods, damping)
+        floor_rows = [
+            _FloorRow(comparison, floor, spectra)
+            for floor, spectra in zip(comparison.floors, all_spectra, strict=True)
+        ]
+        rows += reversed(floor_rows)
+    floor_count = len(rows)
+    has_overview = floor_count > _MAX_ROWS
+    if has_overview:
+        rows = sorted(rows, key=lambda row: row.floor.correlation)[:_WORST_ROWS]
+    # Height of a row, inches; in one column of a page, labels need more of it.
+    row_height = 2.7 if is_narrow() else 1.55
+    height = 1.5 + row_height * len(rows) + (2.6 if has_overview else 0.0)
+    figure = Figure(figsize=(7.5, height), layout="constrained")
+    upper: Any = figure
+    if has_overview:
+        subfigures: Any = figure.subfigures(2, 1, height_ratios=(row_height * len(rows), 2.6))
+        upper, lower = subfigures
+        _draw_overview(lower.subplots(2, 1, sharex=True), comparisons)
+    panels = upper.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
+    for row, row_panels in zip(rows, panels, strict=True):
+        _draw_floor(row_panels, row, units, period, name_event=len(comparisons) > 1)
     for axes, label in zip(panels[-1], ("time (s)", "time (s)", "period (s)"), strict=True):
         axes.set_xlabel(label)
     panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
@@ -139,34 +120,86 @@ def comparison_picture(
     # The method, and the processing of the recordings.
     first = comparisons[0]
     response, recording = first.response, first.event.recording
-    how = [f"{response.method}, dt {response.dt:.4g} s"]
+    facts = [f"{response.method}, dt {response.dt:.4g} s"]
     if recording.band:
-        how.append(f"{recording.band[0]:g} to {recording.band[1]:g} Hz")
+        facts.append(f"{recording.band[0]:g} to {recording.band[1]:g} Hz")
     if first.shift:
-        how.append(f"recordings shifted by {first.shift:.4g} s")
-    if left_out:
-        how.append(f"the {_WORST} floors with least agreement; below all {left_out + _WORST}")
+        facts.append(f"recordings shifted by {first.shift:.4g} s")
+    if has_overview:
+        facts.append(f"the {_WORST_ROWS} floors with least agreement; below all {floor_count}")
     return titled(
         figure,
-        f"{response.model.name} and {record_name(recording.source)}\n{', '.join(how)}",
+        f"{response.model.name} and {record_name(recording.source)}\n{', '.join(facts)}",
     )
+
+
+class _FloorRow(NamedTuple):
+    """Floor of a comparison with its spectra, one row of the figure."""
+
+    comparison: Comparison
+    floor: FloorComparison
+    spectra: Any
+
+
+def _draw_floor(
+    panels: Any, row: _FloorRow, units: OutputUnits, period: float, *, name_event: bool
+) -> None:
+    """Draw the motion of a floor, a close-up of the strongest cycles, and the spectra.
+
+    Parameters
+    ----------
+    panels : sequence of Axes
+        The three panels.
+    row : _FloorRow
+        Floor with its spectra.
+    units : OutputUnits
+        Units of the axes.
+    period : float
+        First period of the building, s, which the spectra mark.
+    name_event : bool
+        True to name the event in the title.
+    """
+    comparison, floor, spectra = row
+    history, close_up, spectrum = panels
+    event = f"{record_name(comparison.event.recording.source)}, " if name_event else ""
+    agreement = f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
+    _draw_histories(history, floor, units)
+    label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
+    history.set(xlim=_strong_motion(comparison), ylabel=label)
+    history.set_title(
+        f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False
+    )
+    _draw_histories(close_up, floor, units)
+    close_up.set_xlim(*_strongest_cycles(comparison))
+    close_up.tick_params(labelleft=False)
+    for values, color, width in (
+        (spectra.recorded, _RECORDED, 1.5),
+        (spectra.computed, _COMPUTED, 0.9),
+    ):
+        spectrum.plot(spectra.periods, units.of(values, "m/s^2"), color=color, linewidth=width)
+    spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
+    spectrum.tick_params(axis="x", which="both", labelsize=7.0)
+    log_periods(spectrum, spectra.periods)
+    mark_first_periods(spectrum, [("", period)], color="black")
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
     """Draw correlation and peak ratio of every floor over the events, or over the floors."""
-    above, below = panels
-    for place, comparison in enumerate(comparisons, start=1):
+    correlation_axes, ratio_axes = panels
+    for event_number, comparison in enumerate(comparisons, start=1):
         for floor in comparison.floors:
-            x = place if len(comparisons) > 1 else floor.floor
-            dark = "0.15" if floor is comparison.floors[-1] else LIGHT
-            above.plot([x], [floor.correlation], "o", color=dark, markersize=3.0)
-            below.plot([x], [floor.peak_ratio], "o", color=dark, markersize=3.0)
-    above.set_ylabel("correlation")
-    above.set_title("all floors, the highest dark", loc="left", fontsize=8.5)
-    below.set_ylabel("peaks, computed\ndivided by recorded")
-    below.axhline(1.0, color=LIGHT, linewidth=0.8)
-    below.xaxis.set_major_locator(MaxNLocator(12, integer=True))
-    below.set_xlabel("event, in the order of the command line" if len(comparisons) > 1 else "floor")
+            x = event_number if len(comparisons) > 1 else floor.floor
+            color = "0.15" if floor is comparison.floors[-1] else LIGHT
+            correlation_axes.plot([x], [floor.correlation], "o", color=color, markersize=3.0)
+            ratio_axes.plot([x], [floor.peak_ratio], "o", color=color, markersize=3.0)
+    correlation_axes.set_ylabel("correlation")
+    correlation_axes.set_title("all floors, the highest dark", loc="left", fontsize=8.5)
+    ratio_axes.set_ylabel("peaks, computed\ndivided by recorded")
+    ratio_axes.axhline(1.0, color=LIGHT, linewidth=0.8)
+    ratio_axes.xaxis.set_major_locator(MaxNLocator(12, integer=True))
+    ratio_axes.set_xlabel(
+        "event, in the order of the command line" if len(comparisons) > 1 else "floor"
+    )
 
 
 def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:
@@ -178,24 +211,32 @@ def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> No
     axes.xaxis.set_major_locator(MaxNLocator(5))
 
 
-def _shaken(comparison: Comparison) -> tuple[float, float]:
-    """Return start and end of the strong motion of the floors, s."""
-    ends = []
+def _strong_motion(comparison: Comparison) -> tuple[float, float]:
+    """Return start and end of the strong motion of the floors, s.
+
+    They are the first and the last time at which a floor has the fractions `_ENERGY` of its energy,
+    or the ends of the comparison if these times are equal.
+    """
+    times = []
     for floor in comparison.floors:
         energy = np.cumsum(floor.recorded**2)
-        ends += [floor.time[int(np.searchsorted(energy, part * energy[-1]))] for part in _ENERGY]
-    if min(ends) < max(ends):
-        return min(ends), max(ends)
+        for fraction in _ENERGY:
+            times.append(floor.time[int(np.searchsorted(energy, fraction * energy[-1]))])
+    if min(times) < max(times):
+        return min(times), max(times)
     return comparison.floors[0].time[0], comparison.floors[0].time[-1]
 
 
-def _strongest(comparison: Comparison) -> tuple[float, float]:
+def _strongest_cycles(comparison: Comparison) -> tuple[float, float]:
     """Return the interval of some cycles around the recorded maximum of the highest floor, s."""
     floor = comparison.floors[-1]
-    crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
-    middle = int(np.searchsorted(crossings, int(np.argmax(np.abs(floor.recorded)))))
-    near = crossings[max(0, middle - _CYCLES) : middle + _CYCLES]
-    return (floor.time[near[0]], floor.time[near[-1]]) if near.size >= 2 else _shaken(comparison)
+    zero_crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
+    middle = int(np.searchsorted(zero_crossings, int(np.argmax(np.abs(floor.recorded)))))
+    # A cycle has two zero crossings.
+    near = zero_crossings[max(0, middle - _CYCLES) : middle + _CYCLES]
+    if near.size < 2:
+        return _strong_motion(comparison)
+    return floor.time[near[0]], floor.time[near[-1]]
 
 
 # ---- Figures of buildings without ground motion: cyclic tests and pushovers
@@ -212,6 +253,7 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     figure = Figure(figsize=(6.5, 7.6), layout="constrained")
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     draw_loop(loop, test, units)
+    # A cycle has four quarters with `points` points each. A path has no cycles: count its steps.
     cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
     factor, unit = scaled_unit(
         float(np.max(test.path.strain_energy + test.path.hysteretic_energy)), "J", units
@@ -228,10 +270,9 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     energy.set(xlim=(0.0, max(cycle[-1], 1.0)), ylim=(min(0.0, energy.get_ylim()[0]), None))
     energy.set(xlabel="cycle" if test.points else "step", ylabel=f"energy ({unit})")
     energy.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
-    kind = "cyclic test" if test.points else "path of drifts"
-    return titled(
-        figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots"
-    )
+    test_name = "cyclic test" if test.points else "path of drifts"
+    subject = f"Story {test.story}, {test.law} law: {test_name} without dashpots"
+    return titled(figure, f"{test.model.name}\n{subject}")
 
 
 def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
@@ -249,8 +290,10 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
     if test.yield_drift < float(np.max(test.path.drift)):
         yielding = units.of(test.yield_drift, "m")
         label = f"yield drift {yielding:.3g} {units.label('m')}"
-        for at, named in ((yielding, label), (-yielding, None)):
-            axes.axvline(at, color=LIGHT, linestyle=DASHES[2], linewidth=1.0, label=named)
+        # Both lines have one legend entry.
+        style = {"color": LIGHT, "linestyle": DASHES[2], "linewidth": 1.0}
+        axes.axvline(yielding, label=label, **style)
+        axes.axvline(-yielding, **style)
     if len(axes.get_legend_handles_labels()[0]) > 1:
         axes.legend(loc="upper left")
     axes.set(xlabel=f"drift ({units.label('m')})", ylabel=f"story shear ({unit})")
@@ -276,8 +319,17 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(roof, shear, color=COLORS[0])
-    at, most = units.of(result.roof_at_largest, "m"), result.largest_base_shear * factor
-    axes.plot(at, most, "o", color=COLORS[0], label=f"maximum base shear {most:.4g} {unit}")
+    roof_at_maximum, maximum = (
+        units.of(result.roof_at_largest, "m"),
+        result.largest_base_shear * factor,
+    )
+    axes.plot(
+        roof_at_maximum,
+        maximum,
+        "o",
+        color=COLORS[0],
+        label=f"maximum base shear {maximum:.4g} {unit}",
+    )
     axes.legend(loc="best")
     axes.set(
         xlim=(0.0, np.max(roof)),
@@ -301,26 +353,26 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     )
     draw_curve(curve, pushed, units)
     factor, _ = scaled_unit(float(np.max(np.abs(pushed.base_shear))), "N", units)
-    for i, made in enumerate(results):
-        look = line_look(i + 1) | {"label": made.method}
-        corners = [0.0, made.yield_displacement, made.roof_displacement]
-        end = made.yield_force if made.method == "n2" else made.base_shear
-        shears = np.array([0.0, made.yield_force, end]) * factor
+    for i, result in enumerate(results):
+        look = line_look(i + 1) | {"label": result.method}
+        corners = [0.0, result.yield_displacement, result.roof_displacement]
+        # The idealized curve of the N2 method is horizontal after yield.
+        end_force = result.yield_force if result.method == "n2" else result.base_shear
+        shears = np.array([0.0, result.yield_force, end_force]) * factor
         # An idealized curve without yielding before the target is a single line.
-        reached = 3 if made.roof_displacement > made.yield_displacement else 2
-        curve.plot(units.of(np.array(corners[:reached]), "m"), shears[:reached], **look)
+        count = 3 if result.roof_displacement > result.yield_displacement else 2
+        curve.plot(units.of(np.array(corners[:count]), "m"), shears[:count], **look)
         curve.plot(
-            units.of(made.roof_displacement, "m"),
-            made.base_shear * factor,
+            units.of(result.roof_displacement, "m"),
+            result.base_shear * factor,
             MARKERS[i],
             color=COLORS[i + 1],
         )
     curve.legend(loc="best")
-    n2 = next(made for made in results if made.method == "n2")
+    n2 = next(result for result in results if result.method == "n2")
     _draw_oscillator(adrs, n2, units)
-    _draw_profile(
-        profile, pushed, units, [(made.drift, i + 1, made.method) for i, made in enumerate(results)]
-    )
+    drifts = [(result.drift, i + 1, result.method) for i, result in enumerate(results)]
+    _draw_profile(profile, pushed, units, drifts)
     return titled(
         figure,
         f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under "
@@ -328,40 +380,44 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     )
 
 
-def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) -> None:
-    """Draw the equivalent oscillator and the elastic demand as acceleration over displacement."""
-    target, pushed = made.target, made.pushed
-    roof, shear = (
-        pushed.roof_displacement / made.participation,
-        pushed.base_shear / made.participation / made.mass,
+def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) -> None:
+    """Draw the equivalent oscillator and the elastic demand as acceleration over displacement.
+
+    The displacement of the oscillator is the roof displacement divided by the participation factor;
+    its acceleration is the base shear divided by the participation factor and by its mass.
+    """
+    target, pushed = result.target, result.pushed
+    displacement, acceleration = (
+        pushed.roof_displacement / result.participation,
+        pushed.base_shear / result.participation / result.mass,
     )
     axes.plot(
         units.of(target.sd, "m"), units.of(target.psa, "m/s^2"), color=LIGHT, label="elastic demand"
     )
     axes.plot(
-        units.of(roof, "m"),
-        units.of(shear, "m/s^2"),
+        units.of(displacement, "m"),
+        units.of(acceleration, "m/s^2"),
         color=COLORS[0],
         label="equivalent oscillator",
     )
-    corner = np.array(
-        [0.0, made.yield_displacement, max(made.yield_displacement, made.roof_displacement)]
+    idealized_roof = np.array(
+        [0.0, result.yield_displacement, max(result.yield_displacement, result.roof_displacement)]
     )
-    force = np.array([0.0, made.yield_force, made.yield_force]) / made.mass
+    idealized_acceleration = np.array([0.0, result.yield_force, result.yield_force]) / result.mass
     idealized = (
-        units.of(corner / made.participation, "m"),
-        units.of(force / made.participation, "m/s^2"),
+        units.of(idealized_roof / result.participation, "m"),
+        units.of(idealized_acceleration / result.participation, "m/s^2"),
     )
-    axes.plot(*idealized, **line_look(1) | {"label": f"idealized, T* {made.period:.3g} s"})
-    elastic = made.spectral_acceleration * (made.period / (2.0 * math.pi)) ** 2
-    ray = (
+    axes.plot(*idealized, **line_look(1) | {"label": f"idealized, T* {result.period:.3g} s"})
+    elastic = result.spectral_acceleration * (result.period / (2.0 * math.pi)) ** 2
+    elastic_line = (
         np.array([0.0, units.of(elastic, "m")]),
-        np.array([0.0, units.of(made.spectral_acceleration, "m/s^2")]),
+        np.array([0.0, units.of(result.spectral_acceleration, "m/s^2")]),
     )
-    axes.plot(*ray, color=LIGHT, linestyle=DASHES[2])
-    reached = made.roof_displacement / made.participation
+    axes.plot(*elastic_line, color=LIGHT, linestyle=DASHES[2])
+    target_displacement = result.roof_displacement / result.participation
     axes.plot(
-        units.of(reached, "m"),
+        units.of(target_displacement, "m"),
         idealized[1][-1],
         MARKERS[0],
         color=COLORS[1],
@@ -369,8 +425,8 @@ def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) ->
     )
     axes.legend(loc="best")
     # Long periods of the demand are far to the right of all other parts.
-    most = 1.6 * max(reached, elastic)
-    axes.set(xlim=(0.0, units.of(most, "m")), ylim=(0.0, None))
+    axis_end = 1.6 * max(target_displacement, elastic)
+    axes.set(xlim=(0.0, units.of(axis_end, "m")), ylim=(0.0, None))
     axes.set(
         xlabel=f"displacement ({units.label('m')})", ylabel=f"acceleration ({units.label('m/s^2')})"
     )
@@ -382,31 +438,39 @@ def _draw_profile(
     units: OutputUnits,
     drifts: Sequence[tuple[Array, int, str]] | None = None,
 ) -> None:
-    """Draw story drifts with the numbers of their line styles.
+    """Draw story drifts over the height; drift ratios if all stories have heights.
 
-    The default is the drifts at the maximum base shear and at the end.
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    result : Pushover
+        Pushover curve.
+    units : OutputUnits
+        Units of the axis.
+    drifts : sequence of (ndarray, int, str), optional
+        Drifts of the stories, m, with the number of their color and their label. By default, the
+        drifts at the maximum base shear (dashed) and at the end.
     """
     heights = [story.drift_height for story in result.model.stories]
-    ratio = all(height is not None for height in heights)
-    scale = (
-        100.0 / np.array(heights, float)
-        if ratio
-        else np.full(len(heights), 1.0 / units.unit("m")[1])
-    )
-    at_largest, at_end = (
-        (result.drift_at_largest, 0, "at the maximum base shear"),
-        (result.drift[-1], 0, "at the end"),
-    )
-    for place, (drift, number, text) in enumerate(drifts or (at_largest, at_end)):
-        dashes = DASHES[0] if drifts else DASHES[1 - place]
-        over_stories(
-            axes, drift * scale, baseline=None, linestyle=dashes, color=COLORS[number], label=text
-        )
+    has_ratios = all(height is not None for height in heights)
+    if has_ratios:
+        scale = 100.0 / np.array(heights, float)
+    else:
+        scale = np.full(len(heights), 1.0 / units.unit("m")[1])
+    lines = [(drift, DASHES[0], COLORS[number], label) for drift, number, label in drifts or ()]
+    if not lines:
+        lines = [
+            (result.drift_at_largest, DASHES[1], COLORS[0], "at the maximum base shear"),
+            (result.drift[-1], DASHES[0], COLORS[0], "at the end"),
+        ]
+    for drift, dashes, color, label in lines:
+        over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=color, label=label)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
     axes.yaxis.get_major_locator().set_params(integer=True)
-    label = "drift ratio (%)" if ratio else f"drift ({units.label('m')})"
-    axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=label)
+    axis_label = "drift ratio (%)" if has_ratios else f"drift ({units.label('m')})"
+    axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=axis_label)
 
 
 # ---- Figure of records: acceleration, velocity, displacement and cumulative Arias intensity
@@ -418,7 +482,7 @@ filters."""
 MOST_RECORDS = 3
 """Maximum number of records in a figure; further records are omitted."""
 
-_SHARES = (0.05, 0.75, 0.95)
+_ENERGY_FRACTIONS = (0.05, 0.75, 0.95)  # of the significant durations
 _MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 """Quantities over time from top to bottom, with their SI units."""
 
@@ -462,28 +526,30 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     draw_match(figure.add_subplot(grid[0, :]), matched, units)
     # Time histories, with the seed behind the matched ground motion.
     for column, part in enumerate(parts):
-        below = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
+        panels = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
+        # `motions` begins with the matched ground motion, `_MATCHED` with the seed.
         for record, motion, look in zip(
             (part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True
         ):
             energy = np.cumsum(record.acceleration**2)
-            rows = (record.acceleration, motion.velocity, motion.displacement, energy / energy[-1])
             time = record.dt * np.arange(record.acceleration.size)
-            for axes, values, si in zip(below, rows, (*_MOTION.values(), ""), strict=True):
-                axes.plot(time, units.of(values, si) if si else 100.0 * values, **look)
-        below[3].set_xlabel("time (s)")
+            motions = (record.acceleration, motion.velocity, motion.displacement)
+            for axes, values, si in zip(panels, motions, _MOTION.values(), strict=False):
+                axes.plot(time, units.of(values, si), **look)
+            panels[3].plot(time, 100.0 * (energy / energy[-1]), **look)
+        panels[3].set_xlabel("time (s)")
         if column == 0:
-            for axes, (name, si) in zip(below, _MOTION.items(), strict=False):
+            for axes, (name, si) in zip(panels, _MOTION.items(), strict=False):
                 axes.set_ylabel(f"{name} ({units.label(si)})")
-            below[3].set_ylabel("Arias intensity (%)")
+            panels[3].set_ylabel("Arias intensity (%)")
         if len(parts) > 1:
-            below[0].set_title(part.after.component, fontsize="medium")
+            panels[0].set_title(part.after.component, fontsize="medium")
     subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
     source = source_of([spectrum.target for spectrum in matched.by_damping])
-    aim = spectrum_text(source) if matched.target.curve else record_name(source)
-    of_pair = ", RotD100" if len(parts) > 1 else ""
+    target = spectrum_text(source) if matched.target.curve else record_name(source)
+    pair_text = ", RotD100" if len(parts) > 1 else ""
     ratios = ", ".join(f"{100.0 * spectrum.damping:g}" for spectrum in matched.by_damping)
-    return titled(figure, f"{subject} matched to {aim}\n{ratios} % damping{of_pair}")
+    return titled(figure, f"{subject} matched to {target}\n{ratios} % damping{pair_text}")
 
 
 _MATCHED: dict[str, dict[str, Any]] = {
@@ -502,7 +568,8 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
     shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
     periods = matched.shown_periods
     for number, spectrum in enumerate(matched.by_damping):
-        hidden = "_" if number else ""  # matplotlib omits labels with a leading underscore
+        # matplotlib omits labels with a leading underscore from the legend.
+        hidden = "_" if number else ""
         target = spectrum.target
         inside = (periods >= target.periods[0]) & (periods <= target.periods[-1])
         values = units.of(target.at(periods[inside]), "m/s^2")
@@ -594,8 +661,9 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
     husid.set_ylim(-2.0, 102.0)
     if total > 0.0:
         husid.plot(time, 100.0 * energy / total, color=COLORS[0])
-        times = [time_of_energy(record, energy, share) for share in _SHARES]
-        husid.plot(times, [100.0 * share for share in _SHARES], "o", color=MARK, markersize=4)
+        times = [time_of_energy(record, energy, fraction) for fraction in _ENERGY_FRACTIONS]
+        percentages = [100.0 * fraction for fraction in _ENERGY_FRACTIONS]
+        husid.plot(times, percentages, "o", color=MARK, markersize=4)
         text = f"{units.of(measures.arias, 'm/s'):.3g} {units.label('m/s')}\n"
         text += f"D5-75 {measures.d5_75:.3g} s\nD5-95 {measures.d5_95:.3g} s"
         write_note(husid, text, y=0.5)
@@ -633,20 +701,20 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     looks = method_looks(chart.lines, highlight)
     # Thick lines in front: the highlighted method, or the emphasized methods.
-    front = {
+    line_widths = {
         line: look["linewidth"] for line, look in looks.items() if "linewidth" in look
     } or _BOLD
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        for profile in sorted(shown, key=lambda profile: front.get(profile.method, 0.0)):
-            # The profile rises at each ratio. It continues to the end of the panel at the fraction
-            # of problems that the method solves at all.
+        for profile in sorted(shown, key=lambda profile: line_widths.get(profile.method, 0.0)):
+            # The profile rises by one problem at each cost ratio. It continues to the end of the
+            # panel at the fraction of problems that the method solves at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
-            share = np.arange(len(steps) + 1) / max(profile.problems, 1)
-            x, y = [1.0, *steps, _LARGEST_RATIO], [*share, share[-1]]
+            solved_fractions = np.arange(len(steps) + 1) / max(profile.problems, 1)
+            x, y = [1.0, *steps, _LARGEST_RATIO], [*solved_fractions, solved_fractions[-1]]
             look = looks[profile.method] | {"markersize": 3.5, "markevery": 0.2}
-            look |= {"linewidth": front.get(profile.method, 1.0)}
+            look |= {"linewidth": line_widths.get(profile.method, 1.0)}
             look |= {"markerfacecolor": "white"} if PEER in profile.method else {}
             (handles[profile.method],) = axes.step(x, y, where="post", **look)
         count = max(profile.problems for profile in shown)
@@ -662,15 +730,15 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         axes.set_ylabel("fraction of problems solved")
     for axes in panels[-1]:
         axes.set_xlabel("time divided by minimum time")
-    order = [line for line in chart.lines if line in handles]
+    shown_lines = [line for line in chart.lines if line in handles]
     add_legend(
         figure,
         panels[0, 0],
-        [handles[line] for line in order],
+        [handles[line] for line in shown_lines],
         [
             chart.named(line)
             + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
-            for line in order
+            for line in shown_lines
         ],
         NARROW,
     )
@@ -687,9 +755,9 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}; {', '.join(programs)}"
     )
     for legend in figure.legends:
-        foot = wrap(conditions, _NARROW_FOOT if narrow else _PROFILE_FOOT)
-        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(foot))
-        legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
+        footnote = wrap(conditions, _NARROW_FOOT if narrow else _PROFILE_FOOT)
+        figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))
+        legend.set_title("\n".join(footnote), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
     return titled(
         figure,

@@ -44,41 +44,46 @@ def example_picture(
     """
     runs = [run for run in runs if run.outcome == "done" and not run.variant]
     figure = Figure(figsize=(7.5, 3.8), layout="constrained")
-    wide, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
+    history_axes, close_up_axes = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
     time = runs[0].motion.time
-    true = runs[0].exact(reference).displacement[:, shown.floor - 1]
+    exact_displacement = runs[0].exact(reference).displacement[:, shown.floor - 1]
     displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
     values = (
-        [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
+        [np.abs(motion - exact_displacement) for motion in displacements]
+        if shown.is_error
+        else displacements
     )
-    peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
-    near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
+    peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(exact_displacement)))
+    close_up = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = [run.method for run in runs]
     styles = line_styles(labels, [0.0] * len(labels))
     lines: dict[str, Any] = {}
-    for axes, part in ((wide, slice(None)), (close, near)):
+    for axes, samples in ((history_axes, slice(None)), (close_up_axes, close_up)):
         if not shown.is_error:
-            (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
+            (lines[exact],) = axes.plot(
+                time[samples], exact_displacement[samples], color="0.78", linewidth=4.0
+            )
         # Each method has a line with markers at some time steps; in the close-up at every time
         # step.
         for motion, label, style in zip(values, labels, styles, strict=True):
-            look = style | {"linewidth": 0.8} | ({"markevery": 1} if axes is close else {})
-            (lines[label],) = axes.plot(time[part], motion[part], **look)
+            look = style | {"linewidth": 0.8} | ({"markevery": 1} if axes is close_up_axes else {})
+            (lines[label],) = axes.plot(time[samples], motion[samples], **look)
         axes.set_xlabel("time (s)")
     quantity = "|u - u_exact|" if shown.is_error else "displacement u"
-    wide.set_ylabel(f"{quantity} (m)", parse_math=False)
-    wide.set_xlim(time[0], time[-1])
-    wide.axvline(time[peak], color="0.3", linewidth=0.8)
-    close.set_title(f"close-up at {time[peak]:.4g} s")
-    close.xaxis.set_major_locator(MaxNLocator(3))
+    history_axes.set_ylabel(f"{quantity} (m)", parse_math=False)
+    history_axes.set_xlim(time[0], time[-1])
+    history_axes.axvline(time[peak], color="0.3", linewidth=0.8)
+    close_up_axes.set_title(f"close-up at {time[peak]:.4g} s")
+    close_up_axes.xaxis.set_major_locator(MaxNLocator(3))
     if shown.is_error:
-        for axes in (wide, close):
+        for axes in (history_axes, close_up_axes):
             axes.set_ylim(bottom=0.0)
-    add_legend(figure, wide, list(lines.values()), list(lines), NARROW)
-    beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
+    add_legend(figure, history_axes, list(lines.values()), list(lines), NARROW)
+    reference_text = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
     floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
     return titled(
-        figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}"
+        figure,
+        f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{reference_text}",
     )
 
 
@@ -86,68 +91,87 @@ def example_picture(
 
 
 def row_picture(title: str, model: Model) -> Figure:
-    """Draw a building as a row of masses with a fixed left end; of many masses only the ends."""
+    """Draw a building as a row of masses with a fixed left end; of many masses only the ends.
+
+    The distance between masses is 1. The row of masses is at the height 0.
+    """
     count = len(model.stories)
     is_cut = count > 2 * _SHOWN
     shown = [*range(_SHOWN), *range(count - _SHOWN, count)] if is_cut else list(range(count))
     figure = Figure(figsize=(7.5, 2.9), layout="constrained")
     axes = figure.subplots()
+    # Three dots have the width of a mass.
     axes.set(xlim=(-0.15, len(shown) + is_cut + 0.5), ylim=(-0.85, 0.95), aspect="equal")
     axes.axis("off")
     axes.add_patch(
         Rectangle((-0.12, -0.4), 0.12, 0.8, facecolor="0.85", hatch="////", edgecolor="0.4")
     )
-    black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
-    for place, index in enumerate(shown):
-        left = place + (is_cut and place >= _SHOWN) + 1.0 - _SIDE
-        if is_cut and place == _SHOWN:
+    for position, index in enumerate(shown):
+        left = position + 1.0 - _SIDE
+        if is_cut and position >= _SHOWN:
+            left += 1.0
+        if is_cut and position == _SHOWN:
             axes.text(
                 left - 1.0 + 0.5 * _SIDE, 0.0, "· · ·", ha="center", va="center", fontsize=14.0
             )
-        # The link to the one before: a spring above a dashpot.
-        before = left - (1.0 - _SIDE)
-        middle = 0.5 * (before + left)
-        teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
-        axes.plot(np.linspace(before, left, 9), 0.13 + 0.05 * teeth, **black)
-        axes.plot([before, middle], [-0.13, -0.13], **black)
-        axes.plot([middle, middle], [-0.18, -0.08], **black)
-        cup = [middle - 0.06, middle + 0.06, middle + 0.06, middle - 0.06]
-        axes.plot(cup, [-0.2, -0.2, -0.06, -0.06], **black)
-        axes.plot([middle + 0.06, left], [-0.13, -0.13], **black)
-        axes.add_patch(
-            Rectangle((left, -0.5 * _SIDE), _SIDE, _SIDE, facecolor="0.93", edgecolor="black")
-        )
-        axes.text(
-            left + 0.5 * _SIDE,
-            0.0,
-            f"{model.stories[index].mass:g} kg",
-            ha="center",
-            va="center",
-            fontsize=7.5,
-        )
-        axes.text(left + 0.5 * _SIDE, -0.4, f"{index + 1}", ha="center", va="center", fontsize=7.5)
-        # The force on the floor, a sum of cosines and sines.
-        waves = [
-            f"{size:g} {wave} {force.omega:g}t"
-            for force in model.excitation.forces
-            for size, wave in ((force.cosine, "cos"), (force.sine, "sin"))
-            if size and force.floor == index + 1
-        ]
-        if waves:
-            text = f"{' + '.join(waves)} N"
-            axes.annotate("", (left + _SIDE, 0.45), (left, 0.45), arrowprops={"arrowstyle": "->"})
-            axes.text(left + 0.5 * _SIDE, 0.55, text, ha="center", va="bottom", fontsize=7.0)
+        _draw_link(axes, left - (1.0 - _SIDE), left)
+        _draw_mass(axes, model, index, left)
     # The law of the links, in powers of the drift d, once if all are alike.
-    springs: list[str] = []
+    laws: list[str] = []
     for story in model.stories:
         powers = zip(story.law.parameters, ("d", "d²", "d³"), strict=False)
         spring = " + ".join(f"{value:g} {power}" for value, power in powers if value)
-        springs.append(f"f = {spring} N, dashpot {story.dashpot:g} N s/m")
-    springs = list(dict.fromkeys(springs))
-    text = "\n".join(
-        springs
-        if len(springs) == 1
-        else [f"link {i}: {law}" for i, law in enumerate(springs, start=1)]
-    )
-    axes.text(0.0, -0.6, text, ha="left", va="top", fontsize=7.5)
+        laws.append(f"f = {spring} N, dashpot {story.dashpot:g} N s/m")
+    laws = list(dict.fromkeys(laws))
+    if len(laws) > 1:
+        laws = [f"link {i}: {law}" for i, law in enumerate(laws, start=1)]
+    axes.text(0.0, -0.6, "\n".join(laws), ha="left", va="top", fontsize=7.5)
     return titled(figure, title)
+
+
+def _draw_link(axes: Any, start: float, end: float) -> None:
+    """Draw a spring above a dashpot between the abscissas `start` and `end`."""
+    black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
+    middle = 0.5 * (start + end)
+    teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
+    axes.plot(np.linspace(start, end, 9), 0.13 + 0.05 * teeth, **black)
+    # Rod, piston and cylinder of the dashpot.
+    axes.plot([start, middle], [-0.13, -0.13], **black)
+    axes.plot([middle, middle], [-0.18, -0.08], **black)
+    cylinder = [middle - 0.06, middle + 0.06, middle + 0.06, middle - 0.06]
+    axes.plot(cylinder, [-0.2, -0.2, -0.06, -0.06], **black)
+    axes.plot([middle + 0.06, end], [-0.13, -0.13], **black)
+
+
+def _draw_mass(axes: Any, model: Model, index: int, left: float) -> None:
+    """Draw the mass of a floor with its number and its force.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    model : Model
+        The building.
+    index : int
+        Index of the floor, from 0.
+    left : float
+        Abscissa of the left side of the mass.
+    """
+    axes.add_patch(
+        Rectangle((left, -0.5 * _SIDE), _SIDE, _SIDE, facecolor="0.93", edgecolor="black")
+    )
+    center = left + 0.5 * _SIDE
+    mass = f"{model.stories[index].mass:g} kg"
+    axes.text(center, 0.0, mass, ha="center", va="center", fontsize=7.5)
+    axes.text(center, -0.4, f"{index + 1}", ha="center", va="center", fontsize=7.5)
+    # The force on the floor, a sum of cosines and sines.
+    terms: list[str] = []
+    for force in model.excitation.forces:
+        if force.floor == index + 1:
+            for amplitude, function in ((force.cosine, "cos"), (force.sine, "sin")):
+                if amplitude:
+                    terms.append(f"{amplitude:g} {function} {force.omega:g}t")
+    if terms:
+        axes.annotate("", (left + _SIDE, 0.45), (left, 0.45), arrowprops={"arrowstyle": "->"})
+        text = f"{' + '.join(terms)} N"
+        axes.text(center, 0.55, text, ha="center", va="bottom", fontsize=7.0)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from tdint.analysis.run.many_results import Runs
 
 _MOST_PARAMETERS = 6  # maximum number of panels of derivatives
-_PLAIN = 3  # power of ten up to which the axis has plain numbers
+_MAX_PLAIN_POWER = 3  # power of ten up to which the axis has plain numbers
 _COLUMNS = 3  # maximum number of panels in a row
 
 
@@ -46,18 +46,20 @@ def run_profiles(runs: Runs) -> list[Profile]:
     If the scale varies from sample to sample, all runs of a building are one profile.
     """
     if not len(runs.model):
-        raise UsageError("there are no runs to plot")
+        raise UsageError("a figure of runs requires at least one run, got none")
     names = [model.name for model in runs.models]
     profiles = []
-    of_samples = SCALE in runs.varied
-    scales = [math.nan] if of_samples else list(dict.fromkeys(runs.scale.tolist()))
+    is_scale_sampled = SCALE in runs.varied
+    scales = [math.nan] if is_scale_sampled else list(dict.fromkeys(runs.scale.tolist()))
     for scale in scales:
         for number, model in enumerate(runs.models):
-            chosen = np.flatnonzero((runs.model == number) & (of_samples | (runs.scale == scale)))
-            if not chosen.size:
+            has_scale = is_scale_sampled | (runs.scale == scale)
+            selected = np.flatnonzero((runs.model == number) & has_scale)
+            if not selected.size:
                 continue
-            status = runs.status[chosen]
-            done, fallen = chosen[status == DONE], np.isin(status, FALLEN)
+            status = runs.status[selected]
+            done = selected[status == DONE]
+            collapsed = int(np.count_nonzero(np.isin(status, FALLEN)))
             n = len(model.stories)
             name = names[number]
             profiles.append(
@@ -66,14 +68,17 @@ def run_profiles(runs: Runs) -> list[Profile]:
                     math.nan,
                     [[] for _ in done],
                     pairs=0,
-                    collapsed=int(np.count_nonzero(fallen)),
-                    failed=int(chosen.size - done.size - np.count_nonzero(fallen)),
+                    collapsed=collapsed,
+                    failed=selected.size - done.size - collapsed,
                     measure=("", ""),
                     pair_demand="",
                     building=name if names.count(name) == 1 else f"{name} ({number + 1})",
                     motions=tuple(runs.records[runs.record[run]].source for run in done),
                     height=np.array([story.height or math.nan for story in model.stories]),
-                    peaks={one.name: getattr(runs.stories, one.name)[done, :n] for one in STORY},
+                    peaks={
+                        quantity.name: getattr(runs.stories, quantity.name)[done, :n]
+                        for quantity in STORY
+                    },
                     peak_errors={},
                 )
             )
@@ -86,9 +91,14 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
     Horizontal lines are estimated errors.
     """
     if units != SI:
-        raise UsageError("derivatives are in SI units: units cannot be selected for a gradient")
+        raise UsageError(
+            "units cannot be selected for a gradient, because its derivatives are in SI units; "
+            "omit units"
+        )
     if gradient.peak_drift.ndim > 2:
-        raise UsageError("gradient of many runs: plot a single run, gradient.of_run(0).plot()")
+        raise UsageError(
+            "a gradient of many runs has no figure; plot a single run: gradient.of_run(0).plot()"
+        )
     shown = gradient.parameters[:_MOST_PARAMETERS]
     columns = min(len(shown), _COLUMNS)
     rows = math.ceil(len(shown) / columns)
@@ -100,7 +110,7 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
         # A power of ten in the label instead of the corner of the panel, where texts overlap.
         largest = float(np.nanmax(np.abs(values), initial=0.0))
         power = math.floor(math.log10(largest)) if largest > 0.0 else 0
-        power = 0 if -_PLAIN <= power <= _PLAIN else power
+        power = 0 if abs(power) <= _MAX_PLAIN_POWER else power
         error = 10.0**-power * errors[number] if errors is not None else None
         _draw_derivative(axes, 10.0**-power * values, error)
         unit = f"1e{power} SI units" if power else "SI units"
@@ -108,18 +118,19 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
         axes.set_ylabel("story" if number % columns == 0 else "")
     for axes in panels[len(shown) :]:
         axes.set_visible(False)
-    left_out = len(gradient.parameters) - len(shown)
-    more = f"; the first {len(shown)} of {len(gradient.parameters)} parameters" if left_out else ""
-    estimated = "with estimated errors" if errors is not None else "errors not estimated"
-    subject = f"Derivatives of the peak drifts, {pluralize(len(gradient.parameters), 'parameter')}"
-    return titled(figure, f"{subject}\n{estimated}{more}")
+    count = len(gradient.parameters)
+    title = f"Derivatives of the peak drifts, {pluralize(count, 'parameter')}\n"
+    title += "with estimated errors" if errors is not None else "errors not estimated"
+    if len(shown) < count:
+        title += f"; the first {len(shown)} of {count} parameters"
+    return titled(figure, title)
 
 
 def _draw_derivative(axes: Any, values: Array, errors: Array | None) -> None:
     """Plot the derivative in each story as a bar, with its estimated error."""
-    places = np.arange(values.size) + 1.0
-    axes.barh(places, values, height=0.62, color=LIGHT)
-    axes.errorbar(values, places, xerr=errors, fmt="o", color=INK, markersize=3.0, capsize=2.0)
+    stories = np.arange(values.size) + 1.0
+    axes.barh(stories, values, height=0.62, color=LIGHT)
+    axes.errorbar(values, stories, xerr=errors, fmt="o", color=INK, markersize=3.0, capsize=2.0)
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.set_ylim(0.5, values.size + 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))

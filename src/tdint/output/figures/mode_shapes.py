@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from tdint.model.modes import Modes
 
 
-_MOST = 4  # maximum number of modes, because higher modes make the figure crowded
-_MARKED = 20  # maximum number of floors with markers
+_MAX_MODES = 4  # maximum number of modes, because higher modes make the figure crowded
+_MAX_MARKED_FLOORS = 20  # maximum number of floors with markers
 
 
 def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
@@ -47,9 +47,9 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
     shapes = modes.normalized(norm)
     floors = np.arange(len(shapes) + 1)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
-    for mode in range(min(_MOST, len(floors) - 1)):
+    for mode in range(min(_MAX_MODES, len(floors) - 1)):
         label = f"mode {mode + 1}, {2.0 * math.pi / modes.omega[mode]:.4g} s"
-        marker = MARKERS[mode] if len(shapes) <= _MARKED else None
+        marker = MARKERS[mode] if len(shapes) <= _MAX_MARKED_FLOORS else None
         look = line_look(mode) | {"marker": marker, "markersize": 4.0}
         axes.plot([0.0, *shapes[:, mode]], floors, label=label, clip_on=False, **look)
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
@@ -102,38 +102,42 @@ def mode_spectrum_picture(
         squeeze=False,
         height_ratios=(1.0,) if spectrum is None else (1.6, 1.0),
     )[:, 0]
-    below = rows[-1]
-    below.vlines(periods, 0.0, 100.0 * mass_ratio, color=COLORS[0], linewidth=1.6)
-    below.plot(periods, 100.0 * mass_ratio, "o", color=COLORS[0], markersize=3.5)
-    below.set(ylabel="effective modal\nmass (%)", ylim=(0.0, 115.0), xlabel="period (s)")
-    ends = [periods[-1], 1.3 * periods[0], *(() if spectrum is None else spectrum.periods)]
-    log_periods(below, np.array([0.9 * min(ends), max(ends)]))
+    mass_axes = rows[-1]
+    mass_axes.vlines(periods, 0.0, 100.0 * mass_ratio, color=COLORS[0], linewidth=1.6)
+    mass_axes.plot(periods, 100.0 * mass_ratio, "o", color=COLORS[0], markersize=3.5)
+    mass_axes.set(ylabel="effective modal\nmass (%)", ylim=(0.0, 115.0), xlabel="period (s)")
+    shown_periods = [periods[-1], 1.3 * periods[0], *(() if spectrum is None else spectrum.periods)]
+    log_periods(mass_axes, np.array([0.9 * min(shown_periods), max(shown_periods)]))
     # The numbers of modes that are too close to each other would cover each other.
-    taken = math.inf
-    for mode, (period, share) in enumerate(zip(periods, mass_ratio, strict=True), start=1):
-        if mode <= _NUMBERED and math.log(taken / period) > _APART:
-            place = {"textcoords": "offset points", "xytext": (0.0, 4.0), "ha": "center"}
+    last_numbered = math.inf
+    for mode, (period, mass) in enumerate(zip(periods, mass_ratio, strict=True), start=1):
+        if mode <= _MAX_NUMBERED and math.log(last_numbered / period) > _MIN_DISTANCE:
+            position = {"textcoords": "offset points", "xytext": (0.0, 4.0), "ha": "center"}
             name = f"mode {mode}" if mode == 1 else str(mode)
-            below.annotate(name, (period, 100.0 * share), **place, fontsize=8.0, color=MARK)
-            taken = period
+            mass_axes.annotate(name, (period, 100.0 * mass), **position, fontsize=8.0, color=MARK)
+            last_numbered = period
     if spectrum is not None:
-        above = rows[0]
-        above.plot(
+        spectrum_axes = rows[0]
+        spectrum_axes.plot(
             spectrum.periods,
             units.of(spectrum.psa, "m/s^2"),
             label=spectrum.label,
             **line_look(0),
         )
         values = units.of(spectrum.at_modes, "m/s^2")
-        above.plot(periods, values, "o", color=MARK, markersize=4.0, label="modes", zorder=4)
-        mark_first_periods(above, [("", float(periods[0]))])
-        above.set(ylim=(0.0, None), ylabel=f"pseudo-acceleration\nPSA ({units.label('m/s^2')})")
-        above.legend(loc="best")
+        spectrum_axes.plot(
+            periods, values, "o", color=MARK, markersize=4.0, label="modes", zorder=4
+        )
+        mark_first_periods(spectrum_axes, [("", float(periods[0]))])
+        spectrum_axes.set(
+            ylim=(0.0, None), ylabel=f"pseudo-acceleration\nPSA ({units.label('m/s^2')})"
+        )
+        spectrum_axes.legend(loc="best")
     return figure
 
 
-_NUMBERED = 6  # maximum number of modes with a number in the figure
-_APART = 0.2  # minimum difference of ln period between numbered modes
+_MAX_NUMBERED = 6  # maximum number of modes with a number in the figure
+_MIN_DISTANCE = 0.2  # minimum difference of ln period between numbered modes
 
 
 def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:
@@ -147,10 +151,11 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
         {"SRSS": result.shear_srss * factor, "CQC": result.shear_cqc * factor},
         f"story shear ({unit})",
     )
-    floors = {"SRSS": result.displacement_srss, "CQC": result.displacement_cqc}
-    for number, (rule, values) in enumerate(floors.items()):
-        moved = np.concatenate(([0.0], units.of(values, "m")))
-        displacement.plot(moved, np.arange(moved.size), label=rule, **line_look(number))
+    displacements = {"SRSS": result.displacement_srss, "CQC": result.displacement_cqc}
+    for number, (rule, values) in enumerate(displacements.items()):
+        with_ground = np.concatenate(([0.0], units.of(values, "m")))
+        floors = np.arange(with_ground.size)
+        displacement.plot(with_ground, floors, label=rule, **line_look(number))
     displacement.set(xlim=(0.0, None), ylim=(0, result.period.size), ylabel="floor")
     displacement.set_xlabel(f"displacement ({units.label('m')})")
     displacement.yaxis.get_major_locator().set_params(integer=True)
@@ -162,9 +167,9 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
 
 def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
     """Draw story drifts by both combination rules; drift ratios if all stories have heights."""
-    ratio = not np.isnan(result.height).any()
-    scale = 100.0 / result.height if ratio else 1.0 / units.unit("m")[1]
-    label = "drift ratio (%)" if ratio else f"drift ({units.label('m')})"
+    has_ratios = not np.isnan(result.height).any()
+    scale = 100.0 / result.height if has_ratios else 1.0 / units.unit("m")[1]
+    label = "drift ratio (%)" if has_ratios else f"drift ({units.label('m')})"
     _over_height(axes, {"SRSS": result.drift_srss * scale, "CQC": result.drift_cqc * scale}, label)
     axes.legend(loc="best")
 

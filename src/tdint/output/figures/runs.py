@@ -32,17 +32,18 @@ from tdint.units import SI, OutputUnits
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
     from tdint.campaign.sensitivity import ParameterEffect
+    from tdint.ground_motion.record import Record
 
-_NEAR = 0.4  # the collapse drift is shown if the peak reaches this fraction of it
-_SEEN = 0.002  # fraction of the maximum from which estimated errors are shown
-_WIDE = (
-    0.01  # the band of the error is drawn where it reaches this part of the largest displacement
-)
-_VISIBLE = 0.05  # fraction of the peak from which the residual drift is shown
-_LAYER = 1e-4  # fraction of the maximum input energy from which an energy is shown
-_SAME = 1e-9  # relative difference below which two times are equal
-_NAMED = 3  # maximum number of events that the title names
-_ABOVE = {
+_MIN_COLLAPSE_FRACTION = 0.4
+"""The collapse drift is shown if the peak drift reaches this fraction of it."""
+_MIN_ERROR = 0.002  # fraction of the maximum from which estimated errors are shown
+_MIN_BAND = 0.01
+"""Fraction of the maximum displacement from which the estimated error is shown as a band."""
+_MIN_RESIDUAL = 0.05  # fraction of the peak from which the residual drift is shown
+_MIN_ENERGY = 1e-4  # fraction of the maximum input energy from which an energy is shown
+_ROUNDING = 1e-9  # relative difference below which two times or accelerations are equal
+_MAX_NAMED = 3  # maximum number of events that the title names
+_LEGEND_ABOVE = {
     "loc": "lower left",
     "bbox_to_anchor": (-0.02, 1.0),
     "borderaxespad": 0.1,
@@ -50,7 +51,8 @@ _ABOVE = {
     "handlelength": 1.6,
 }
 """Position of a legend above a panel; inside, it would cover the bars."""
-_BEYOND = 1.25  # length of the bar of an isolator divided by the maximum of the other stories
+_SEPARATE_BAR = 1.25
+"""Length of the bar of a story that is drawn separately, divided by the maximum of the others."""
 
 
 def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
@@ -60,11 +62,8 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     accelerations and shears over the height; and the hysteresis loop of one story. Without a
     response history, only the quantities over the height are shown.
     """
-    units = units.in_figures
-    title, history = (
-        f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s",
-        response.history,
-    )
+    units, history = units.in_figures, response.history
+    title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
     if history is None:
         figure = Figure(figsize=(7.0, 4.2), layout="constrained")
         draw_profiles(figure.subplots(1, 3), response, units)
@@ -75,65 +74,89 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     if response.record is None:
         roof = figure.add_subplot(grid[:2])
     else:
-        # All samples of the record up to the end of the run, independently of the time steps.
         ground = figure.add_subplot(grid[0])
-        motion, unit = units.of(response.record.acceleration, "m/s^2"), units.label("m/s^2")
-        time, end = response.record.dt * np.arange(motion.size), history.time[-1]
-        if end > time[-1]:  # the ground comes to rest within a sample
-            time, motion = (
-                np.append(time, [time[-1] + response.record.dt, end]),
-                np.append(motion, [0.0, 0.0]),
-            )
-        shown = time <= end * (1.0 + _SAME)
-        time, motion = time[shown], motion[shown]
-        ground.plot(time, motion, color=LIGHT, linewidth=0.8)
-        ground.set_ylabel(f"ground ({unit})")
-        ground.tick_params(labelbottom=False)
-        ground.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
-        # The figure ends with the run. After a collapse the peak of the record can be later.
-        pga = units.of(response.record.pga, "m/s^2")
-        shown_peak = float(np.max(np.abs(motion)))
-        later = f", PGA {_short(pga)} {unit} later" if pga > shown_peak * (1.0 + _SAME) else ""
-        _mark_peak(ground, time, motion, shown_peak, unit, later)
+        _draw_ground(ground, response.record, history.time[-1], units)
         roof = figure.add_subplot(grid[1], sharex=ground)
     _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
     _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history, units)
-    below = (
-        grid[3].subgridspec(2, 2)
-        if narrow
-        else grid[3].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
-    )
-    profiles = [figure.add_subplot(below[i]) for i in range(3)]
+    if narrow:
+        lower_grid = grid[3].subgridspec(2, 2)
+    else:
+        lower_grid = grid[3].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
+    profiles = [figure.add_subplot(lower_grid[i]) for i in range(3)]
     draw_profiles(profiles, response, units)
-    _draw_hysteresis(figure.add_subplot(below[3]), response, history, units)
-    # The start of each event of a sequence, with its number above the upper panel.
-    for axes in figure.axes[: 2 if response.record is not None else 1]:
-        for shock in response.events[1:]:
-            axes.axvline(shock.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
-    for number, shock in enumerate(response.events, start=1):
-        place: dict[str, Any] = {
-            "xycoords": ("data", "axes fraction"),
-            "textcoords": "offset points",
-            "xytext": (3, 2),
-        }
-        figure.axes[0].annotate(
-            f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place
+    _draw_hysteresis(figure.add_subplot(lower_grid[3]), response, history, units)
+    _mark_events(figure.axes[: 2 if response.record is not None else 1], response)
+    return titled(figure, title + _run_subject(response))
+
+
+def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> None:
+    """Draw the ground acceleration up to the end of the run.
+
+    All samples are drawn, independently of the time steps of the run.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel.
+    record : Record
+        Ground motion.
+    end : float
+        Time of the end of the run, s.
+    units : OutputUnits
+        Units of the panel.
+    """
+    motion, unit = units.of(record.acceleration, "m/s^2"), units.label("m/s^2")
+    time = record.dt * np.arange(motion.size)
+    if end > time[-1]:
+        # The ground comes to rest within one sampling interval after the record.
+        time = np.append(time, [time[-1] + record.dt, end])
+        motion = np.append(motion, [0.0, 0.0])
+    shown = time <= end * (1.0 + _ROUNDING)
+    time, motion = time[shown], motion[shown]
+    axes.plot(time, motion, color=LIGHT, linewidth=0.8)
+    axes.set_ylabel(f"ground ({unit})")
+    axes.tick_params(labelbottom=False)
+    axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
+    # The figure ends with the run. After a collapse the peak of the record can be later.
+    pga = units.of(record.pga, "m/s^2")
+    shown_peak = float(np.max(np.abs(motion)))
+    later = f", PGA {_short(pga)} {unit} later" if pga > shown_peak * (1.0 + _ROUNDING) else ""
+    _mark_peak(axes, time, motion, shown_peak, unit, later)
+
+
+def _mark_events(panels: Sequence[Any], response: Response) -> None:
+    """Mark the start of each event of a sequence, with its number above the first panel."""
+    for axes in panels:
+        for event in response.events[1:]:
+            axes.axvline(event.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
+    position: dict[str, Any] = {
+        "xycoords": ("data", "axes fraction"),
+        "textcoords": "offset points",
+        "xytext": (3, 2),
+    }
+    for number, event in enumerate(response.events, start=1):
+        panels[0].annotate(
+            f"shock {number}", (event.start, 1.0), fontsize=8.0, color=MARK, **position
         )
-    records = [shock.record for shock in response.events] or (
-        [response.record] if response.record else []
-    )
+
+
+def _run_subject(response: Response) -> str:
+    """Return the ground motions and the collapse of a run, for the title of its figure."""
+    text = ""
+    records = [event.record for event in response.events]
+    if not records and response.record:
+        records = [response.record]
     if records:
-        named = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
-        title += f", {', then '.join(named[:_NAMED])}"
-        if len(named) > _NAMED:
-            title += f" and {len(named) - _NAMED} more"
-        title += changed(records)
+        names = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
+        text += f", {', then '.join(names[:_MAX_NAMED])}"
+        if len(names) > _MAX_NAMED:
+            text += f" and {len(names) - _MAX_NAMED} more"
+        text += changed(records)
     if (collapse := response.collapse) is not None:
-        title += (
-            f"; story {collapse.story} {'failed' if collapse.failed else 'collapsed'} at "
-            f"{collapse.time:.4g} s"
-        )
-    return titled(figure, title)
+        verb = "failed" if collapse.failed else "collapsed"
+        text += f"; story {collapse.story} {verb} at {collapse.time:.4g} s"
+    return text
 
 
 def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> None:
@@ -142,7 +165,7 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
     if history.error is not None:
         error = np.abs(units.of(history.error.displacement[:, -1], "m"))
-        if np.any(error > _WIDE * np.max(np.abs(roof))):
+        if np.any(error > _MIN_BAND * np.max(np.abs(roof))):
             band = {"color": MARK, "alpha": 0.35, "linewidth": 0.0, "label": "estimated error"}
             axes.fill_between(history.time, roof - error, roof + error, **band)
             axes.legend(loc="lower right", fontsize=7.0, handlelength=1.6)
@@ -152,12 +175,15 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
 
 
 def _draw_energies(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    """Draw dissipated, viscous, strain and kinetic energy as layers below the input energy."""
+    """Draw dissipated, viscous, strain and kinetic energy as layers below the input energy.
+
+    Layers that are too thin to be visible are omitted.
+    """
     energy = history.energy
-    given = response.energy.initial + energy.input
-    # Nobody states energies in kN mm: with mm they are in kN m or N m.
-    shown = replace(units, length="m") if units.length in ("mm", "cm") else units
-    factor, unit = scaled_unit(float(np.max(np.abs(given))), "J", shown)
+    total_input = response.energy.initial + energy.input
+    # Energies in kN mm are not common: with lengths in mm or cm, energies are in kN m or N m.
+    energy_units = replace(units, length="m") if units.length in ("mm", "cm") else units
+    factor, unit = scaled_unit(float(np.max(np.abs(total_input))), "J", energy_units)
     layers = (
         (energy.hysteretic, "dissipated by stories", "0.35", None),
         (energy.viscous, "damping", "0.62", None),
@@ -165,36 +191,37 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         (energy.strain, "stored", "0.85", None),
         (energy.kinetic, "kinetic", "1.0", "//////"),
     )
-    below = np.zeros(len(given))
+    bottom = np.zeros(len(total_input))
     for values, label, gray, hatch in layers:
-        if np.max(np.abs(values)) <= _LAYER * np.max(np.abs(given)):
+        if np.max(np.abs(values)) <= _MIN_ENERGY * np.max(np.abs(total_input)):
             continue
-        above = below + factor * values
+        top = bottom + factor * values
         axes.fill_between(
             history.time,
-            below,
-            above,
+            bottom,
+            top,
             facecolor=gray,
             edgecolor="0.5",
             hatch=hatch,
             linewidth=0.0,
             label=label,
         )
-        below = above
-    axes.plot(history.time, factor * given, color=INK, linewidth=1.2, label="input")
+        bottom = top
+    axes.plot(history.time, factor * total_input, color=INK, linewidth=1.2, label="input")
     axes.set(ylabel=f"energy ({unit})", xlabel="time (s)", xlim=(history.time[0], history.time[-1]))
     # Above the panel, because the legend would cover the layers.
-    narrow = {"borderaxespad": 0.0, "columnspacing": 1.2, "handlelength": 1.6}
     axes.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 0.99),
         ncols=2 if is_narrow() else 5,
         reverse=True,
-        **narrow,
+        borderaxespad=0.0,
+        columnspacing=1.2,
+        handlelength=1.6,
     )
-    if np.any(given):
+    if np.any(total_input):
         error = f"energy balance error {100.0 * abs(response.energy.error):.1g} %"
-        if is_narrow():  # the legend has the room above the panel
+        if is_narrow():  # the legend occupies the space above the panel
             write_note(axes, error, y=0.3)
         else:
             axes.set_title(error, loc="right", fontsize=8.0)
@@ -254,8 +281,11 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
 
 
 def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
-    """Return the story (from 0) of the hysteresis loop in the figure of a run, and the reason: the
-    story with the maximum ductility; without ductility, the maximum drift ratio or drift."""
+    """Return the story (from 0) of the hysteresis loop in the figure of a run, and the reason.
+
+    It is the story with the maximum ductility; if no story has a ductility, the story with the
+    maximum drift ratio or drift.
+    """
     stories = response.stories
     story, reason = 0, "no drift"
     for values, name, factor, unit in (
@@ -271,6 +301,7 @@ def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
+    """Draw the hysteresis loop of one story with its number and the reason for its selection."""
     story, reason = loop_story(response, units)
     _draw_loop(axes, response, history, story, units)
     axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
@@ -317,6 +348,7 @@ def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
 
 
 def _frame_profile(axes: Any, response: Response) -> None:
+    """Set the limits and ticks of a panel over the height."""
     axes.set_ylim(0.5, response.stories.peak_drift.size + 0.5)
     axes.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
     axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
@@ -355,7 +387,7 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
             over_stories(
                 shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label
             )
-        shears.legend(**_ABOVE)
+        shears.legend(**_LEGEND_ABOVE)
     shears.set_xlabel(f"story shear ({unit})")
     for axes in panels:
         _frame_profile(axes, response)
@@ -364,87 +396,105 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 
 
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """Draw peak drifts in percent of the story height, or as lengths.
+    """Draw peak drifts in percent of the story height, or as lengths if no story has a height.
 
-    Isolators and stories without height are drawn separately unless they collapse.
+    Isolators and, if other stories have heights, stories without height are drawn separately,
+    unless these are all stories.
     """
     stories = response.stories
-    tall = np.isfinite(stories.height)
-    by_height = bool(tall.any())
-    length = np.full_like(stories.height, 1.0 / units.unit("m")[1])
-    scale = 100.0 / np.where(tall, stories.height, 1.0) if by_height else length
-    apart = np.array([story.isolator for story in response.model.stories]) | (by_height & ~tall)
-    apart &= not apart.all()
-    peak = scale * stories.peak_drift
-    filled = np.nan_to_num(np.where(apart, np.nan, peak))
-    largest = float(np.max(peak[~apart], initial=0.0))
-    over_stories(axes, filled, fill=True, color=INK, alpha=0.18)
-    over_stories(
-        axes,
-        filled,
-        color=INK,
-        linewidth=1.4,
-        **({"label": "all events"} if response.events else {}),
-    )
-    # The peaks of each event of a sequence, up to the number of line styles.
-    whole = stories.peak_drift
-    of_shocks = np.divide(peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
-    for number, (shock, color) in enumerate(
+    has_height = np.isfinite(stories.height)
+    in_percent = bool(has_height.any())
+    if in_percent:
+        scale = 100.0 / np.where(has_height, stories.height, 1.0)
+    else:
+        scale = np.full_like(stories.height, 1.0 / units.unit("m")[1])
+    is_isolator = np.array([story.isolator for story in response.model.stories])
+    is_separate = is_isolator | (in_percent & ~has_height)
+    is_separate &= not is_separate.all()
+    peaks = scale * stories.peak_drift
+    shown_peaks = np.nan_to_num(np.where(is_separate, np.nan, peaks))
+    maximum = float(np.max(peaks[~is_separate], initial=0.0))
+    over_stories(axes, shown_peaks, fill=True, color=INK, alpha=0.18)
+    label = {"label": "all events"} if response.events else {}
+    over_stories(axes, shown_peaks, color=INK, linewidth=1.4, **label)
+    # The peaks of each event of a sequence, up to the number of line styles. The factor of a story
+    # without drift is zero.
+    drifts = stories.peak_drift
+    factors = np.divide(peaks, drifts, out=np.zeros_like(drifts), where=drifts > 0.0)
+    for number, (event, color) in enumerate(
         zip(response.events, COLORS[1:], strict=False), start=1
     ):
-        of_shock = np.where(apart, 0.0, of_shocks * shock.stories.peak_drift)
+        values = np.where(is_separate, 0.0, factors * event.stories.peak_drift)
         over_stories(
-            axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"event {number}"
+            axes, values, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"event {number}"
         )
     # Residual drifts, estimated errors and the collapse drift are drawn if they are large enough
     # to be visible.
-    residual = np.where(apart, 0.0, scale * np.abs(stories.residual_drift))
-    if np.any(residual > _VISIBLE * largest):
+    residual = np.where(is_separate, 0.0, scale * np.abs(stories.residual_drift))
+    if np.any(residual > _MIN_RESIDUAL * maximum):
         over_stories(axes, residual, color=MARK, linestyle=DASHES[2], label="residual drift")
     if response.check is not None:
-        errors = np.where(apart, np.nan, scale * response.check.errors.peak_drift)
-        if np.any(errors > _SEEN * largest):
-            look: dict[str, Any] = {
-                "fmt": "none",
-                "ecolor": INK,
-                "capsize": 2.0,
-                "label": "estimated error",
-            }
+        errors = np.where(is_separate, np.nan, scale * response.check.errors.peak_drift)
+        if np.any(errors > _MIN_ERROR * maximum):
             axes.errorbar(
-                np.where(apart, np.nan, peak), np.arange(1, peak.size + 1), xerr=errors, **look
+                np.where(is_separate, np.nan, peaks),
+                np.arange(1, peaks.size + 1),
+                xerr=errors,
+                fmt="none",
+                ecolor=INK,
+                capsize=2.0,
+                label="estimated error",
             )
     limit = 100.0 * response.model.collapse_drift
-    if by_height and largest > _NEAR * limit:
+    if in_percent and maximum > _MIN_COLLAPSE_FRACTION * limit:
         axes.axvline(limit, color=MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
-    # A story that is drawn separately has a bar beyond the scale, labeled with its drift.
-    end = _BEYOND * largest or 1.0
-    for place in np.flatnonzero(apart):
-        axes.barh(
-            place + 1,
-            end,
-            height=1.0,
-            facecolor="none",
-            edgecolor=LIGHT,
-            hatch="////",
-            linewidth=0.0,
-        )
-        text = f"{_short(units.of(whole, 'm')[place])} {units.label('m')}"
-        white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-        axes.text(
-            0.5 * end,
-            place + 1,
-            text,
-            ha="center",
-            va="center",
-            fontsize=8.0,
-            color=MARK,
-            bbox=white,
-        )
-    if apart.any():
+    end = _SEPARATE_BAR * maximum or 1.0
+    for index in np.flatnonzero(is_separate):
+        _draw_separate_story(axes, int(index), drifts[index], end, units)
+    if is_separate.any():
         axes.set_xlim(right=end)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(**_ABOVE)
-    axes.set_xlabel("drift (% of height)" if by_height else f"drift ({units.label('m')})")
+        axes.legend(**_LEGEND_ABOVE)
+    axes.set_xlabel("drift (% of height)" if in_percent else f"drift ({units.label('m')})")
+
+
+def _draw_separate_story(
+    axes: Any, index: int, drift: float, end: float, units: OutputUnits
+) -> None:
+    """Draw a hatched bar over the complete width of the panel, with the drift as text.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel.
+    index : int
+        Index of the story, from 0.
+    drift : float
+        Peak drift, m.
+    end : float
+        End of the bar, in units of the axis.
+    units : OutputUnits
+        Units of the text.
+    """
+    axes.barh(
+        index + 1,
+        end,
+        height=1.0,
+        facecolor="none",
+        edgecolor=LIGHT,
+        hatch="////",
+        linewidth=0.0,
+    )
+    axes.text(
+        0.5 * end,
+        index + 1,
+        f"{_short(units.of(drift, 'm'))} {units.label('m')}",
+        ha="center",
+        va="center",
+        fontsize=8.0,
+        color=MARK,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+    )
 
 
 # ---- Sensitivity
@@ -462,15 +512,15 @@ def sensitivity_picture(
 ) -> Figure:
     """Draw effects of parameters (`tdint.campaign.sensitivity.parameter_effects`)."""
     parameters = len({effect.parameter for effect in parameter_effects})
-    narrow = (
-        is_narrow()
-    )  # then names stand on rows of their own height, four panels below each other
-    high = 4 * (1.4 + 0.65 * parameters) if narrow else 2.2 + 0.56 * parameters
-    figure = Figure(figsize=(7.2, high), layout="constrained")
-    for axes, name in zip(figure.subplots(*(4, 1) if narrow else (2, 2)).flat, _NAMES, strict=True):
-        _tornado(
-            axes, [effect for effect in parameter_effects if effect.quantity.name == name], units
-        )
+    # In one column of a page, the four panels are below each other.
+    if is_narrow():
+        rows, columns, height = 4, 1, 4 * (1.4 + 0.65 * parameters)
+    else:
+        rows, columns, height = 2, 2, 2.2 + 0.56 * parameters
+    figure = Figure(figsize=(7.2, height), layout="constrained")
+    for axes, name in zip(figure.subplots(rows, columns).flat, _NAMES, strict=True):
+        effects = [effect for effect in parameter_effects if effect.quantity.name == name]
+        _tornado(axes, effects, units)
     return titled(
         figure,
         f"{parameter_effects[0].building}\n"
@@ -485,26 +535,25 @@ def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: Out
         factor, unit = 100.0, "%"
     else:
         factor, unit = scaled_unit(first.as_it_is, first.quantity.unit, units)
-    for place, effect in enumerate(parameter_effects):
-        low, high = (
-            (value - effect.as_it_is) * factor for value in (effect.at_low, effect.at_high)
-        )
-        for end, width, other, color in (
-            ("low", low, high, COLORS[0]),
-            ("high", high, low, COLORS[1]),
+    for row, effect in enumerate(parameter_effects):
+        low = (effect.at_low - effect.as_it_is) * factor
+        high = (effect.at_high - effect.as_it_is) * factor
+        # If both bars extend to the same side, the shorter bar must be in front.
+        low_order, high_order = (1.6, 1.5) if abs(low) < abs(high) else (1.5, 1.6)
+        if abs(low) == abs(high):
+            low_order = high_order = 1.5
+        for name, width, color, order in (
+            ("low", low, COLORS[0], low_order),
+            ("high", high, COLORS[1], high_order),
         ):
-            label = f"{end} value" if place == 0 else None
-            above = (
-                1.6 if abs(width) < abs(other) else 1.5
-            )  # or it hides behind one to the same side
             axes.barh(
-                place,
+                row,
                 width,
                 left=effect.as_it_is * factor,
                 height=0.62,
                 color=color,
-                label=label,
-                zorder=above,
+                label=f"{name} value" if row == 0 else None,
+                zorder=order,
             )
     axes.axvline(first.as_it_is * factor, color=LIGHT, linewidth=0.8)
     names = [

@@ -49,16 +49,16 @@ if TYPE_CHECKING:
 # Also elastic spectra on other axes: tripartite, and acceleration over displacement (ADRS).
 
 _MIN_UNMARKED_PERIODS = 8  # minimum number of periods without markers
-_SUITE = 7  # number of ground motions from which median and fractiles are drawn
+_MIN_SUITE = 7  # number of ground motions from which median and fractiles are drawn
 GRAY = "0.75"
 """Style of a single ground motion in a suite."""
 
 _MINOR_GRID = "0.94"
 
-_SCALE = "0.82"
+_SCALE = "0.82"  # gray of the lines of a scale
 _PERIODS = (0.2, 0.5, 1.0, 2.0, 4.0)  # s; periods of the rays of an ADRS figure
-_ROOM = 0.85  # fraction of the axes that contains the labels of scales
-_NEAR = 0.09  # minimum distance of labels as a fraction of the axes
+_LABEL_RANGE = 0.85  # fraction of the axes that contains the labels of scales
+_MIN_DISTANCE = 0.09  # minimum distance of labels as a fraction of the axes
 
 
 class OverPeriods(Protocol):
@@ -121,24 +121,24 @@ def draw_over_periods(
         # Lines are distinguishable without color: dashes differ by component, or by variant if
         # there are several variants.
         motions = _motions(results)
-        number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
-        kinds = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
-        by_variant = len(titles) > 1
-        places = (
-            [0] * len(results) if columns is None else [titles.index(title) for title in columns]
-        )
-        for result, place, label, motion, variant in zip(
-            results, places, labels, motions, variants, strict=True
+        motion_index = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
+        variant_index = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
+        has_columns = len(titles) > 1
+        column_titles = columns if columns is not None else [titles[0]] * len(results)
+        for result, title, label, motion, variant in zip(
+            results, column_titles, labels, motions, variants, strict=True
         ):
-            dash = kinds[variant] if len(kinds) > 1 or by_variant else number[motion]
-            color = dash if len(number) == 1 or by_variant else number[motion]
-            order = _shown(result.periods)
-            period = result.periods[order]
-            style = line_look(color, dash) | (
-                {"marker": "o", "markersize": 4} if period.size < _MIN_UNMARKED_PERIODS else {}
-            )
-            for axes, (_, values) in zip(rows[:, place], panels, strict=True):
-                (lines[label],) = axes.plot(period, values(result)[order], **style)
+            by_variant = len(variant_index) > 1 or has_columns
+            dash = variant_index[variant] if by_variant else motion_index[motion]
+            by_motion = len(motion_index) > 1 and not has_columns
+            color = motion_index[motion] if by_motion else dash
+            indices = _positive_periods(result.periods)
+            periods = result.periods[indices]
+            style = line_look(color, dash)
+            if periods.size < _MIN_UNMARKED_PERIODS:
+                style |= {"marker": "o", "markersize": 4}
+            for axes, (_, values) in zip(rows[:, titles.index(title)], panels, strict=True):
+                (lines[label],) = axes.plot(periods, values(result)[indices], **style)
     for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
         axes.set(ylabel=label, ylim=(0.0, None))
     for axes, title in zip(rows[0], titles, strict=True):
@@ -148,9 +148,8 @@ def draw_over_periods(
     log_periods(rows[-1, 0], np.concatenate([result.periods for result in results]))
     for axes in rows.flat:
         axes.grid(which="minor", axis="x", color=_MINOR_GRID, linewidth=0.5)
-    add_legend(
-        figure, rows[0, 0], list(lines.values()), list(lines)
-    )  # a single line has its name in the title
+    # A single line has no legend, because the title contains its name.
+    add_legend(figure, rows[0, 0], list(lines.values()), list(lines))
     return figure
 
 
@@ -162,7 +161,7 @@ def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
 
 def is_suite(results: Sequence[OverPeriods]) -> bool:
     """Return True if there are enough ground motions to draw fractiles."""
-    if len(set(_motions(results))) < _SUITE:
+    if len(set(_motions(results))) < _MIN_SUITE:
         return False
     return all(np.array_equal(result.periods, results[0].periods) for result in results)
 
@@ -172,8 +171,8 @@ def in_median(results: Sequence[OverPeriods]) -> list[bool]:
 
     Vertical components are excluded if there are horizontal components.
     """
-    level = [not is_vertical(result.record.component) for result in results]
-    return level if any(level) else [True] * len(level)
+    is_horizontal = [not is_vertical(result.record.component) for result in results]
+    return is_horizontal if any(is_horizontal) else [True] * len(is_horizontal)
 
 
 def _draw_suite(
@@ -182,41 +181,50 @@ def _draw_suite(
     panels: Sequence[Panel[Line]],
     variants: Sequence[Hashable],
 ) -> dict[str, Any]:
-    """Draw all lines in gray, with median and fractiles of each variant; return lines by label."""
-    order = _shown(results[0].periods)
-    period = results[0].periods[order]
-    kinds = list(dict.fromkeys(variants))
+    """Draw all lines in gray, with median and fractiles of each variant; return lines by label.
+
+    Parameters
+    ----------
+    column : sequence of Axes
+        Panels below each other, in the order of `panels`.
+    results : sequence
+        Results with equal periods.
+    panels : sequence
+        Label and values of each panel.
+    variants : sequence
+        Variant of each result, such as its damping ratio.
+    """
+    indices = _positive_periods(results[0].periods)
+    periods = results[0].periods[indices]
+    distinct_variants = list(dict.fromkeys(variants))
     lines: dict[str, Any] = {}
-    counted = in_median(results)
-    of_horizontals = "" if all(counted) else " of horizontals"
+    is_in_median = in_median(results)
+    horizontals = "" if all(is_in_median) else " of horizontals"
     for axes, (_, values) in zip(column, panels, strict=True):
-        rows = np.array([values(result)[order] for result in results])
-        gray = axes.plot(period, rows.T, color=GRAY, linewidth=0.6, zorder=1.5)[0]
+        rows = np.array([values(result)[indices] for result in results])
+        gray = axes.plot(periods, rows.T, color=GRAY, linewidth=0.6, zorder=1.5)[0]
         lines.setdefault(f"{len(set(_motions(results)))} components", gray)
-        for i, kind in enumerate(kinds):
-            rows_of_kind = rows[
-                [
-                    variant == kind and counts
-                    for variant, counts in zip(variants, counted, strict=True)
-                ]
-            ]
-            parts = (
-                kind if isinstance(kind, tuple) else (kind,)
-            )  # a damping ratio alone, or with what was asked
-            words = (
-                f"{100.0 * part:g} %" if isinstance(part, float) else str(part) for part in parts
-            )
-            color, name = COLORS[i % len(COLORS)], f", {', '.join(words)}" if len(kinds) > 1 else ""
-            lines.setdefault(
-                f"median{of_horizontals}{name}", draw_median(axes, period, rows_of_kind, color)
-            )
-            lines.setdefault(
-                f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, rows_of_kind, color)
-            )
+        for i, variant in enumerate(distinct_variants):
+            is_variant = np.array([other == variant for other in variants])
+            selected = rows[is_variant & np.array(is_in_median)]
+            color = COLORS[i % len(COLORS)]
+            name = f", {_variant_text(variant)}" if len(distinct_variants) > 1 else ""
+            median = draw_median(axes, periods, selected, color)
+            lines.setdefault(f"median{horizontals}{name}", median)
+            fractiles = draw_fractiles(axes, periods, selected, color)
+            lines.setdefault(f"{BETWEEN_FRACTILES}{name}", fractiles)
     return lines
 
 
-def _shown(periods: Array) -> NDArray[np.intp]:
+def _variant_text(variant: Hashable) -> str:
+    """Return a damping ratio in percent, or a tuple of a damping ratio and texts, as text."""
+    items = variant if isinstance(variant, tuple) else (variant,)
+    return ", ".join(
+        f"{100.0 * item:g} %" if isinstance(item, float) else str(item) for item in items
+    )
+
+
+def _positive_periods(periods: Array) -> NDArray[np.intp]:
     """Return the indices of the positive periods in increasing order, for a logarithmic axis."""
     order = np.argsort(periods, kind="stable")
     positive = order[periods[order] > 0.0]
@@ -225,7 +233,7 @@ def _shown(periods: Array) -> NDArray[np.intp]:
 
 def log_periods(axes: Any, periods: Array) -> None:
     """Set a logarithmic axis for the positive periods (s)."""
-    shown = periods[_shown(periods)]
+    shown = periods[_positive_periods(periods)]
     low, high = float(np.min(shown)), float(np.max(shown))
     if not low > 0.0:
         return
@@ -270,9 +278,12 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
     """Return a line per spectrum; a suite has gray lines and a median for each damping ratio."""
     shown = [
         replace(
-            of, sd=units.of(of.sd, "m"), psv=units.of(of.psv, "m/s"), psa=units.of(of.psa, "m/s^2")
+            spectrum,
+            sd=units.of(spectrum.sd, "m"),
+            psv=units.of(spectrum.psv, "m/s"),
+            psa=units.of(spectrum.psa, "m/s^2"),
         )
-        for of in spectra
+        for spectrum in spectra
     ]
     if not is_suite(spectra):
         looks = (line_look(i) | {"zorder": 3} for i in range(len(shown)))
@@ -283,26 +294,31 @@ def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUni
     ]
     ratios = dict.fromkeys(spectrum.damping for spectrum in spectra)
     for i, ratio in enumerate(ratios):
-        counted = zip(shown, in_median(spectra), strict=True)
-        of_ratio = [
-            spectrum for spectrum, counts in counted if counts and spectrum.damping == ratio
+        selected = [
+            spectrum
+            for spectrum, is_included in zip(shown, in_median(spectra), strict=True)
+            if is_included and spectrum.damping == ratio
         ]
         medians = {
-            name: np.median([getattr(of, name) for of in of_ratio], axis=0)
-            for name in ("sd", "psv", "psa")
+            quantity: np.median([getattr(spectrum, quantity) for spectrum in selected], axis=0)
+            for quantity in ("sd", "psv", "psa")
         }
-        name = f"median of {len(of_ratio)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
-        curves.append(
-            (replace(shown[0], **medians), name, line_look(i) | {"zorder": 3, "linewidth": 2.0})
-        )
+        label = f"median of {len(selected)}"
+        if len(ratios) > 1:
+            label += f", {100.0 * ratio:g} %"
+        style = line_look(i) | {"zorder": 3, "linewidth": 2.0}
+        curves.append((replace(shown[0], **medians), label, style))
     return curves
 
 
-def _name_curves(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
-    named = [
-        (line, name) for line, (_, name, _) in zip(axes.get_lines(), curves, strict=False) if name
-    ]
-    add_legend(figure, axes, [line for line, _ in named], [name for _, name in named])
+def _add_curve_legend(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
+    """Add the legend of the curves, which are the first lines of the axes."""
+    handles, labels = [], []
+    for line, (_, label, _) in zip(axes.get_lines(), curves, strict=False):
+        if label:
+            handles.append(line)
+            labels.append(label)
+    add_legend(figure, axes, handles, labels)
 
 
 def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
@@ -322,8 +338,8 @@ def draw_tripartite(
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
     for curve, _, style in curves:
-        place = _positive(curve)
-        axes.plot(curve.periods[place], curve.psv[place], **style)
+        indices = _positive(curve)
+        axes.plot(curve.periods[indices], curve.psv[indices], **style)
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
     axes.set(xlabel="period (s)", ylabel=f"pseudo-velocity PSV ({units.label('m/s')})")
     values = np.concatenate([curve.psv[_positive(curve)] for curve, *_ in curves])
@@ -338,70 +354,87 @@ def draw_tripartite(
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         ends = np.array([left, right])
         omega = 2.0 * math.pi / ends
-        for si, speed in (
-            ("m", omega),
-            ("m/s^2", 1.0 / omega),
-        ):  # pseudo-velocity of a unit of each
-            unit, reach = units.label(si), units.of(units.unit(si)[1] * speed, "m/s")
-            least, most = bottom / float(np.max(reach)), top / float(np.min(reach))
-            for decade in range(math.floor(math.log10(least)), math.ceil(math.log10(most)) + 1):
+        # Pseudo-velocities of a unit displacement and of a unit acceleration, SI units.
+        for si, velocity in (("m", omega), ("m/s^2", 1.0 / omega)):
+            unit, unit_line = units.label(si), units.of(units.unit(si)[1] * velocity, "m/s")
+            smallest = bottom / float(np.max(unit_line))
+            largest = top / float(np.min(unit_line))
+            first, last = math.floor(math.log10(smallest)), math.ceil(math.log10(largest))
+            for decade in range(first, last + 1):
                 value = 10.0**decade
-                axes.plot(ends, value * reach, color=_SCALE, linewidth=0.8, zorder=1.2)
-                _name_scale(axes, ends, value * reach, f"{value:g} {unit}", (bottom, top))
+                axes.plot(ends, value * unit_line, color=_SCALE, linewidth=0.8, zorder=1.2)
+                _label_scale(axes, ends, value * unit_line, f"{value:g} {unit}", (bottom, top))
         axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.grid(which="minor", color="0.95", linewidth=0.5)
-    _name_curves(figure, axes, curves)
+    _add_curve_legend(figure, axes, curves)
     # The names of scales are parallel to their lines, which have one slope on paper; the layout
     # determines the slope.
     if axes.get_yscale() == "log" and axes.get_xscale() == "log":
         figure.draw_without_rendering()
         extent = axes.get_window_extent()
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        rise, run = extent.height / math.log(top / bottom), extent.width / math.log(right / left)
-        slope = math.degrees(math.atan2(rise, run))
+        # Height and width of one unit of the logarithm, pixels.
+        unit_height = extent.height / math.log(top / bottom)
+        unit_width = extent.width / math.log(right / left)
+        slope = math.degrees(math.atan2(unit_height, unit_width))
         for text in axes.texts:
+            # matplotlib returns a negative rotation as an angle above 180 degrees.
             text.set_rotation(-slope if text.get_rotation() > 180.0 else slope)
     return figure
 
 
-def _name_scale(
-    axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]
+def _label_scale(
+    axes: Any, ends: Array, velocities: Array, text: str, limits: tuple[float, float]
 ) -> None:
     """Write the value of a line of a scale along the line, near the end at the top or at the side.
 
-    The position avoids existing names, for units in which values 1 and 10 of two scales meet near
-    the top.
+    The position avoids existing labels, for units in which values 1 and 10 of two scales meet near
+    the top. A label without a free position is omitted.
+
+    Parameters
+    ----------
+    axes : Axes
+        Logarithmic axes with pseudo-velocities over periods.
+    ends : ndarray, shape (2,)
+        Periods at the ends of the line.
+    velocities : ndarray, shape (2,)
+        Pseudo-velocities at the ends of the line.
+    text : str
+        Label.
+    limits : tuple of float
+        Lower and upper limit of the axis of pseudo-velocities.
     """
-    x, y = np.log(ends), np.log(speeds)
+    x, y = np.log(ends), np.log(velocities)
     bottom, top = np.log(limits)
-    target = bottom + _ROOM * (top - bottom)
-    part = (target - y[0]) / (y[1] - y[0])
-    part = min(max(float(part), 1.0 - _ROOM), _ROOM)
-    room = np.array([x[1] - x[0], top - bottom])
-    taken = [np.log(other.get_position()) for other in axes.texts]
-    parts = (near for near in (part, part - _NEAR, part - 2.0 * _NEAR) if near > _NEAR)
-    places = (
-        np.array([x[0] + near * (x[1] - x[0]), y[0] + near * (y[1] - y[0])]) for near in parts
-    )
-    free = (
-        at for at in places if not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken)
-    )
-    at = next(free, None)
-    if at is None or not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (
-        top - bottom
-    ):
+    height = top - bottom
+    # Fraction of the line at which it reaches the height of the labels, inside of the side margins.
+    fraction = (bottom + _LABEL_RANGE * height - y[0]) / (y[1] - y[0])
+    fraction = min(max(float(fraction), 1.0 - _LABEL_RANGE), _LABEL_RANGE)
+    min_distance = _MIN_DISTANCE * np.array([x[1] - x[0], height])
+    labels = [np.log(other.get_position()) for other in axes.texts]
+    for step in range(3):
+        shifted = fraction - step * _MIN_DISTANCE
+        position = np.array([x[0] + shifted * (x[1] - x[0]), y[0] + shifted * (y[1] - y[0])])
+        is_covered = any(np.all(np.abs(position - label) < min_distance) for label in labels)
+        if shifted > _MIN_DISTANCE and not is_covered:
+            break
+    else:
         return
-    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-    look = {
-        "ha": "center",
-        "va": "center",
-        "fontsize": 7.5,
-        "color": LIGHT,
-        "clip_on": True,
-        "zorder": 1.8,
-    }
-    rotation = 45.0 if y[1] > y[0] else -45.0
-    axes.text(math.exp(at[0]), math.exp(at[1]), text, rotation=rotation, **look, bbox=white)
+    if not bottom + 0.04 * height < position[1] < bottom + (_LABEL_RANGE + 0.05) * height:
+        return
+    axes.text(
+        math.exp(position[0]),
+        math.exp(position[1]),
+        text,
+        rotation=45.0 if y[1] > y[0] else -45.0,
+        ha="center",
+        va="center",
+        fontsize=7.5,
+        color=LIGHT,
+        clip_on=True,
+        zorder=1.8,
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
+    )
 
 
 def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
@@ -416,27 +449,35 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
     axes.margins(0.05)
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
     for period in _PERIODS:
+        # Pseudo-acceleration of a unit displacement: omega^2.
         slope = units.of(units.unit("m")[1] * (2.0 * math.pi / period) ** 2, "m/s^2")
         end = min(right, top / slope)
         axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
-        place = ((2, 0), "left", "center") if end == right else ((0, 2), "center", "bottom")
-        look: dict[str, Any] = dict(zip(("xytext", "ha", "va"), place, strict=True))
-        look |= {
-            "textcoords": "offset points",
-            "fontsize": 7.5,
-            "color": LIGHT,
-            "annotation_clip": False,
-        }
-        axes.annotate(f"{period:g} s", (end, slope * end), **look)
+        # The label is to the right of the panel, or above it.
+        if end == right:
+            offset, horizontal, vertical = (2, 0), "left", "center"
+        else:
+            offset, horizontal, vertical = (0, 2), "center", "bottom"
+        axes.annotate(
+            f"{period:g} s",
+            (end, slope * end),
+            xytext=offset,
+            textcoords="offset points",
+            ha=horizontal,
+            va=vertical,
+            fontsize=7.5,
+            color=LIGHT,
+            annotation_clip=False,
+        )
     axes.set(xlim=(0.0, right), ylim=(0.0, top), xlabel=f"displacement SD ({units.label('m')})")
     axes.set_ylabel(f"pseudo-acceleration PSA ({units.label('m/s^2')})")
-    _name_curves(figure, axes, curves)
+    _add_curve_legend(figure, axes, curves)
     return figure
 
 
 # ---- Spectrum curves
 
-_MOST = 4  # maximum number of components with separate panels
+_MAX_COLUMNS = 4  # maximum number of components with separate panels
 _NAMES = {
     "sd": ("displacement SD", "m"),
     "psv": ("pseudo-velocity PSV", "m/s"),
@@ -476,14 +517,13 @@ def spectrum_picture(
     if target is not None:
         _add_target(figure, target, units)
     # Only the exact solution has further settings.
-    first = spectra[0]
-    how = (
-        ", ".join(["exact solution", *_choices(first)]) if first.method == "exact" else first.method
+    solution = spectra[0].method
+    if solution == "exact":
+        solution = ", ".join(["exact solution", *_special_settings(spectra[0])])
+    title = over_periods_title(
+        "Elastic response spectrum", "Elastic response spectra", spectra, solution
     )
-    return titled(
-        figure,
-        over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, how),
-    )
+    return titled(figure, title)
 
 
 def low_picture(
@@ -558,12 +598,14 @@ DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_a
 """Functions that draw spectra, by the name of the axes."""
 
 
-def _choices(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
+def _special_settings(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
     """Return the settings of an exact solution that differ from the defaults."""
-    maxima = [f"maxima: {spectrum.maxima}"] if spectrum.maxima != "exact" else []
-    return maxima + (
-        [f"{spectrum.interpolation} motion"] if spectrum.interpolation != "linear" else []
-    )
+    settings = []
+    if spectrum.maxima != "exact":
+        settings.append(f"maxima: {spectrum.maxima}")
+    if spectrum.interpolation != "linear":
+        settings.append(f"{spectrum.interpolation} motion")
+    return settings
 
 
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits = SI) -> Figure:
@@ -583,13 +625,13 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         (f"maximum displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
     # The prescribed value: a ductility, or a strength, which is the same at all periods.
-    given = [
+    prescribed = [
         f"strength {spectrum.yield_strength_ratio[0]:.4g}"
         if spectrum.target is None
         else f"ductility {spectrum.target:g}"
         for spectrum in spectra
     ]
-    several = len(set(given)) > 1
+    has_several_values = len(set(prescribed)) > 1
     # A few components have separate columns of panels; titles have the file if there are several.
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
@@ -597,23 +639,23 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         f"{files[spectrum.record.source]} {name}".rstrip() if len(files) > 1 else name
         for spectrum, name in zip(spectra, names, strict=True)
     ]
-    apart = 1 < len(set(components)) <= _MOST
-    ratios = len({spectrum.damping for spectrum in spectra}) > 1
-    labels_of_damping = (
-        [f"{100.0 * spectrum.damping:g} %" * ratios for spectrum in spectra]
-        if apart
-        else line_labels(spectra)
-    )
+    has_columns = 1 < len(set(components)) <= _MAX_COLUMNS
+    # In separate columns, the label of a line needs only the damping ratio.
+    first_labels = line_labels(spectra)
+    if has_columns:
+        has_several_ratios = len({spectrum.damping for spectrum in spectra}) > 1
+        first_labels = [
+            f"{100.0 * spectrum.damping:g} %" if has_several_ratios else "" for spectrum in spectra
+        ]
     labels = [
-        ", ".join(filter(None, (label, given_label * several)))
-        for label, given_label in zip(labels_of_damping, given, strict=True)
+        ", ".join(filter(None, (label, value if has_several_values else "")))
+        for label, value in zip(first_labels, prescribed, strict=True)
     ]
     variants = [
-        (spectrum.damping, given_label)
-        for spectrum, given_label in zip(spectra, given, strict=True)
+        (spectrum.damping, value) for spectrum, value in zip(spectra, prescribed, strict=True)
     ]
     figure = draw_over_periods(
-        spectra, panels, labels, variants, columns=components if apart else None
+        spectra, panels, labels, variants, columns=components if has_columns else None
     )
     # Ductilities on a logarithmic axis, with a line at first yield.
     if spectra[0].target is None and any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
@@ -622,9 +664,11 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         upper.autoscale(axis="y")
         upper.axhline(1.0, color=LIGHT, linewidth=0.8)
         plain_numbers(upper.yaxis)
-    more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
+    description = f"bilinear, hardening {spectra[0].hardening:g}"
+    if not has_several_values:
+        description = f"{prescribed[0]}, {description}"
     return titled(
-        figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more)
+        figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, description)
     )
 
 
@@ -659,15 +703,14 @@ def rotated_picture(
             *zip(percentiles, spectrum.psa, strict=True),
             ("geometric mean", spectrum.geometric_mean),
         ):
-            about = {
-                "name": name,
-                "record": record,
-                "damping": spectrum.damping,
-                "periods": spectrum.periods,
-            }
             lines.append(
                 SimpleNamespace(
-                    **about, psa=psa, sd=psa * (spectrum.periods / (2.0 * math.pi)) ** 2
+                    name=name,
+                    record=record,
+                    damping=spectrum.damping,
+                    periods=spectrum.periods,
+                    psa=psa,
+                    sd=psa * (spectrum.periods / (2.0 * math.pi)) ** 2,
                 )
             )
     labels = [
@@ -678,8 +721,8 @@ def rotated_picture(
     )
     if target is not None:
         _add_target(figure, target, units)
-    more = ", ".join(["exact solution", "180 directions", *_choices(spectra[0])])
-    return titled(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, more))
+    description = ", ".join(["exact solution", "180 directions", *_special_settings(spectra[0])])
+    return titled(figure, over_periods_title("RotD spectrum", "RotD spectra", lines, description))
 
 
 def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits = SI) -> Figure:
@@ -702,10 +745,13 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
     ]
     figure = draw_over_periods(spectra, panels, line_labels(spectra))
     _add_heights(figure.axes[0], spectra[0], units)
-    least, most = int(spectra[0].stories.min()), int(spectra[0].stories.max())
-    buildings = f"shear buildings of {f'{least} to ' * (least < most)}{pluralize(most, 'story')}"
+    fewest, most = int(spectra[0].stories.min()), int(spectra[0].stories.max())
     if most == 0:
         buildings = "continuous shear beam"
+    elif fewest < most:
+        buildings = f"shear buildings of {fewest} to {pluralize(most, 'story')}"
+    else:
+        buildings = f"shear buildings of {pluralize(most, 'story')}"
     return titled(figure, over_periods_title("Drift spectrum", "Drift spectra", spectra, buildings))
 
 

@@ -28,7 +28,10 @@ from tdint.files import read_whole
 try:
     import matplotlib as mpl
 except ValueError as error:  # an invalid variable such as MPLBACKEND, which tdint does not need
-    raise UsageError(f"matplotlib cannot be loaded, is MPLBACKEND right? {error}") from None
+    raise UsageError(
+        f"matplotlib cannot be loaded: {error}; correct or unset the environment variable "
+        "MPLBACKEND"
+    ) from None
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
 from matplotlib.font_manager import get_font_names
@@ -105,7 +108,7 @@ METHOD_COLORS = (
 """Color differences are at least 13.7 (CIEDE2000) for readers with red-green color blindness, and
 the contrast with white is at least 3.05."""
 _METHOD_MARKERS = ("o", "s", "^", "D", "v", "P", "x", "*", "<", ">", "h")
-_PLACES = (
+_METHODS = (
     *(
         "impulse4",
         "moment4",
@@ -120,12 +123,13 @@ _PLACES = (
     *(f"scipy/{name}" for name in ("RK45", "Radau", "LSODA")),
     *("moment4 by tolerance", "impulse4 by tolerance"),
 )
-"""Methods that are often drawn together; each method of tdint has a separate color."""
+"""Methods that are often drawn together, in the order of their colors and markers. Each method of
+tdint in this list has a separate color."""
 _FRONT_WIDTH = 3.0  # points; width of the highlighted line
 NARROW = 31
 """Maximum number of characters of method labels in a legend with three columns."""
 
-_IN_LEGEND = 24  # maximum number of legend entries; further lines are drawn and counted
+_MAX_ENTRIES = 24  # maximum number of legend entries; further lines are drawn and counted
 
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": "tdint"},
@@ -144,13 +148,16 @@ _COLUMN = 0.12
 """Figure width, m, below which a figure occupies one of two columns: columns are 80 to 95 mm wide,
 pages 160 to 190 mm."""
 _MARKER = 3.5  # half the size of a marker, points
-_LABEL_PLACES = (
+_LABEL_POSITIONS = (
     (8, 0, "left", "center"),
     (0, 7, "center", "bottom"),
     (0, -7, "center", "top"),
     (-8, 0, "right", "center"),
 )
-_LABEL_PARTS = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 1.0}
+"""Offset of a label from its point, points, with its horizontal and vertical alignment; in the
+order in which the positions are tried."""
+_ALIGNMENT = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 1.0}
+"""Fraction of the width or height of a text to the left of or below its position."""
 Box = tuple[float, float, float, float]
 
 
@@ -185,30 +192,31 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
     from tdint.methods.catalogue import catalogue, is_ours
 
     lines = dict.fromkeys(methods)
-    named = list(dict.fromkeys((*_PLACES, *catalogue())))
-    mine = [line for line in lines if line in catalogue() and not is_ours(line)]
-    front = [highlight] if highlight else mine
+    fixed = list(dict.fromkeys((*_METHODS, *catalogue())))
+    others = [line for line in lines if line not in fixed]
+    plugins = [line for line in lines if line in catalogue() and not is_ours(line)]
+    highlighted = [highlight] if highlight else plugins
     looks: dict[str, dict[str, Any]] = {}
-    for place, method in enumerate((*named, *(line for line in lines if line not in named))):
+    for number, method in enumerate((*fixed, *others)):
         # With twelve colors and eleven markers, the first 132 combinations differ.
-        color, marker = (
-            METHOD_COLORS[place % len(METHOD_COLORS)],
-            _METHOD_MARKERS[place % len(_METHOD_MARKERS)],
-        )
-        looks[method] = {"color": color, "linestyle": DASHES[place % len(DASHES)], "marker": marker}
-        if method in front:
+        looks[method] = {
+            "color": METHOD_COLORS[number % len(METHOD_COLORS)],
+            "linestyle": DASHES[number % len(DASHES)],
+            "marker": _METHOD_MARKERS[number % len(_METHOD_MARKERS)],
+        }
+        if method in highlighted:
             looks[method] |= {"linewidth": _FRONT_WIDTH, "zorder": 4}
     return looks
 
 
 def picture_format(suffix: str) -> str:
     """Return the figure format of a file suffix; raise OutputError for an unknown suffix."""
-    kind = suffix.lower().lstrip(".")
-    if kind not in _METADATA:
+    file_format = suffix.lower().lstrip(".")
+    if file_format not in _METADATA:
         raise OutputError(
             f"a figure must be written as .png, .pdf or .svg, got {suffix or 'no suffix'}"
         )
-    return kind
+    return file_format
 
 
 def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
@@ -226,9 +234,9 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     OutputError
         The suffix is unknown.
     """
-    kind = picture_format(suffix)
+    file_format = picture_format(suffix)
     check_print(PRINTED.get())
-    return Picture(kind, draw)
+    return Picture(file_format, draw)
 
 
 class ShownFigure(Figure):
@@ -384,8 +392,8 @@ def check_print(printed: PrintedAs) -> None:
         if not TRUSTED.get():
             digest = hashlib.sha256(text).hexdigest()
             raise UsageError(
-                f"style sheet {printed.style} (SHA-256 {digest}): may start programs; read it, "
-                "then give --trust"
+                f"the style sheet {printed.style} (SHA-256 {digest}) may start programs; read it, "
+                "then add --trust"
             )
         try:
             sheet = mpl.rc_params_from_file(printed.style, use_default_template=False)
@@ -393,8 +401,8 @@ def check_print(printed: PrintedAs) -> None:
             raise UsageError(f"style sheet {printed.style}: {error}") from None
         if sheet.get("text.usetex") and not all(map(shutil.which, _LATEX)):
             raise UsageError(
-                f"style sheet {printed.style}: text.usetex needs {' and '.join(_LATEX)}, not found "
-                "here"
+                f"style sheet {printed.style}: text.usetex requires {' and '.join(_LATEX)}, which "
+                "are not installed; install them, or remove text.usetex"
             )
 
 
@@ -402,37 +410,40 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
     """Set the width of a figure, its font sizes for print, and its labels."""
     width, height = figure.get_size_inches()
     if printed.width:
-        narrow = printed.width / INCH / width
-        figure.set_size_inches(width * narrow, height * math.sqrt(narrow))
-        width *= narrow
+        # Texts need more height in a narrower figure, so that the height is reduced less.
+        ratio = printed.width / INCH / width
+        figure.set_size_inches(width * ratio, height * math.sqrt(ratio))
+        width *= ratio
     title = figure.get_suptitle()
     if title:
-        room = int(width * 72.0 / (_LARGEST * _LETTER))
-        lines = (
-            part for line in title.splitlines() for part in wrap(line, room, break_on_hyphens=False)
-        )
+        max_letters = int(width * 72.0 / (_LARGEST * _LETTER))
+        lines: list[str] = []
+        for line in title.splitlines():
+            lines += wrap(line, max_letters, break_on_hyphens=False)
         figure.suptitle("\n".join(lines) if printed.title else "")
     engine = figure.get_layout_engine()
     figure.set_layout_engine("none")
     figure.draw_without_rendering()  # creates tick labels, which do not depend on the layout
     figure.set_layout_engine(engine)
-    before: set[str] = set()
+    original_texts: set[str] = set()
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        words = [text.get_text() for text in axis.get_ticklabels()]
-        if isinstance(axis.get_major_locator(), FixedLocator) and any(words):
-            # Fixed tick labels would be restored by each drawing.
-            before.update(words)
-            axis.set_ticklabels([in_print(word, printed) for word in words])
+        tick_labels = [text.get_text() for text in axis.get_ticklabels()]
+        if isinstance(axis.get_major_locator(), FixedLocator) and any(tick_labels):
+            # Each drawing would restore fixed tick labels: replace them in the axis.
+            original_texts.update(tick_labels)
+            axis.set_ticklabels([in_print(label, printed) for label in tick_labels])
     for text in figure.findobj(Text):
-        before.add(text.get_text().strip())
+        original_texts.add(text.get_text().strip())
         text.set_text(in_print(text.get_text(), printed))
         if printed.width:
             text.set_fontsize(min(max(text.get_fontsize(), _SMALLEST), _LARGEST))
     if printed.width:
         _fit(figure)
     for label, _ in printed.labels:
-        if not any(text == label or text.startswith(label + ":") for text in before):
-            raise UsageError(f"label {label!r}: the figure contains no label with this name")
+        if not any(text == label or text.startswith(f"{label}:") for text in original_texts):
+            raise UsageError(
+                f"label {label!r} not found in the figure; specify a label as it is printed there"
+            )
 
 
 _MOST_THINNINGS = 3
@@ -445,59 +456,72 @@ def _fit(figure: Figure) -> None:
     Labels and titles are wrapped, and axes get fewer ticks, until tick labels do not overlap.
     """
     FigureCanvasAgg(figure)
-    page = figure.bbox
     for axes in figure.axes:
-        # Before the layout, the space is the share of the page of the panel with its labels.
-        part = (
-            spec.get_position(figure) if (spec := axes.get_subplotspec()) else axes.get_position()
-        )
-        wide, high = page.width * part.width, page.height * part.height
-        titles = [
-            child
-            for child in axes.get_children()
-            if isinstance(child, Text) and child not in axes.texts and child.get_text()
-        ]
-        for title in titles:
-            _wrap(title, _SHARE * wide / len(titles))
-        for panel in (axes, *axes.child_axes):
-            _wrap(panel.xaxis.label, _SHARE * wide)
-            _wrap(panel.yaxis.label, _SHARE * high)
-        legend = axes.get_legend()
-        for text in (*axes.texts, *(legend.get_texts() if legend else ())):
-            _wrap(text, _SHARE * wide)
+        _wrap_texts(figure, axes)
     for text in figure.texts:
-        _wrap(text, page.width)
+        _wrap(text, figure.bbox.width)
     panels = [panel for axes in figure.axes for panel in (axes, *axes.child_axes)]
-    every = [axis for panel in panels for axis in (panel.xaxis, panel.yaxis)]
+    every_axis = [axis for panel in panels for axis in (panel.xaxis, panel.yaxis)]
     # Axes with fixed ticks show names, which must all remain.
-    counted = [axis for axis in every if not isinstance(axis.get_major_locator(), FixedLocator)]
+    number_axes = [
+        axis for axis in every_axis if not isinstance(axis.get_major_locator(), FixedLocator)
+    ]
     for _ in range(_MOST_THINNINGS):
         _grow(figure)
-        changed = [_thin(axis) for axis in counted]
+        changed = [_thin(axis) for axis in number_axes]
         # The panels now have their final positions, and other parts have reduced their height.
         changed += [_wrap(panel.xaxis.label, 1.2 * panel.bbox.width) for panel in panels]
         changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
         if not any(changed):
             break
     for axes in figure.axes:
-        points = [text for text in axes.texts if text.get_gid() == _OF_POINT]
-        frame = axes.get_window_extent()
-        boxes: list[Any] = []
-        for text in points:
-            box = text.get_window_extent()
-            # Points in a narrow panel, and their labels, are closer to the tick labels of the axes.
-            within = (
-                frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
-            )
-            shown = bool(within) and not any(box.overlaps(other) for other in boxes)
-            text.set_visible(shown)
-            boxes += [box] * shown
+        _hide_point_labels(axes)
 
 
-_OF_POINT = "point"
+def _wrap_texts(figure: Figure, axes: Any) -> None:
+    """Wrap the title, the axis labels and the texts of a panel to its size."""
+    # Before the layout, the space is the fraction of the page of the panel with its labels.
+    grid_position = axes.get_subplotspec()
+    panel_box = grid_position.get_position(figure) if grid_position else axes.get_position()
+    width = _TEXT_FRACTION * (figure.bbox.width * panel_box.width)
+    height = _TEXT_FRACTION * (figure.bbox.height * panel_box.height)
+    # A panel can have titles at the left, in the center and at the right.
+    titles = [
+        child
+        for child in axes.get_children()
+        if isinstance(child, Text) and child not in axes.texts and child.get_text()
+    ]
+    for title in titles:
+        _wrap(title, width / len(titles))
+    for panel in (axes, *axes.child_axes):
+        _wrap(panel.xaxis.label, width)
+        _wrap(panel.yaxis.label, height)
+    legend = axes.get_legend()
+    for text in (*axes.texts, *(legend.get_texts() if legend else ())):
+        _wrap(text, width)
+
+
+def _hide_point_labels(axes: Any) -> None:
+    """Hide the labels of points that are not inside of the panel or cover a previous label."""
+    frame = axes.get_window_extent()
+    visible_boxes: list[Any] = []
+    for text in axes.texts:
+        if text.get_gid() != _POINT_LABEL:
+            continue
+        box = text.get_window_extent()
+        is_inside = (
+            frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
+        )
+        is_visible = bool(is_inside) and not any(box.overlaps(other) for other in visible_boxes)
+        text.set_visible(is_visible)
+        if is_visible:
+            visible_boxes.append(box)
+
+
+_POINT_LABEL = "point"
 """Identifier of point labels, which are omitted if there is no space."""
 
-_TALLEST = 2.0
+_MAX_GROWTH = 2.0
 """Maximum factor by which a figure grows for wrapped text; beyond it, the panels are too narrow."""
 
 
@@ -510,32 +534,34 @@ def _grow(figure: Figure) -> None:
         The panels do not fit at any height.
     """
     width, height = figure.get_size_inches()
-    for taller in (1.0, 1.15, 1.3, 1.5, 1.75, _TALLEST):
-        figure.set_size_inches(width, taller * height)
+    for factor in (1.0, 1.15, 1.3, 1.5, 1.75, _MAX_GROWTH):
+        figure.set_size_inches(width, factor * height)
         try:
             figure.draw_without_rendering()
             return
         except UserWarning:
-            if taller == _TALLEST:
+            if factor == _MAX_GROWTH:
                 raise
 
 
-_SHARE = 0.8
+_TEXT_FRACTION = 0.8
 """Fraction of the space of a panel for its title and labels; the rest is for tick labels."""
 
 
-def _wrap(text: Text, room: float) -> bool:
-    """Wrap lines of a text that exceed `room`, pixels; return True if the text has changed."""
+def _wrap(text: Text, max_length: float) -> bool:
+    """Wrap lines of a text that exceed `max_length`, pixels; return True if the text has changed.
+
+    The text may be vertical: its length is the larger dimension of its box.
+    """
     box = text.get_window_extent()
-    long = max(box.width, box.height)
+    length = max(box.width, box.height)
     lines = text.get_text().splitlines()
-    if lines and long > room:
-        letters = max(8, int(max(map(len, lines)) * room / long))
-        text.set_text(
-            "\n".join(
-                part for line in lines for part in wrap(line, letters, break_long_words=False)
-            )
-        )
+    if lines and length > max_length:
+        max_letters = max(8, int(max(map(len, lines)) * max_length / length))
+        wrapped: list[str] = []
+        for line in lines:
+            wrapped += wrap(line, max_letters, break_long_words=False)
+        text.set_text("\n".join(wrapped))
     return text.get_text().splitlines() != lines
 
 
@@ -547,10 +573,12 @@ def _thin(axis: Any) -> bool:
         for label in (tick.label1, tick.label2)
         if label.get_visible() and label.get_text()
     ]
-    along = [(box.x0, box.x1) if axis.axis_name == "x" else (box.y0, box.y1) for box in boxes]
-    along.sort()
-    if all(before[1] + 1.0 <= after[0] for before, after in itertools.pairwise(along)):
+    # Start and end of each label along the axis, pixels. A distance of one pixel is sufficient.
+    spans = [(box.x0, box.x1) if axis.axis_name == "x" else (box.y0, box.y1) for box in boxes]
+    spans.sort()
+    if all(end + 1.0 <= start for (_, end), (start, _) in itertools.pairwise(spans)):
         return False
+    # First omit the labels of minor ticks.
     if any(label.get_text() for label in axis.get_minorticklabels()):
         axis.set_minor_formatter(NullFormatter())
     else:
@@ -564,27 +592,31 @@ def titled(figure: Figure, title: str) -> Figure:
     The title has one or more lines and no formulas. A line that is wider than the figure is
     wrapped; a line of more than twice the width is shortened.
     """
-    room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
-    short = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
-    # A line does not break between a symbol, its value and its unit.
-    kept = (_QUANTITY.sub(lambda match: match[0].replace(" ", _FIXED), line) for line in short)
-    lines = (part.replace(_FIXED, " ") for line in kept for part in _evenly(line, room))
+    max_letters = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
+    lines: list[str] = []
+    for title_line in title.splitlines():
+        line = shorten(title_line, 2 * max_letters, placeholder=" ...")
+        # A line does not break between a symbol, its value and its unit.
+        line = _QUANTITY.sub(lambda match: match[0].replace(" ", _NO_BREAK_SPACE), line)
+        lines += [part.replace(_NO_BREAK_SPACE, " ") for part in _evenly(line, max_letters)]
     figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
     return figure
 
 
-_FIXED = "\u00a0"  # no-break space, which `wrap` does not break at
+_NO_BREAK_SPACE = "\u00a0"  # `wrap` does not break a line at this character
 _QUANTITY = re.compile(r"\w+ = [\d.]+(?: (?:g|s|m|%))?|[\d.]+ (?:g|s|m|%)(?![\w.])")
 
 
-def _evenly(line: str, room: int) -> list[str]:
-    """Wrap a line into the minimum number of lines of similar length, at most `room` characters."""
-    few = len(wrap(line, room, break_on_hyphens=False))
-    parts = (
-        wrap(line, width, break_on_hyphens=False)
-        for width in range(max(len(line) // max(few, 1), 1), room + 1)
-    )
-    return next(lines for lines in parts if len(lines) <= few)
+def _evenly(line: str, max_letters: int) -> list[str]:
+    """Wrap a line into the minimum number of lines, with similar lengths of at most `max_letters`.
+
+    The smallest width with the same number of lines gives lines of similar length.
+    """
+    count = len(wrap(line, max_letters, break_on_hyphens=False))
+    width = max(len(line) // max(count, 1), 1)
+    while len(lines := wrap(line, width, break_on_hyphens=False)) > count:
+        width += 1
+    return lines
 
 
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
@@ -600,8 +632,8 @@ def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
 FirstPeriods = Sequence[tuple[str, float]]
 """Names of buildings and their first periods, s."""
 
-_MOST_PERIODS = 3  # maximum number of first periods that have a line each
-_NAME = 28  # maximum length of the name of a building in a legend
+_MAX_PERIODS = 3  # maximum number of first periods that have a line each
+_MAX_NAME = 28  # maximum length of the name of a building in a legend
 
 
 def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> None:
@@ -620,22 +652,27 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
         Color of the marks; red by default.
     """
     low, high = axes.get_xlim()
-    named: dict[str, list[tuple[str, float]]] = {}
+    # Buildings whose periods are printed equally have a common line.
+    groups: dict[str, list[tuple[str, float]]] = {}
     for name, period in periods:
         if low <= period <= high:
-            named.setdefault(number_text(period), []).append((name, period))
-    if len(named) > _MOST_PERIODS:
-        values = [period for same in named.values() for _, period in same]
+            groups.setdefault(number_text(period), []).append((name, period))
+    if len(groups) > _MAX_PERIODS:
+        values = [period for group in groups.values() for _, period in group]
         ends = f"{number_text(min(values))} to {number_text(max(values))} s"
         label = f"T1 of {pluralize(len(values), 'building')}: {ends}"
         axes.axvspan(min(values), max(values), color=color, alpha=0.12, zorder=0.5, label=label)
         return
-    for number, (text, same) in enumerate(named.items(), start=1):
-        names = list(dict.fromkeys(name for name, _ in same))
-        subject = shorten(names[0], _NAME, placeholder=" ...") if len(periods) > 1 else ""
-        of = f" of {subject}" * bool(subject) + f" and {len(names) - 1} more" * (len(names) > 1)
+    for number, (text, group) in enumerate(groups.items(), start=1):
+        names = list(dict.fromkeys(name for name, _ in group))
+        label = "T1"
+        # The name of a single building is in the title of the figure.
+        if len(periods) > 1 and names[0].strip():
+            label += f" of {shorten(names[0], _MAX_NAME, placeholder=' ...')}"
+        if len(names) > 1:
+            label += f" and {len(names) - 1} more"
         look = {"color": color, "linewidth": 0.8, "linestyle": DASHES[number % len(DASHES)]}
-        axes.axvline(same[0][1], label=f"T1{of} = {text} s", **look)
+        axes.axvline(group[0][1], label=f"{label} = {text} s", **look)
 
 
 def legend_columns(labels: Sequence[str], most: int, width: float | None = None) -> int:
@@ -651,9 +688,12 @@ def legend_columns(labels: Sequence[str], most: int, width: float | None = None)
         Available width, inches; the printed width has precedence.
     """
     columns = max(1, min(len(labels), most))
-    printed = PRINTED.get().width
-    if labels and (inches := printed / INCH if printed else width):
-        letters = inches * 72.0 / ((7.0 if printed else 8.0) * _LETTER)
+    font_size = 8.0  # points
+    if printed_width := PRINTED.get().width:
+        width, font_size = printed_width / INCH, 7.0
+    if labels and width:
+        # The line in front of a label needs the space of about 11 characters.
+        letters = width * 72.0 / (font_size * _LETTER)
         columns = max(1, min(columns, int(letters / (max(map(len, labels)) + 11))))
     return columns
 
@@ -668,9 +708,9 @@ def add_legend(
     """
     if len(lines) == 1:
         return
-    if len(labels) > _IN_LEGEND:
-        labels = [*labels[: _IN_LEGEND - 1], f"... and {len(labels) - _IN_LEGEND + 1} more"]
-        lines = [*lines[: _IN_LEGEND - 1], axes.plot([], [], linestyle="none")[0]]
+    if len(labels) > _MAX_ENTRIES:
+        labels = [*labels[: _MAX_ENTRIES - 1], f"... and {len(labels) - _MAX_ENTRIES + 1} more"]
+        lines = [*lines[: _MAX_ENTRIES - 1], axes.plot([], [], linestyle="none")[0]]
     columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
     figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
     labels = [" " + label for label in labels]  # matplotlib ignores labels that start with _
@@ -688,13 +728,11 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
     """
     if units.unit(si)[0] != si:
         factor, label = 1.0 / units.unit(si)[1], units.label(si)
-        power = (
-            3 * math.floor(math.log10(largest * factor) / 3.0) if largest * factor >= _LONG else 0
-        )
-        return (
-            factor / 10.0**power,
-            f"10{str(power).translate(_RAISED)} {label}" if power else label,
-        )
+        if largest * factor < _LONG:
+            return factor, label
+        # Use a power of ten that is a multiple of three.
+        power = 3 * math.floor(math.log10(largest * factor) / 3.0)
+        return factor / 10.0**power, f"10{str(power).translate(_RAISED)} {label}"
     for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
         if largest * factor >= 1.0:
             return factor, prefix + si
@@ -704,10 +742,14 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
 def changed(records: Iterable[Record]) -> str:
     """Return a suffix for the name of records: ` (processed)` for processed records, ` x 1.7` for
     records that are scaled by the same factor, or nothing."""
-    changed_records = list(records)
-    scales = {record.scale for record in changed_records}
-    scaled = f" x {next(iter(scales)):.4g}" if len(scales) == 1 and scales != {1.0} else ""
-    return scaled + (" (processed)" if any(record.processing for record in changed_records) else "")
+    record_list = list(records)
+    scales = {record.scale for record in record_list}
+    text = ""
+    if len(scales) == 1 and scales != {1.0}:
+        text += f" x {next(iter(scales)):.4g}"
+    if any(record.processing for record in record_list):
+        text += " (processed)"
+    return text
 
 
 def record_name(source: str) -> str:
@@ -725,18 +767,18 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
     The name is the file name with as many directories as are needed to distinguish the records.
     """
     names = {source: record_name(source) for source in sources}
-    named: dict[str, list[str]] = {}
+    sources_of_name: dict[str, list[str]] = {}
     for source, name in names.items():
-        named.setdefault(name, []).append(source)
-    for alike in named.values():
-        for source in alike if len(alike) > 1 else ():
+        sources_of_name.setdefault(name, []).append(source)
+    for group in sources_of_name.values():
+        for source in group if len(group) > 1 else ():
+            # Find the smallest number of last parts of the path that differ from those of all
+            # other paths with the same file name.
             parts = Path(source).parts
-            others = [Path(other).parts for other in alike if other != source]
-            folders = range(1, len(parts))
-            count = next(
-                (n for n in folders if all(other[-n:] != parts[-n:] for other in others)),
-                len(parts),
-            )
+            others = [Path(other).parts for other in group if other != source]
+            count = 1
+            while count < len(parts) and any(other[-count:] == parts[-count:] for other in others):
+                count += 1
             names[source] = "/".join(parts[-count:]).encode("utf-8", "replace").decode("utf-8")
     return names
 
@@ -754,12 +796,13 @@ def plain_numbers(axis: Any) -> None:
 def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
     """Write minor tick labels of a logarithmic axis as decimals: at 2 and 5, or at all ticks."""
 
-    def written(value: float, at: Any) -> str:
+    def label(value: float, position: Any) -> str:
         # 1e-9 allows for the rounding of the logarithm.
         decade = math.floor(math.log10(value) + 1e-9) if value > 0.0 else 0
-        return _plain(value, at) if every or f"{value / 10.0**decade:.0f}" in "25" else ""
+        first_digit = f"{value / 10.0**decade:.0f}"
+        return _plain(value, position) if every or first_digit in "25" else ""
 
-    axis.set_minor_formatter(FuncFormatter(written))
+    axis.set_minor_formatter(FuncFormatter(label))
 
 
 def plain_logarithmic(axes: Any) -> None:
@@ -817,28 +860,40 @@ def write_labels(
         Points that no label may cover.
     """
     figure.draw_without_rendering()
-    unit = figure.dpi / 72.0
+    point = figure.dpi / 72.0  # pixels
     frame = axes.get_window_extent()
-    taken: list[Box] = []
+    # Boxes of marks and labels: left, bottom, right, top, in pixels.
+    occupied: list[Box] = []
     if len(marks):
-        half = _MARKER * unit
-        taken = [
+        half = _MARKER * point
+        occupied = [
             (x - half, y - half, x + half, y + half) for x, y in axes.transData.transform(marks)
         ]
     for x, y, text in labels:
-        across, along = axes.transData.transform((x, y))
-        for dx, dy, horizontal, vertical in _LABEL_PLACES:
-            width, height = _LETTER * _LABEL_SIZE * unit * len(text), _LABEL_SIZE * unit
-            left = across + dx * unit - _LABEL_PARTS[horizontal] * width
-            low = along + dy * unit - _LABEL_PARTS[vertical] * height
-            box = (left, low, left + width, low + height)
-            inside = frame.x0 < left and box[2] < frame.x1 and frame.y0 < low and box[3] < frame.y1
-            free = all(
-                box[2] <= x0 or x1 <= left or box[3] <= y0 or y1 <= low for x0, y0, x1, y1 in taken
+        x_pixel, y_pixel = axes.transData.transform((x, y))
+        width, height = _LETTER * _LABEL_SIZE * point * len(text), _LABEL_SIZE * point
+        for dx, dy, horizontal, vertical in _LABEL_POSITIONS:
+            left = x_pixel + dx * point - _ALIGNMENT[horizontal] * width
+            bottom = y_pixel + dy * point - _ALIGNMENT[vertical] * height
+            right, top = left + width, bottom + height
+            is_inside = (
+                frame.x0 < left and right < frame.x1 and frame.y0 < bottom and top < frame.y1
             )
-            if inside and free:
-                taken.append(box)
-                place = {"gid": _OF_POINT, "xytext": (dx, dy), "textcoords": "offset points"}
-                place |= {"ha": horizontal, "va": vertical}
-                axes.annotate(text, (x, y), **place, fontsize=_LABEL_SIZE, color="0.25")
+            is_free = all(
+                right <= x0 or x1 <= left or top <= y0 or y1 <= bottom
+                for x0, y0, x1, y1 in occupied
+            )
+            if is_inside and is_free:
+                occupied.append((left, bottom, right, top))
+                axes.annotate(
+                    text,
+                    (x, y),
+                    gid=_POINT_LABEL,
+                    xytext=(dx, dy),
+                    textcoords="offset points",
+                    ha=horizontal,
+                    va=vertical,
+                    fontsize=_LABEL_SIZE,
+                    color="0.25",
+                )
                 break

@@ -39,9 +39,9 @@ from tdint.units import SI, OutputUnits
 if TYPE_CHECKING:
     pass
 
-_MOST_PANELS = 6  # maximum number of panels of floor spectra
+_MAX_PANELS = 6  # maximum number of panels of floor spectra
 
-_MOST_ROWS = 4
+_MAX_ROWS = 4
 """Maximum number of levels, which have one row of panels each."""
 
 
@@ -69,17 +69,18 @@ def profile_picture(
         Noun for a motion of a profile; `run` for runs that differ in other ways.
     """
     units = units.in_figures
-    # Each scale factor or level has a row; only the first rows are plotted.
+    # Each scale factor or level has a row; only the first rows are plotted. Missing values are NaN,
+    # which is not equal to itself: compare the texts.
     rows: dict[tuple[str, str], list[Profile]] = {}
     for profile in profiles:
         rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
-    shown = list(rows.values())[:_MOST_ROWS]
+    shown = list(rows.values())[:_MAX_ROWS]
     figure = Figure(figsize=(8.0, 0.9 + 3.6 * len(shown)), layout="constrained")
     panels = figure.subplots(len(shown), 3, squeeze=False)
     looks = building_looks(profile.building for profile in profiles)
-    for axes, same in zip(panels, shown, strict=True):
-        by_length = _by_length(same)
-        for profile in same:
+    for axes, row in zip(panels, shown, strict=True):
+        by_length = _by_length(row)
+        for profile in row:
             peaks = profile.peaks
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
             accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
@@ -89,29 +90,37 @@ def profile_picture(
                 if len(values):
                     line = partial(_line, panel, by_floor=values is accelerations)
                     _draw_motions(panel, values, line, looks[profile.building], "largest", member)
-        _finish_row(
-            axes,
-            same,
-            units,
-            None if by_length else limit,
-            same[0].level_text if len(rows) > 1 else "",
-        )
+        level = row[0].level_text if len(rows) > 1 else ""
+        _finish_row(axes, row, units, None if by_length else limit, level)
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
-    _name_below(figure, panels[:, 0])
+    _add_common_legend(figure, panels[:, 0])
     subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
-    more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
-    runs, pairs = shown[0][0].runs, shown[0][0].pairs
-    motions = pluralize(runs, member)
-    part = "mean of both components" if shown[0][0].pair_demand == MEAN else "larger component"
+    omission = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
+    return titled(figure, f"{subject}\n{_motions_text(shown[0][0], member)}{omission}")
+
+
+def _motions_text(profile: Profile, member: str) -> str:
+    """Return the number of ground motions of a profile, and the demand of pairs of components.
+
+    Parameters
+    ----------
+    profile : Profile
+        Statistics of a building.
+    member : str
+        Noun for a motion of a profile.
+    """
+    runs, pairs = profile.runs, profile.pairs
+    is_mean = profile.pair_demand == MEAN
+    demand = "mean of both components" if is_mean else "larger component"
     if 0 < pairs < runs:
-        motions += f", of {pluralize(pairs, 'pair')} the {part}"
-    elif pairs:
-        motions = f"{pluralize(pairs, 'pair')}, the {part} of each".removesuffix(
-            " of each" * (shown[0][0].pair_demand == MEAN)
-        )
-    elif shown[0][0].pair_demand:
-        motions += ", the components of pairs counted separately"
-    return titled(figure, f"{subject}\n{motions}{more}")
+        return f"{pluralize(runs, member)}, of {pluralize(pairs, 'pair')} the {demand}"
+    if pairs:
+        text = f"{pluralize(pairs, 'pair')}, the {demand}"
+        return text if is_mean else f"{text} of each"
+    text = pluralize(runs, member)
+    if profile.pair_demand:
+        text += ", the components of pairs counted separately"
+    return text
 
 
 def draw_drift_profiles(
@@ -166,17 +175,16 @@ def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     return {name: (COLORS[i % len(COLORS)], f"{name}, ") for i, name in enumerate(buildings)}
 
 
-def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
-    """Add a legend below all panels that contains each name once."""
-    found = (axes.get_legend_handles_labels() for axes in panels)
-    named = {
-        label: handle
-        for handles, labels in found
-        for handle, label in zip(handles, labels, strict=True)
-    }
-    columns = legend_columns(list(named), 4, figure.get_figwidth())
+def _add_common_legend(figure: Figure, panels: Iterable[Any]) -> None:
+    """Add a legend below all panels that contains each label once."""
+    handle_of_label: dict[str, Any] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        handle_of_label |= dict(zip(labels, handles, strict=True))
+    labels = list(handle_of_label)
+    columns = legend_columns(labels, 4, figure.get_figwidth())
     legend = figure.legend(
-        list(named.values()), list(named), loc="outside lower center", ncols=columns
+        list(handle_of_label.values()), labels, loc="outside lower center", ncols=columns
     )
     for text in legend.get_texts():
         text.set_parse_math(False)
@@ -213,13 +221,8 @@ def _draw_motions(
     if not name:
         for row in rows:
             line(row, color=GRAY, linewidth=0.7, zorder=1.5)
-        axes.plot(
-            [],
-            [],
-            color=GRAY,
-            linewidth=0.7,
-            label=f"one {'ground ' * (member == 'motion')}{member}",
-        )
+        noun = "ground motion" if member == "motion" else member
+        axes.plot([], [], color=GRAY, linewidth=0.7, label=f"one {noun}")
     line(np.mean(rows, axis=0), color=color, linewidth=1.9, label=f"{name}mean", zorder=3)
     style = {"color": color, "linewidth": 1.1, "linestyle": DASHES[1], "zorder": 2.5}
     line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
@@ -227,10 +230,11 @@ def _draw_motions(
 
 def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
     """Plot values of floors as a line through the floors, or values of stories as steps."""
-    places = np.arange(values.size) + 1.0
+    # Story i extends from i - 0.5 to i + 0.5; its floor is at i + 0.5.
     if by_floor:
-        axes.plot(values, places + 0.5, **style)
+        axes.plot(values, np.arange(values.size) + 1.5, **style)
         return
+    # Each story has two points, at its lower and upper edge.
     edges = np.repeat(np.arange(values.size + 1) + 0.5, 2)[1:-1]
     axes.plot(np.repeat(values, 2), edges, **style)
 
@@ -269,9 +273,9 @@ def _finish_row(
         drifts.set_title(
             f"{lost} of {runs} collapsed or failed: not drawn", loc="left", fontsize=8.0
         )
-    most = max(profile.height.size for profile in profiles)
+    max_stories = max(profile.height.size for profile in profiles)
     for panel in axes:
-        panel.set_ylim(0.5, most + 0.5)
+        panel.set_ylim(0.5, max_stories + 0.5)
         panel.yaxis.set_major_locator(MaxNLocator(11, integer=True, min_n_ticks=1))
         panel.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
         panel.set_xlim(left=0.0)
@@ -310,11 +314,11 @@ def floor_picture(
         label = f"floor {floor}" + (f", {100.0 * spectrum.damping:g} %" if len(ratios) > 1 else "")
         look = line_look(floors.index(floor), ratios.index(spectrum.damping)) | {"linewidth": 1.6}
         axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), **look, label=label)
-    _finish(axes, units)
+    _set_axes(axes, units)
     mark_first_periods(axes, [("", period)])
     axes.legend(loc="best")
-    alone = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
-    return titled(figure, f"{title}\nspectra of absolute floor accelerations{alone}".strip())
+    damping = f", {100.0 * ratios[0]:g} % damping" if len(ratios) == 1 else ""
+    return titled(figure, f"{title}\nspectra of absolute floor accelerations{damping}".strip())
 
 
 def floor_suite_picture(
@@ -338,23 +342,22 @@ def floor_suite_picture(
     units = units.in_figures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
     for suite in suites:
-        panels.setdefault(
-            (suite.floor, repr(suite.scale), repr(suite.level), suite.damping), []
-        ).append(suite)
-    shown = list(panels.values())[:_MOST_PANELS]
+        key = (suite.floor, repr(suite.scale), repr(suite.level), suite.damping)
+        panels.setdefault(key, []).append(suite)
+    shown = list(panels.values())[:_MAX_PANELS]
     columns = min(len(shown), 2)
-    rows = -(-len(shown) // columns)
+    rows = math.ceil(len(shown) / columns)
     figure = Figure(figsize=(4.0 * columns + 0.4, 3.6 * rows + 0.8), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
     looks = building_looks(suite.building for suite in suites)
     several_scales = len({repr(suite.scale) for suite in suites}) > 1
-    for axes, same in zip(grid.ravel(), shown, strict=False):
-        for suite in same:
+    for axes, panel_suites in zip(grid.ravel(), shown, strict=False):
+        for suite in panel_suites:
             line, psa = partial(axes.plot, suite.periods), units.of(suite.psa, "m/s^2")
             _draw_motions(axes, psa, line, looks[suite.building], "envelope")
-        _finish(axes, units)
+        _set_axes(axes, units)
         mark_first_periods(axes, periods)
-        first = same[0]
+        first = panel_suites[0]
         level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
         damping = f"{100.0 * first.damping:g} % damping"
         axes.set_title(
@@ -362,17 +365,17 @@ def floor_suite_picture(
         )
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
-    _name_below(figure, grid.ravel())
+    _add_common_legend(figure, grid.ravel())
     subject = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
-    more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
-    return titled(
-        figure,
-        f"{subject}, {pluralize(suites[0].runs, 'motion')}\nspectra of absolute floor "
-        f"accelerations{more}",
-    )
+    title = f"{subject}, {pluralize(suites[0].runs, 'motion')}\n"
+    title += "spectra of absolute floor accelerations"
+    if len(panels) > len(shown):
+        title += f"; the first {len(shown)} of {len(panels)} panels"
+    return titled(figure, title)
 
 
-def _finish(axes: Any, units: OutputUnits) -> None:
+def _set_axes(axes: Any, units: OutputUnits) -> None:
+    """Set logarithmic axes with the period and the pseudo-acceleration."""
     plain_logarithmic(axes)
     axes.set(xlabel="period (s)", ylabel=f"pseudo-acceleration ({units.label('m/s^2')})")
     axes.label_outer()
