@@ -430,7 +430,7 @@ def execute_campaign(
 
 
 def _report_progress(advance: Advance) -> None:
-    """Report the number of runs of this call and of earlier calls, and the rate of the runs."""
+    """Report the numbers of runs: in this call and in earlier calls, and the rate of the runs."""
     new_runs = advance.done - advance.before
     if new_runs:
         before = f", {advance.before} before" if advance.before else ""
@@ -665,7 +665,7 @@ def _suite_contents(
 
     The files are the figure of the profiles and the ratios to the baseline. With a plan, they
     include the floor spectra, the report and the intensity measures of the runs. The dictionary is
-    empty until all runs are done.
+    empty until all runs are completed.
 
     Parameters
     ----------

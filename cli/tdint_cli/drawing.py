@@ -74,7 +74,7 @@ def _with_percent_errors(table: Table) -> Table:
 
 
 def _percent(error: Cell, value: Cell) -> float | None:
-    """Return an error in percent of a value; None if the value is zero or one is not a number."""
+    """Return an error in percent of a value; None if the value is zero or not a number."""
     if not isinstance(error, float) or not isinstance(value, float):
         return None
     if math.isnan(error) or value == 0.0:
@@ -158,7 +158,7 @@ def draw(
 
 
 def _common_folder(files: Sequence[str]) -> str:
-    """Return the directory, with its slash, with which all texts begin; empty without one."""
+    """Return the common directory of all texts, with its slash; empty if they have none."""
     # In alphabetical order, the common prefix of the first and the last text is common to all.
     first, last = min(files), max(files)
     prefix_length = 0
@@ -168,7 +168,7 @@ def _common_folder(files: Sequence[str]) -> str:
 
 
 def _transposed(names: Sequence[str], columns: Sequence[Sequence[str]], width: int) -> str:
-    """Return a table as text in which each line contains the name and the values of a column.
+    """Return a table as text; each line contains the name and the values of a column.
 
     Parameters
     ----------

@@ -273,7 +273,7 @@ def _shared(
 ) -> Iterator[Result | TdintError]:
     """Yield the outcomes of the workers in the order of the tasks.
 
-    If a process ends unexpectedly, only the outcome of its own record is an error.
+    If a process ends unexpectedly, only the outcome of its record is an error.
 
     Parameters
     ----------

@@ -138,7 +138,7 @@ class SuiteLimits:
                 yield None, self.named(profile, text)
 
     def building(self, profile: Profile) -> str:
-        """Return the name of a profile, which is empty if there is only one profile."""
+        """Return the name of a profile, which is empty if there is only a single profile."""
         return profile_name(profile, self.profiles)
 
     def named(self, profile: Profile, text: str) -> str:

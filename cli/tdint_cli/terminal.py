@@ -582,7 +582,7 @@ _DEFAULT_HANDLERS = (signal.SIG_DFL, signal.default_int_handler, _leave_to_watch
 
 
 def _end(number: int, is_reported: threading.Event) -> None:
-    """End the process at once with the exit code of a signal.
+    """End the process immediately with the exit code of a signal.
 
     Parameters
     ----------

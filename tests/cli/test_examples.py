@@ -192,7 +192,7 @@ def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdi
         (["--dt", "nan"], 2, "Invalid value for '--dt'"),
         (["--method", "newmrk"], 2, "did you mean 'newmark'?"),
         (["--reference", "exact"], 2, "Invalid value for '--reference'"),
-        (["-o", ""], 2, "-o is empty"),
+        (["-o", ""], 2, "-o must not be empty"),
         (["1", "--figures"], 2, "--figures"),
     ],
 )

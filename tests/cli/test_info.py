@@ -89,7 +89,7 @@ def test_standard_input_component_and_output(folder, tdint):
         ((), 2, "Missing argument 'RECORD...'"),
         (("-", "-"), 2, "standard input (-) can be read only once"),
         (("other.mseed", "--units", "furlong"), 2, "units 'furlong'"),
-        (("other.mseed", "-o", ""), 2, "-o is empty"),
+        (("other.mseed", "-o", ""), 2, "-o must not be empty"),
     ],
 )
 def test_usage_errors(folder, tdint, arguments, code, message):

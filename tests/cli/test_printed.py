@@ -73,7 +73,7 @@ def test_words_are_those_of_the_paper(here, tdint, drawn):
         ("font='Times", "must be a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."),
         ("font=No Such Font", "font 'No Such Font' is not installed on this machine"),
         ("label:impulse4", "--style 'label:impulse4': a label must be label:NAME=TEXT"),
-        ("label:nothing=x", "label 'nothing': the figure contains no label with this name"),
+        ("label:nothing=x", "label 'nothing' not found in the figure"),
         ("none.mplstyle", "style sheet none.mplstyle: "),
     ],
 )

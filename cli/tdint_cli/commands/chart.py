@@ -665,7 +665,7 @@ def _recommendation_text(request: Request, usual: Point, advice: Advice) -> str:
     usual : Point
         Result of the common choice of method and time step.
     advice : Advice
-        Recommended method and time step for one error limit.
+        Recommended method and time step for an error limit.
     """
     target = request.target_error
     goal = f"For {100.0 * advice.limit:g} % ({target}): "

@@ -33,7 +33,7 @@ _MAX_ENERGY_ERROR = 0.01  # energy error above which a run is reported, relative
 
 
 class _Measure(Name):
-    """Option type of an intensity measure to which ground motions can be scaled.
+    """Option type of an intensity measure for the scaling of ground motions.
 
     Measures of plug-ins are included. Other measures are refused with a reason.
     """

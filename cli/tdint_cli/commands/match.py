@@ -297,7 +297,7 @@ def _change_warnings(matched: Match) -> list[str]:
             f"{subject}: the added wavelets are {matched.change:.2g} times as large as the "
             "ground motion itself; choose a record with a more similar spectrum"
         )
-    # The components of a pair are compared one by one.
+    # The components of a pair are compared separately.
     for component in matched.parts:
         matched_measures, seed_measures = component.measures
         if matched_measures.pgd > _MAX_PGD_RATIO * seed_measures.pgd:

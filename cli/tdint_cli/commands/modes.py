@@ -150,7 +150,7 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     outputs = outputs.else_in(model.output_units)
     result, units = response_spectrum_analysis(model, target), outputs.shown_units
     warnings = []
-    # These modes are the last ones, because the modes are sorted by decreasing period.
+    # These modes are last, because the modes are sorted by decreasing period.
     for count, text in (
         (result.rigid, "are rigid: the value of the target at 0 s is used"),
         (result.left_out, "are ignored: the target has no value at 0 s"),

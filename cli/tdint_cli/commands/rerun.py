@@ -157,7 +157,7 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
     recorded : _RecordedCommand
         Recorded command.
     folder : Path
-        Directory in which the command is repeated.
+        Working directory of the repeated command.
     changed : bool
         Allow changed inputs, with a warning for each.
 
@@ -642,7 +642,7 @@ def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -
         code = end.code if isinstance(end.code, int) else 1
     finally:
         ELSEWHERE.reset(before)
-    # Exit codes from 128 are those of signals.
+    # Exit codes from 128 represent signals.
     if code >= 128:
         raise click.exceptions.Exit(code)
     return code

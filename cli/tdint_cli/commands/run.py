@@ -99,7 +99,7 @@ def command(request: Request) -> None:
             "under the same records, use a campaign with `buildings: {models: "
             f"[{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
-    # A comma after a colon separates the parameters of one method.
+    # A comma after a colon separates the parameters of a method.
     method = request.method
     if method and "," in method and ":" not in method:
         raise UsageError(
@@ -227,7 +227,7 @@ def _model(request: Request) -> Model:
 def _sequence_records(request: Request, model: Model) -> list[Record]:
     """Return the scaled records of --sequence; an empty list for a single run.
 
-    --scale has one factor for all events, or one factor for each event.
+    --scale has a single factor for all events, or a factor for each event.
     """
     from tdint.analysis.arguments import model_record
 
@@ -281,7 +281,7 @@ def _failure_content(
     inputs : list of Input
         Files of the model and of the ground motions.
     start_time : float
-        Time at which the run started, s (`time.perf_counter`).
+        Start time of the run, s (`time.perf_counter`).
     """
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import failure_summary
@@ -397,7 +397,7 @@ def _files(
     record_inputs : list of Input
         The files from which the ground motions were read.
     start_time : float
-        Time at which the run started, s (`time.perf_counter`).
+        Start time of the run, s (`time.perf_counter`).
 
     Returns
     -------

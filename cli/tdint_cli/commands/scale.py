@@ -348,7 +348,7 @@ def _scale_function(request: ScaleRequest) -> Any:
 
 
 def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
-    """Return the periods at which the spectra are compared with the target, s.
+    """Return the periods of the comparison of the spectra with the target, s.
 
     The range is --range, or 0.2 to 2 times the period of --at or the natural periods of the
     buildings, or all periods of the target.

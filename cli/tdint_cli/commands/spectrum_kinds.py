@@ -385,7 +385,7 @@ class SpectrumRequest(TablesRequest):
 
     @property
     def specified_settings(self) -> dict[str, Any]:
-        """Settings of elastic spectra on the command line; each of them has a column."""
+        """Settings of elastic spectra on the command line; each quantity has a column."""
         return {
             name: value
             for name in ("maxima", "interpolation")

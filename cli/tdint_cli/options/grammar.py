@@ -634,7 +634,7 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
 def with_named_files(
     arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)
 ) -> list[str]:
-    """Return a command line in which --plot and --history, if listed in `options`, have a value.
+    """Return a command line with a value for --plot and --history, if listed in `options`.
 
     The value is the next word if it is empty or a file name with a suffix that fits the option,
     otherwise `BESIDE`.

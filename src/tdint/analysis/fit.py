@@ -475,7 +475,7 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_FreeValue]:
     if "stiffness" in names and "stiffness-factor" in names:
         raise UsageError(
             "stiffness (of each story) and stiffness-factor (one factor for all stories) cannot be "
-            "fitted together; omit one of them"
+            "fitted together; specify only one name"
         )
     if "stiffness-factor" in names:
         # A single factor applies to the stiffnesses of all stories.

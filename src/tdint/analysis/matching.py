@@ -36,7 +36,7 @@ from tdint.ground_motion.record import Record
 from tdint.tabular import Progress, Tabular, progress_reporter
 
 CHECKED = 1000
-"""Number of checked periods, in equal ratios, at which the misfit of a match is computed."""
+"""Number of checked periods, in equal ratios, for the misfit of a match."""
 
 _FIRST_PERIODS = 130
 """Number of periods that are matched in the first stage."""
@@ -278,8 +278,8 @@ def match_suite(
 ) -> list[Match]:
     """Match the mean spectrum of a suite to a target, and preserve the scatter of the spectra.
 
-    Each motion is matched to an own target: its scaled spectrum times the ratio of the target to
-    the mean of all scaled spectra.
+    Each motion is matched to a separate target: its scaled spectrum times the ratio of the target
+    to the mean of all scaled spectra.
 
     Parameters
     ----------
@@ -342,7 +342,7 @@ class _MatchTarget:
     dampings : tuple of float
         Damping ratios.
     checked : ndarray, shape (CHECKED,)
-        Periods at which the misfit is computed, s.
+        Periods for the misfit, s.
     """
 
     targets: tuple[TargetSpectrum, ...]

@@ -95,8 +95,8 @@ def load() -> Any:
 def _run(ops: Any, problem: Content, run: Content) -> Content:
     """Run one integrator with one time step, and return its results by name.
 
-    The motion is recorded in a separate run with one call of OpenSees per step. The times (s) are
-    measured in runs with a single call for all steps. They are missing if the first run fails.
+    The motion is recorded in a separate run with a call of OpenSees for each step. The times (s)
+    are measured in runs with a single call for all steps. They are missing if the first run fails.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
             ("Elastic", problem["geometric"][i]),
         )
         for position, (material, *values) in enumerate((materials[i], *parallel_terms)):
-            # Each term needs an element of its own; a term with a coefficient of 0 is omitted.
+            # Each term needs a separate element; a term with a coefficient of 0 is omitted.
             if position == 0 or values[0] != 0.0:
                 tag = i + 1 + position * _TAG_OFFSET
                 arguments = (v if isinstance(v, str) else float(v) for v in values)

@@ -609,7 +609,7 @@ def cache_folder() -> Path | None:
 
 
 def _cache_file(problem: Problem, samples: int) -> Path | None:
-    """Return the file in which the reference of a problem is stored; None without a cache.
+    """Return the file that stores the reference of a problem; None without a cache.
 
     The name is a digest of everything that determines the reference: this module, the kernels
     including the laws of plug-ins, and all arrays of the problem.

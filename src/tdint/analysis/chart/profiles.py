@@ -107,7 +107,7 @@ _SURE = 0.2
 _NEAR = 1.5  # points with a cost up to this multiple of the minimum are timed again
 # Fraction of the smallest tolerance: after two steps with smaller errors, no smaller step is run
 _FAR_BELOW = 0.25
-# Fraction of the time limit of OpenSees for one problem; with the full time, OpenSees would take
+# Fraction of the time limit of OpenSees for a problem; with the full time, OpenSees would take
 # longer than all methods of tdint in many problems
 _SHARE = 0.3
 _REPEATS = 3  # times per point; their minimum is the cost, because disturbances only increase times

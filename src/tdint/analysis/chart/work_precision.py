@@ -607,7 +607,7 @@ def _timed(
                 point, iterations=result.iterations, errors=errors(motion, reference.motion)
             )
         points[integrator, steps] = point
-    # Time the runs alternately, so that disturbances affect all of them equally. The timed loop is
+    # Time the runs alternately, so that disturbances affect all runs equally. The timed loop is
     # the time loop of `tdint run` without --history, with peaks and energies.
     result_of_judge: object = None
     for repetition in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
@@ -655,7 +655,7 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
 
 
 def alternative(points: Sequence[Point], quantity: str, limit: float, best: Point) -> Point | None:
-    """Return the cheapest point of another method that meets the tolerance; None without one.
+    """Return the cheapest point of another method that meets the tolerance; None if none does.
 
     Points of the same line with smaller steps must meet the tolerance also. The alternative costs
     at least as much as the recommended point: a cheaper point was not recommended, because it is

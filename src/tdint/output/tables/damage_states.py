@@ -259,7 +259,9 @@ def check_column(store: Store, by: str) -> None:
     """Raise UsageError if the inventory has no column with the name `by`, regardless of case."""
     if by.lower() not in [title.lower() for title in store.inventory_columns()]:
         available = ", ".join(store.inventory_columns()) or "none"
-        raise UsageError(f"--by {by}: the inventory has no such column; it has {available}")
+        raise UsageError(
+            f"--by {by}: column not found in the inventory; available columns: {available}"
+        )
 
 
 def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
