@@ -238,7 +238,7 @@ def test_an_interrupt_before_the_first_run_gives_an_empty_result(monkeypatch):
     assert len(empty.status) == 0 and empty.failures == {} and empty.gradient is None
     assert "0 of" in repr(empty) and empty.time.shape == (0, 0)
     assert all(len(column) == 0 for column in empty.to_dict().values())
-    with pytest.raises(UsageError, match="no runs"):
+    with pytest.raises(UsageError, match="at least one run"):
         empty.plot()
     with pytest.raises(KeyboardInterrupt):
         tdint.run_many(model(BILINEAR), RECORD)

@@ -106,7 +106,7 @@ def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
             r"of 'SAK': unknown file format; specify files with a pattern such as \*\.txt; did you "
             r"mean 'SAC'",
         ),
-        ("*.sac=gg", r"of '\*\.sac', units 'gg'"),
+        ("*.sac=gg", r"of '\*\.sac': units 'gg'"),
         ("SAC=g,gal", "'gal'; expected FORMAT=UNITS"),
         ("=g", "'=g'; expected FORMAT=UNITS"),
         ({"SAC": 9.81}, "units of 'SAC' must be a text"),

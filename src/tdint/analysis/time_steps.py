@@ -51,7 +51,11 @@ not cause a run of years.
 
 
 def choose_steps(
-    dt: float | None, duration: float | None, record_dt: float | None, record_duration: float
+    dt: float | None,
+    duration: float | None,
+    record_dt: float | None,
+    record_duration: float,
+    interval_name: str = "sampling interval of the record",
 ) -> Steps:
     """Return the time steps for a requested dt and duration.
 
@@ -66,6 +70,8 @@ def choose_steps(
         Sampling interval of the record, s; None without a record.
     record_duration : float
         Duration of the record, s.
+    interval_name : str
+        Name of the quantity `record_dt` in messages.
 
     Raises
     ------
@@ -87,8 +93,7 @@ def choose_steps(
         return Steps(dt, _count(duration, dt), end=duration)
     if dt is not None and not record_dt / MAX_STEPS <= dt <= record_dt * MAX_STEPS:
         raise UsageError(
-            f"dt must be comparable to the sampling interval of the record, {record_dt:.6g} s; "
-            f"got {dt:.6g} s"
+            f"dt must be comparable to the {interval_name}, {record_dt:.6g} s; got {dt:.6g} s"
         )
     duration = record_duration if duration is None else duration
     if dt is None:
@@ -108,7 +113,7 @@ def choose_steps(
     else:
         smaller, larger = record_dt / (factor + 1), record_dt / factor
     raise UsageError(
-        f"dt must be the sampling interval of the record, {record_dt:.12g} s, multiplied or "
+        f"dt must be the {interval_name}, {record_dt:.12g} s, multiplied or "
         f"divided by an integer, got {dt:.12g} s; the nearest time steps are {smaller:.12g} and "
         f"{larger:.12g} s"
     )

@@ -457,7 +457,7 @@ def test_a_common_factor_is_what_a_roof_sensor_tells(made):
         [900, 700, 500], rel=1e-9
     )
     assert not value.on_bound
-    with pytest.raises(UsageError, match="stiffness and stiffness-factor"):
+    with pytest.raises(UsageError, match="cannot be fitted together"):
         fit(soft, event, ["stiffness", "stiffness-factor"])
 
 

@@ -127,5 +127,5 @@ def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
     ],
 )
 def test_out_of_all_proportion(dt, duration, record_dt):
-    with pytest.raises(UsageError, match=r"at most 1e\+09 are allowed|dt must be comparable"):
+    with pytest.raises(UsageError, match=r"at most 1e\+09 steps are allowed|dt must be comparable"):
         choose_steps(dt, duration, record_dt, 40.0)

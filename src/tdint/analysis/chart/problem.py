@@ -158,15 +158,9 @@ class Problem:
         """
         if not (math.isfinite(dt) and dt > 0.0):
             raise UsageError(f"dt must be a positive number of seconds, got {dt!r}")
-        try:
-            return choose_steps(dt, self.samples * self.interval, self.interval, 0.0)
-        except UsageError as error:
-            if self.record:
-                raise
-            # Without a record, the interval is the time step of the model: say so in the message.
-            raise UsageError(
-                str(error).replace("record's sampling interval", "model's own step")
-            ) from None
+        # Without a record, the interval is the time step of the model.
+        name = "sampling interval of the record" if self.record else "time step of the model"
+        return choose_steps(dt, self.samples * self.interval, self.interval, 0.0, name)
 
     def case(self, integrator: Integrator) -> Case:
         """Return the building and the ground motion with a method, as `tdint run` integrates them.
