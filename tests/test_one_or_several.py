@@ -55,4 +55,6 @@ def test_a_bar_that_cannot_be_drawn_keeps_no_run(monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "tqdm.auto", None)
     runs = tdint.run_many(MODEL, RECORD, progress=True)
     assert runs.status.tolist() == ["done"]
-    assert "progress=True needs tqdm" in caplog.text and "no progress bar is shown" in caplog.text
+    assert (
+        "progress=True requires tqdm" in caplog.text and "no progress bar is shown" in caplog.text
+    )

@@ -343,7 +343,7 @@ def test_what_makes_no_sense(frame):
             ida(frame, records, settings=settings)
     with pytest.raises(UsageError, match="specified twice"):
         ida(frame, [*records, *records])
-    with pytest.raises(UsageError, match="no record"):
+    with pytest.raises(UsageError, match="at least one record"):
         ida(frame, [])
     stories = (*frame.stories[:-1], replace(frame.stories[-1], height=None))
     with pytest.raises(ModelError, match="add the height of story 4"):

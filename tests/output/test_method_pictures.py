@@ -14,8 +14,9 @@ from tdint.analysis.chart.profiles import PARTS, Measured, PeakErrors, field_cha
 from tdint.analysis.chart.work_precision import Chart, Point, Timing
 from tdint.errors import UsageError
 from tdint.methods import catalogue
-from tdint.output.figures.assessment import chart_picture, failure_picture
+from tdint.output.figures.assessment import chart_picture
 from tdint.output.figures.comparison import profile_picture
+from tdint.output.figures.failure_matrix import failure_picture
 from tdint.output.figures.style import picture
 from tdint.output.printed import PRINTED, parse_style
 

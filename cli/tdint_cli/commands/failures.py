@@ -66,7 +66,7 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
         for trial in attempt(integrator, problem)
     ]
     outputs.deliver(
-        tables.methods.failure_table(trials), lambda: figures.assessment.failure_picture(trials)
+        tables.methods.failure_table(trials), lambda: figures.failure_matrix.failure_picture(trials)
     )
     # Count the verdicts of each method. The first column is `pass`, the other columns follow in the
     # order of occurrence.

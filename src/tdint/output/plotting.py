@@ -16,6 +16,7 @@ from tdint.output.figures import (
     assessment,
     collapse,
     comparison,
+    failure_matrix,
     many_runs,
     mode_shapes,
     runs,
@@ -261,6 +262,6 @@ _DRAWINGS: dict[str, _Drawing] = {
     ),
     "ParameterEffect": _Drawing(runs.sensitivity_picture),
     "TargetDisplacement": _Drawing(comparison.target_picture),
-    "Trial": _Drawing(lambda results, _: assessment.failure_picture(results)),
+    "Trial": _Drawing(lambda results, _: failure_matrix.failure_picture(results)),
 }
 """Drawing functions by class name of the results, so that their modules need not be imported."""
