@@ -2,14 +2,15 @@
 tasks.
 
 Each worker process handles one task at a time, so a lost process loses only its own task. A worker
-never outlives the process that started it: Linux sends SIGKILL to the worker, and on every system
-the worker ends when the pipe to the first process is closed.
+never outlives the process that started it: Linux sends SIGKILL to the worker, and on other systems
+a thread of the worker waits for the end of the first process.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import sys
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -17,8 +18,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from contextvars import copy_context
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import connection, get_context
+from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from tdint.errors import AnalysisError, RecordError, TdintError
@@ -172,6 +174,8 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
     unblock_signals(ENDING)
     die_with_parent(parent)
+    if sys.platform != "linux":
+        Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, OSError):
         while True:
             item = pipe.recv()
@@ -180,6 +184,13 @@ def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None
             except Exception as error:
                 answer = False, error
             pipe.send(answer)
+
+
+def _end_with_parent() -> None:
+    """Wait until the process that started this worker ends, and end this worker."""
+    if first := parent_process():
+        first.join()
+        os._exit(1)
 
 
 @dataclass(frozen=True)

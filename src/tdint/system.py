@@ -361,8 +361,8 @@ def unblock_signals(signals: Collection[signal.Signals]) -> None:
 def die_with_parent(parent: int) -> None:
     """Request that this process is killed when its parent ends.
 
-    Only Linux supports this; on other systems the process notices the end of its parent by a closed
-    pipe.
+    Only Linux supports this; on other systems the process must wait for the end of its parent in a
+    thread, or notice a closed pipe.
     """
     if sys.platform == "linux":
         import ctypes

@@ -1,10 +1,13 @@
 """`tdint rerun`: repeat the command that is recorded in a JSON file, in another directory, and
 compare the tables."""
 
+import csv
 import gzip
 import hashlib
+import io
 import json
 import os
+import re
 import socket
 import sqlite3
 import subprocess
@@ -560,13 +563,37 @@ def test_a_plugin_that_is_missing(folder, tdint, rerun):
         {"peaks": 10**400},
         {"peaks": {"drift_m": 10**400}},
         {"peaks": float("nan")},
+        {"peaks": None},
+        {"unknown": 1},
     ],
 )
-def test_forged_json_files_end_in_one_line(folder, tdint, rerun, forged):
+def test_forged_json_files_are_different(folder, tdint, rerun, forged):
     tdint(*ONE_RUN, code=0)
     file = folder / "out/summary.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | forged))
-    assert "internal error" not in rerun("out", code=5 if "peaks" in forged else 0).stderr
+    again = rerun("out", code=5)
+    assert "internal error" not in again.stderr
+    columns = {re.split(r"[.\[]", row["column"])[0] for row in rows(again.stdout)}
+    assert columns == {*forged}
+
+
+def rows(text):
+    """Return the rows of a table of differences as dictionaries."""
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_a_key_that_is_missing_is_a_difference(folder, tdint, rerun):
+    """Of results of the same version; another version may write other keys."""
+    tdint(*ONE_RUN, code=0)
+    file = folder / "out/summary.json"
+    content = json.loads(file.read_text())
+    del content["peaks"]
+    file.write_text(json.dumps(content))
+    (row,) = rows(rerun("out", code=5).stdout)
+    assert row["column"] == "peaks" and row["before"] == ""
+    content["versions"]["sources"] = "other"
+    file.write_text(json.dumps(content))
+    rerun("out", code=0)
 
 
 def test_a_forged_store_is_not_read(folder, tdint, rerun):

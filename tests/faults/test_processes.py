@@ -3,10 +3,14 @@ right exit code."""
 
 import os
 import signal
+import subprocess
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
+
+from faults.conftest import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -93,3 +97,72 @@ def test_a_run_that_is_ended_leaves_no_half_file(folder, start):
     code = command.end()[0]
     assert code in (0, 143) and not temporary(folder)
     assert not code or not (folder / "out" / "summary.json").exists()
+
+
+WORKER = """\
+import sys, time
+from tdint.analysis.chart import opensees_worker
+opensees_worker.find_spec = lambda name: print("started", flush=True) or time.sleep(100)
+sys.exit(opensees_worker.main())
+"""
+"""The worker of OpenSeesPy with a run that never ends."""
+
+WAITING = """\
+import os, threading, time
+from tdint_cli.processes import _end_with_parent
+threading.Thread(target=_end_with_parent, daemon=True).start()
+print("started", flush=True)
+time.sleep(100)
+"""
+"""What a worker does on systems that send no signal when its parent ends."""
+
+PARENTS = {
+    "opensees": f"import os, subprocess, sys\nsubprocess.run([sys.executable, '-c', {WORKER!r}, "
+    "str(os.getpid())])\n",
+    "other systems": "import multiprocessing\n"
+    "context = multiprocessing.get_context('fork')\n"
+    f"process = context.Process(target=exec, args=({WAITING!r}, {{}}))\n"
+    "process.start()\nprocess.join()\n",
+}
+
+
+@pytest.mark.parametrize("name", PARENTS)
+def test_a_worker_ends_with_a_killed_parent(name):
+    """No handler of the parent runs, because it is killed."""
+    environment = os.environ | {"TDINT_KERNELS": "python"}
+    line = [sys.executable, "-c", PARENTS[name]]
+    with subprocess.Popen(
+        line, stdout=subprocess.PIPE, env=environment, start_new_session=True
+    ) as parent:
+        assert parent.stdout is not None and parent.stdout.readline() == b"started\n"
+        parent.kill()
+        parent.wait()
+        # The worker has inherited the pipe, which ends with the worker.
+        os.set_blocking(parent.stdout.fileno(), False)
+        wait_until(lambda: parent.stdout.read() == b"", 20.0)
+
+
+def test_workers_of_fuzz_tests_end_with_a_killed_parent():
+    """A batch of a worker takes minutes."""
+    script = Path(__file__).parents[1] / "fuzz/run.py"
+    line = [sys.executable, str(script), "--of", "reruns", "--cases", "5000", "--jobs", "1"]
+    with subprocess.Popen(
+        line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True
+    ) as parent:
+        assert parent.stdout is not None
+        wait_until(lambda: any_worker(parent.pid), 60.0)
+        os.kill(parent.pid, signal.SIGKILL)
+        parent.wait()
+        os.set_blocking(parent.stdout.fileno(), False)
+        wait_until(lambda: parent.stdout.read() == b"", 20.0)
+
+
+def any_worker(parent):
+    """Return True if a process of the pool is running a batch: its working directory is a
+    sandbox."""
+    for entry in Path("/proc").iterdir():
+        with suppress(OSError):
+            fields = (entry / "stat").read_text().rpartition(")")[2].split()
+            if int(fields[1]) == parent and (entry / "cwd").readlink() != Path.cwd():
+                return True
+    return False

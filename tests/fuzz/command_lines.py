@@ -38,7 +38,7 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
         ("modal.yaml",),
         ("linear.yaml", "a.txt"),
         ("limited.yaml", "a.txt", "n.mseed", "--units", "m/s^2"),
-        ("limited.yaml", "n.mseed", "--units", "m/s^2", "--pairs", "--pair-demand", "mean"),
+        ("limited.yaml", "n.mseed", "--units", "m/s^2", "--pair-demand", "mean"),
     ],
     "modes": [(model,) for model in _MODELS],
     "law": [

@@ -27,6 +27,7 @@ from fuzz.corpus import corpus
 from fuzz.kinds import KINDS
 from fuzz.oracle import LONGEST, OUTCOMES, Failure, outcome, read
 from fuzz.sandbox import sandbox
+from tdint.system import die_with_parent
 
 FAILED = "FAILED"
 _BATCH = 250
@@ -74,9 +75,11 @@ def all_outcomes(
     """Counts of outcomes by name, and a line for every failure."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
     failures: list[str] = []
+    # Workers end with this process: a batch can take minutes, and commands catch SIGTERM.
     # A pool forks from a process with threads when it replaces one of its own, which may stand
     # still for ever.
-    with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=20) as pool:
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(jobs, die_with_parent, (os.getpid(),), maxtasksperchild=20) as pool:
         waiting = [
             (batch, pool.apply_async(run_batch, (kind, batch)))
             for batch in batches(names, count, seed)

@@ -178,5 +178,12 @@ def invoked(arguments: Sequence[str]) -> tuple[int, str]:
     return result.exit_code, result.stderr
 
 
+def invoked_fully(arguments: Sequence[str]) -> tuple[int, str, str]:
+    """Run `tdint ARGUMENTS` here: its exit code, standard output and standard error."""
+    result = _result(arguments)
+    text = (result.stdout_bytes or b"").decode("utf-8", "backslashreplace")
+    return result.exit_code, text, result.stderr
+
+
 def _result(arguments: Sequence[str], stdin: bytes | None = None) -> Result:
     return runner().invoke(cli, list(arguments), input=stdin, prog_name="tdint")

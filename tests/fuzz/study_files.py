@@ -81,6 +81,7 @@ records: {files: [a.txt], units: m/s^2}
 analysis: {method: newmark-average, duration: 0.3}
 """,
 }
+_MAP = {"map.yaml": f"{_CAMPAIGNS['town.yaml']}outputs: {{stories: true}}\n"}
 _TABLES = {
     "assets.xml": """\
 <?xml version="1.0" encoding="UTF-8"?>
@@ -125,7 +126,7 @@ _TABLES = {
     + "".join(f"{0.1 * i:.1f},{0.002 * i + 0.001 * (i % 3):.3f},{i > 8}\n" for i in range(1, 10)),
     "path.csv": "step,drift_m\n1,0\n2,0.01\n3,-0.02\n4,0.03\n",
 }
-FILES = _RECORDINGS | _CAMPAIGNS | _TABLES
+FILES = _RECORDINGS | _CAMPAIGNS | _MAP | _TABLES
 """Names and contents."""
 
 COMPARE = (

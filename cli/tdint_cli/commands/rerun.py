@@ -134,17 +134,22 @@ def command(request: Request) -> None:
                     f"{recorded.file}: the command writes no file with this name; restore the "
                     "original file name"
                 )
-            raise click.exceptions.Exit(exit_code)
+            raise _report_failure(recorded, exit_code)
         repeated = _RecordedCommand.read(str(outputs.summary))
         _check_provenance(recorded, repeated, changes, request.changed)
         is_same = _compare(recorded, repeated, outputs)
         # Only the failure of a run is recorded, with its status: this run must fail again.
         failed_before = recorded.content.get("status") not in (None, "done")
     if exit_code and not (failed_before and is_same):
-        complain(f"Error: {recorded.file}: the command failed, with exit code {exit_code}")
-        raise click.exceptions.Exit(exit_code)
+        raise _report_failure(recorded, exit_code)
     if not is_same:
         raise AnalysisError(f"{recorded.file}: the results differ from the stored results")
+
+
+def _report_failure(recorded: _RecordedCommand, exit_code: int) -> click.exceptions.Exit:
+    """Report that the repeated command failed, and return the exception with its exit code."""
+    complain(f"Error: {recorded.file}: the command failed, with exit code {exit_code}")
+    return click.exceptions.Exit(exit_code)
 
 
 def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> dict[str, str]:
@@ -187,7 +192,7 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
         is_recorded_input = any(path == file or path.startswith(file + os.sep) for path in inputs)
         if is_file(file) and not is_recorded_input:
             changes[name] = _change_text(name, None, file)
-    _refuse_changes(changes, changed)
+    _refuse_changes(recorded, changes, changed)
     return changes
 
 
@@ -235,7 +240,7 @@ def _check_provenance(
         for name in sorted({*before, *now} - {*known_changes})
         if before.get(name) != now.get(name)
     }
-    _refuse_changes(changes, changed)
+    _refuse_changes(recorded, changes, changed)
     # The digest of the sources is omitted, because the version of tdint also identifies them.
     for name in dict.fromkeys((*recorded.versions, *repeated.versions)):
         version, new_version = recorded.versions.get(name), repeated.versions.get(name)
@@ -648,18 +653,21 @@ def _run_command(arguments: Sequence[str], folder: Path, outputs: _NewOutputs) -
     return code
 
 
-def _refuse_changes(changes: Mapping[str, str], changed: bool) -> None:
+def _refuse_changes(recorded: _RecordedCommand, changes: Mapping[str, str], changed: bool) -> None:
     """Raise UsageError for changed inputs, or print a warning for each with --changed.
 
     Parameters
     ----------
+    recorded : _RecordedCommand
+        Recorded command.
     changes : mapping of str to str
         Messages about the changed inputs, by name of the input.
     changed : bool
         True with --changed, which allows changed inputs.
     """
     if changes and not changed:
-        raise UsageError("\n".join([*changes.values(), "add --changed to use the changed inputs"]))
+        remedy = f"{recorded.file} records other inputs; add --changed to use the changed inputs"
+        raise UsageError("\n".join([*changes.values(), remedy]))
     warn(*changes.values())
 
 
@@ -699,7 +707,19 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
     bool
         True if all files are the same, or equal within rounding, and the runs end equally.
     """
-    measured = tables.methods.MEASURED if recorded.command.name == "chart" else ()
+    is_chart = recorded.command.name == "chart"
+    loops, new_loops = (run.content.get("time_loops") for run in (recorded, repeated))
+    # The JSON files of the same version of tdint have the same keys. Notes of interpreted time
+    # loops differ from those of compiled ones, and charts have keys with measured times.
+    is_same_version = recorded.versions.get("sources") == repeated.versions.get("sources")
+    ignored_keys = tables.methods.MEASURED_KEYS if is_chart else ()
+    if loops != new_loops:
+        ignored_keys = (*ignored_keys, "notes", "warnings")
+    rules = _Rules(
+        measured=tables.methods.MEASURED if is_chart else (),
+        is_same_version=is_same_version,
+        ignored_keys=ignored_keys,
+    )
     is_same = True
     shown: list[Difference] = []
     files = list(outputs.files())
@@ -709,13 +729,13 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
             is_same = False
             continue
         is_table = name.lower().endswith(TABLES) or name == recorded.output_name
-        text, file_is_same, differences = _compare_file(original, file, name, is_table, measured)
+        text, file_is_same, differences = _compare_file(original, file, name, is_table, rules)
         say(text)
         shown += differences[: MAX_SHOWN - len(shown)]
         is_same = is_same and file_is_same
     # Original files that are not written now cannot be compared.
     originals = {original for _, original, _ in files}
-    for file in _recorded_files(recorded) if recorded.is_folder else ():
+    for file in _recorded_files(recorded):
         if file not in originals:
             say(f"{file.name}: not compared, because the repeated command did not write this file")
             is_same = False
@@ -725,7 +745,6 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
         say(f"status of the run: recorded {status}, now {new_status}")
     elif status not in (None, "done"):
         say(f"status of the run: recorded {status}, now the same")
-    loops, new_loops = (run.content.get("time_loops") for run in (recorded, repeated))
     if loops and new_loops and loops != new_loops:
         note(f"time loops: recorded {loops}, now {new_loops}")
     if shown:
@@ -738,8 +757,28 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
     return is_same and status == new_status
 
 
+@dataclass(frozen=True)
+class _Rules:
+    """What is compared in the files of a command.
+
+    Attributes
+    ----------
+    measured : tuple of str
+        Columns of tables with measured times, which are not compared.
+    is_same_version : bool
+        True if the same version of tdint has written both results. The keys of JSON files must then
+        be the same.
+    ignored_keys : tuple of str
+        Keys of JSON files that are not compared.
+    """
+
+    measured: tuple[str, ...]
+    is_same_version: bool
+    ignored_keys: tuple[str, ...]
+
+
 def _compare_file(
-    before: Path, now: Path, name: str, is_table: bool, measured: Sequence[str]
+    before: Path, now: Path, name: str, is_table: bool, rules: _Rules
 ) -> tuple[str, bool, list[Difference]]:
     """Compare an original file with the file that is written now.
 
@@ -751,8 +790,8 @@ def _compare_file(
         Name of the file, for messages.
     is_table : bool
         True for a table; its name can have any suffix.
-    measured : sequence of str
-        Columns with measured times, which are not compared.
+    rules : _Rules
+        Columns and keys that are not compared.
 
     Returns
     -------
@@ -766,20 +805,35 @@ def _compare_file(
     if digest_of(before) == digest_of(now):
         return f"{name}: the same, byte for byte", True, []
     lower = name.lower()
-    exception = f" (not compared: {', '.join(measured)}, which are measured)" if measured else ""
-    # All numbers of a chart except those of its table are measured, or derived from measured times;
-    # its figure shows them.
-    if measured and lower.endswith((*JSON, ".png", ".svg", ".pdf")):
-        return f"{name}: not compared, because it contains measured times", True, []
+    measured, keys = rules.measured, rules.ignored_keys
+    # The figure of a chart shows measured times, so that its bytes differ.
+    if measured and lower.endswith((".png", ".svg", ".pdf")):
+        if _first_bytes(before) != _first_bytes(now):
+            return f"{name}: not comparable: it is not a figure of this format", False, []
+        text = "only the format was compared, because the figure shows measured times"
+        return f"{name}: {text}", True, []
     if lower.endswith(JSON):
-        differences = tables.differences.json_differences(before, now)
-        return _summarize_differences(name, differences, "value by value")
+        differences = tables.differences.json_differences(
+            before, now, is_same_version=rules.is_same_version, ignored_keys=keys
+        )
+        exception = f" (not compared: {', '.join(keys)})" if keys else ""
+        return _summarize_differences(name, differences, f"value by value{exception}")
     if now.suffix == STORE.suffix:
         return _summarize_differences(name, _store_differences(before, now), "run by run")
     if is_table:
         differences = tables.differences.differences(before, now, but=measured)
+        exception = f" (not compared: {', '.join(measured)}, measured times)" if measured else ""
         return _summarize_differences(name, differences, f"cell by cell{exception}")
     return f"{name}: not comparable: its bytes differ, and it is not a table", False, []
+
+
+def _first_bytes(file: Path) -> bytes:
+    """Return the first five bytes of a figure, which identify its format."""
+    try:
+        with file.open("rb") as stream:
+            return stream.read(5)
+    except OSError as error:
+        raise OutputError(f"{file}: cannot be read: {error.strerror}") from None
 
 
 def _summarize_differences(

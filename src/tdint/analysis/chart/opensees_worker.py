@@ -13,8 +13,10 @@ import io
 import json
 import math
 import os
+import signal
 import sys
 import time
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -37,6 +39,7 @@ ITERATIONS = 50  # maximum Newton iterations per step; converging steps need few
 _GROUND, _PATTERN = 0, 1  # node of the ground, and tag of the load pattern of the ground motion
 _RECORDED = ("disp", "vel", "accel")  # responses of the nodes that OpenSees writes to files
 _TAG_OFFSET = 100_000  # offset of the tags of parallel elements; maximum number of stories
+_SIGNAL_AT_PARENTS_DEATH = 1  # PR_SET_PDEATHSIG of Linux
 _FOREVER = 1e9  # s; later than the end of any run
 
 Content = dict[str, Any]
@@ -47,7 +50,16 @@ def main() -> int:
 
     A run is not started if earlier runs of its integrator used the processor time of the problem.
     The results of run number i are stored under the names `i_outcome`, `i_motion` and so on.
+
+    The argument of the process is the ID of the process that started it. On Linux, this process is
+    killed when that process ends.
     """
+    if sys.platform == "linux" and len(sys.argv) > 1:
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SIGNAL_AT_PARENTS_DEATH, signal.SIGKILL)
+        # The parent may have ended before the request.
+        if os.getppid() != int(sys.argv[1]):
+            return 1
     if find_spec("openseespy") is None:
         return NOT_INSTALLED
     # Messages that OpenSees prints on standard output must not be mixed with the results.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -364,7 +365,7 @@ def _run_worker(
         share=np.array(share),
         **_arrays(problem, reference),
     )
-    command = [sys.executable, "-P", "-m", opensees_worker.__name__]
+    command = [sys.executable, "-P", "-m", opensees_worker.__name__, str(os.getpid())]
     try:
         process = subprocess.run(
             command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES

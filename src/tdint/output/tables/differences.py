@@ -296,14 +296,40 @@ _NOT_RESULTS = frozenset(
 Inputs and versions are compared separately.
 """
 
+_NOT_COMPARED = frozenset(
+    (
+        *("arguments", "export", "versions", "time_loops", "inputs", "sha256"),
+        *("wall_time_s", "time_loop_s", "time_loop_clock", "processor_time_s"),
+    )
+)
+"""Keys of JSON files that may differ between two calls of the same version of tdint.
+
+These are paths, measured times, and keys that are compared separately. The digest `sha256` of a
+file differs if its numbers are equal within rounding; the file is compared instead.
+"""
+
+_MAX_TEXT = 200
+"""Maximum number of characters of a value in the table of differences."""
 
 _MAX_NUMBER = 1e300
 """Maximum number of a JSON file that is compared as a number, because whole numbers of Python are
 unlimited."""
 
 
-def json_differences(before: Path, now: Path) -> Iterator[Difference]:
+def json_differences(
+    before: Path, now: Path, *, is_same_version: bool = False, ignored_keys: Collection[str] = ()
+) -> Iterator[Difference]:
     """Yield the results that differ between two JSON files: numbers, text and lengths of lists.
+
+    Parameters
+    ----------
+    before, now : Path
+        JSON files of the same command.
+    is_same_version : bool
+        True if the same version of tdint has written both files. Keys that only one file has,
+        descriptions and notes are then compared as well.
+    ignored_keys : collection of str
+        Keys that are not compared, at any depth.
 
     Raises
     ------
@@ -322,7 +348,9 @@ def json_differences(before: Path, now: Path) -> Iterator[Difference]:
     # the depth of its nesting is limited.
     magnitudes: dict[str, float] = {}
     _collect_magnitudes(now_content, magnitudes)
-    yield from _json_differences(now.name, "", before_content, now_content, magnitudes)
+    not_compared = _NOT_COMPARED if is_same_version else _NOT_RESULTS
+    scope = _Scope(is_same_version, not_compared.union(ignored_keys))
+    yield from _json_differences(now.name, "", before_content, now_content, magnitudes, scope)
 
 
 def _collect_magnitudes(value: Any, magnitudes: dict[str, float]) -> None:
@@ -338,8 +366,24 @@ def _collect_magnitudes(value: Any, magnitudes: dict[str, float]) -> None:
             _collect_magnitudes(item, magnitudes)
 
 
+@dataclass(frozen=True)
+class _Scope:
+    """Compared keys of JSON files.
+
+    Attributes
+    ----------
+    has_same_keys : bool
+        True if a key that only one file has is a difference.
+    ignored_keys : frozenset of str
+        Keys that are not compared.
+    """
+
+    has_same_keys: bool
+    ignored_keys: frozenset[str]
+
+
 def _json_differences(
-    file: str, path: str, before: Any, now: Any, magnitudes: Mapping[str, float]
+    file: str, path: str, before: Any, now: Any, magnitudes: Mapping[str, float], scope: _Scope
 ) -> Iterator[Difference]:
     """Yield the differences between two JSON values.
 
@@ -353,19 +397,29 @@ def _json_differences(
         The values.
     magnitudes : mapping of str to float
         Maximum magnitude of the numbers of each key.
+    scope : _Scope
+        Compared keys.
     """
-    # A key that only one version of tdint writes is not a difference of results.
     if isinstance(before, Mapping) and isinstance(now, Mapping):
-        for key in before:
-            if key in now and key not in _NOT_RESULTS:
-                key_path = f"{path}.{key}" if path else key
-                yield from _json_differences(file, key_path, before[key], now[key], magnitudes)
+        for key in dict.fromkeys((*before, *now)):
+            if key in scope.ignored_keys:
+                continue
+            key_path = f"{path}.{key}" if path else key
+            if key in before and key in now:
+                yield from _json_differences(
+                    file, key_path, before[key], now[key], magnitudes, scope
+                )
+            # A key that only one version of tdint writes is not a difference of results.
+            elif scope.has_same_keys:
+                old_text = _value_text(before[key]) if key in before else None
+                new_text = _value_text(now[key]) if key in now else None
+                yield Difference(file, None, key_path, old_text, new_text)
     elif isinstance(before, list) and isinstance(now, list):
         if len(before) != len(now):
             old_text, new_text = (pluralize(len(items), "item") for items in (before, now))
             yield Difference(file, None, path, old_text, new_text)
         for number, (old, new) in enumerate(zip(before, now, strict=False), start=1):
-            yield from _json_differences(file, f"{path}[{number}]", old, new, magnitudes)
+            yield from _json_differences(file, f"{path}[{number}]", old, new, magnitudes, scope)
     # In Python, True is equal to 1, but they are different JSON values.
     elif before != now or _is_number(before) != _is_number(now):
         is_rounding = False
@@ -374,8 +428,12 @@ def _json_differences(
             magnitude = max(abs(before), abs(now), _json_magnitude(key, magnitudes))
             are_whole = isinstance(before, int) and isinstance(now, int)
             is_rounding = not are_whole and abs(now - before) <= ROUNDING * magnitude
-        old_text, new_text = (json.dumps(value)[:200] for value in (before, now))
-        yield Difference(file, None, path, old_text, new_text, is_rounding)
+        yield Difference(file, None, path, _value_text(before), _value_text(now), is_rounding)
+
+
+def _value_text(value: Any) -> str:
+    """Return a JSON value for the table of differences."""
+    return json.dumps(value)[:_MAX_TEXT]
 
 
 def _json_magnitude(key: str, magnitudes: Mapping[str, float]) -> float:

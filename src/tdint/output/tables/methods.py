@@ -475,6 +475,10 @@ def profile_table(chart: FieldChart) -> Table:
 MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[7:]))
 """Columns of a chart that depend on measured times and differ between runs."""
 
+MEASURED_KEYS = ("timing", "recommended", "usual", "peers", "profiles", "notes", "warnings")
+"""Keys of the JSON file of a chart with measured times, or with choices and notes that depend on
+them."""
+
 VALIDATION = (
     Column("case", "text", "case.name", "name of the case"),
     Column("what", "text", _without_commas("case.title"), "subject of the case"),
