@@ -577,6 +577,20 @@ def test_forged_json_files_are_different(folder, tdint, rerun, forged):
     assert columns == {*forged}
 
 
+def test_the_directory_of_another_output_is_not_a_difference(folder, tdint, rerun):
+    """The repeated command writes to a temporary directory, which is a setting in its JSON file."""
+    (folder / "buildings.csv").write_text(
+        "id,NumberOfStories,YearBuilt,StructureType,PlanArea\na,2,1990,W1,2000\n"
+    )
+    tdint("inventory", "buildings.csv", "--units=ft", "-o", "i.csv", "--models", "models", code=0)
+    said = rerun("i.json", code=0).stderr
+    assert "i.json: the same" in said and "models/a.yaml: the same" in said
+    content = json.loads((folder / "i.json").read_text())
+    content["settings"]["models"] = "elsewhere"
+    (folder / "i.json").write_text(json.dumps(content))
+    assert "settings.models" in rerun("i.json", code=5).stdout
+
+
 def rows(text):
     """Return the rows of a table of differences as dictionaries."""
     return list(csv.DictReader(io.StringIO(text)))

@@ -203,7 +203,7 @@ def test_runs_as_frames_arrays_and_parquet(tmp_path):
         try:
             __import__(package)
         except ImportError:
-            with pytest.raises(UsageError, match=f"{package}: pip install"):
+            with pytest.raises(UsageError, match=f"requires {package}, which is not installed"):
                 call(runs)
             continue
         found = call(runs)

@@ -719,6 +719,7 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
         measured=tables.methods.MEASURED if is_chart else (),
         is_same_version=is_same_version,
         ignored_keys=ignored_keys,
+        original_paths={replacement: original for original, replacement in outputs.others},
     )
     is_same = True
     shown: list[Difference] = []
@@ -770,11 +771,14 @@ class _Rules:
         be the same.
     ignored_keys : tuple of str
         Keys of JSON files that are not compared.
+    original_paths : mapping of str to str
+        Original paths of outputs, by the paths that replace them in the repeated command.
     """
 
     measured: tuple[str, ...]
     is_same_version: bool
     ignored_keys: tuple[str, ...]
+    original_paths: Mapping[str, str]
 
 
 def _compare_file(
@@ -814,7 +818,11 @@ def _compare_file(
         return f"{name}: {text}", True, []
     if lower.endswith(JSON):
         differences = tables.differences.json_differences(
-            before, now, is_same_version=rules.is_same_version, ignored_keys=keys
+            before,
+            now,
+            is_same_version=rules.is_same_version,
+            ignored_keys=keys,
+            original_paths=rules.original_paths,
         )
         exception = f" (not compared: {', '.join(keys)})" if keys else ""
         return _summarize_differences(name, differences, f"value by value{exception}")

@@ -317,7 +317,12 @@ unlimited."""
 
 
 def json_differences(
-    before: Path, now: Path, *, is_same_version: bool = False, ignored_keys: Collection[str] = ()
+    before: Path,
+    now: Path,
+    *,
+    is_same_version: bool = False,
+    ignored_keys: Collection[str] = (),
+    original_paths: Mapping[str, str] | None = None,
 ) -> Iterator[Difference]:
     """Yield the results that differ between two JSON files: numbers, text and lengths of lists.
 
@@ -330,6 +335,8 @@ def json_differences(
         descriptions and notes are then compared as well.
     ignored_keys : collection of str
         Keys that are not compared, at any depth.
+    original_paths : mapping of str to str, optional
+        Paths in the file `before`, by the paths that replace them in the file `now`.
 
     Raises
     ------
@@ -349,7 +356,7 @@ def json_differences(
     magnitudes: dict[str, float] = {}
     _collect_magnitudes(now_content, magnitudes)
     not_compared = _NOT_COMPARED if is_same_version else _NOT_RESULTS
-    scope = _Scope(is_same_version, not_compared.union(ignored_keys))
+    scope = _Scope(is_same_version, not_compared.union(ignored_keys), original_paths or {})
     yield from _json_differences(now.name, "", before_content, now_content, magnitudes, scope)
 
 
@@ -376,10 +383,13 @@ class _Scope:
         True if a key that only one file has is a difference.
     ignored_keys : frozenset of str
         Keys that are not compared.
+    original_paths : mapping of str to str
+        Paths in the file `before`, by the paths that replace them in the file `now`.
     """
 
     has_same_keys: bool
     ignored_keys: frozenset[str]
+    original_paths: Mapping[str, str]
 
 
 def _json_differences(
@@ -400,6 +410,8 @@ def _json_differences(
     scope : _Scope
         Compared keys.
     """
+    if isinstance(now, str):
+        now = scope.original_paths.get(now, now)
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         for key in dict.fromkeys((*before, *now)):
             if key in scope.ignored_keys:
