@@ -164,7 +164,7 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
     folder : Path
         Working directory of the repeated command.
     changed : bool
-        Allow changed inputs, with a warning for each.
+        Allow changed inputs, and warn of them.
 
     Returns
     -------
@@ -223,11 +223,11 @@ def _check_provenance(
     Parameters
     ----------
     recorded, repeated : _RecordedCommand
-        The JSON file as it was stored, and as it is written now.
+        The stored JSON file, and the JSON file of the repeated command.
     known_changes : collection of str
         Names of the changed inputs that are already reported.
     changed : bool
-        Allow changed inputs, with a warning for each.
+        Allow changed inputs, and warn of them.
 
     Raises
     ------
@@ -698,7 +698,7 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
     Parameters
     ----------
     recorded, repeated : _RecordedCommand
-        The JSON file as it was stored, and as it is written now.
+        The stored JSON file, and the JSON file of the repeated command.
     outputs : _NewOutputs
         The files that are written now.
 
