@@ -170,9 +170,17 @@ class Building:
 
     @cached_property
     def _first_bound(self) -> float:
-        """Upper bound of the circular frequencies after the first iteration of `fastest`, rad/s."""
-        link = self.linear_terms[rows.LINK]
-        return float(_frequency_bound(self.initial_stiffness, link, self.mass, 1))
+        """Upper bound of the circular frequencies after the first iteration of `fastest`, rad/s.
+
+        It is the square root of the maximum row sum of |M^-1 K| with the mass matrix M and the
+        stiffness matrix K.
+        """
+        stiffness, link = np.abs(self.initial_stiffness), self.linear_terms[rows.LINK, :-1]
+        # Row i: diagonal entry k[i] + c[i + 1] k[i + 1], off-diagonal entries c[i] k[i] and
+        # c[i + 1] k[i + 1], with the stiffnesses k and the links c.
+        row_sums = stiffness + link * stiffness
+        row_sums[:-1] += 2.0 * link[1:] * stiffness[1:]
+        return math.sqrt((row_sums / self.mass).max())
 
     def stiffness_matrix(self) -> Array:
         """Return the initial stiffness matrix, N/m, shape (n, n)."""
@@ -197,6 +205,18 @@ class Building:
         """
         return self._first_mode
 
+    @cached_property
+    def approximate_first_mode(self) -> tuple[float, float]:
+        """Result of `first_mode`, from all modes if they were computed already.
+
+        The last digits depend on what was computed before. Use it for comparisons and rounded
+        numbers only.
+        """
+        if "_first_mode" in vars(self) or "modes" not in vars(self.vibration):
+            return self._first_mode
+        modes = self.vibration.modes
+        return self._with_damping_ratio(float(modes.omega[0]), modes.shapes[:, 0])
+
     @property
     def first_period(self) -> float:
         """Period of the first mode, s."""
@@ -204,18 +224,22 @@ class Building:
 
     @cached_property
     def _first_mode(self) -> tuple[float, float]:
-        """Circular frequency (rad/s) and damping ratio phi^T C phi / (2 omega) of the first mode,
-        whose shape phi has the modal mass 1.
+        """Result of `first_mode`."""
+        return self._with_damping_ratio(*self.vibration.first)
 
-        The damping matrix C consists of dampers in the stories, dampers from the floors to the
-        ground, and the modal damping.
+    def _with_damping_ratio(self, omega: float, shape: Array) -> tuple[float, float]:
+        """Return the circular frequency `omega` (rad/s) and the damping ratio of a mode.
+
+        The ratio is phi^T C phi / (2 omega) for a shape phi with the modal mass 1. The damping
+        matrix C consists of dampers in the stories, dampers from the floors to the ground, and the
+        modal damping.
         """
-        omega, shape = self.vibration.first
-        drift = np.diff(shape, prepend=0.0)
-        modal_damping = np.sum(self.linear_terms[rows.STORY_DAMPER, :-1] * drift**2) + np.sum(
-            self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2
-        )
-        modal_damping += np.sum((self.modal[:, :-1] @ shape) ** 2)
+        drift = shape.copy()
+        drift[1:] -= shape[:-1]
+        modal_damping = np.add.reduce(self.linear_terms[rows.STORY_DAMPER, :-1] * drift**2)
+        modal_damping += np.add.reduce(self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2)
+        if len(self.modal):
+            modal_damping += np.add.reduce((self.modal[:, :-1] @ shape) ** 2)
         return omega, float(modal_damping / (2.0 * omega))
 
     def modes(self) -> Modes:
@@ -645,12 +669,18 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
     names = (
         name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
     )
-    return Variant(
+    found = Variant(
         laws=tuple(names),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
     )
+    # Kernels compare variants by identity first, so that equal buildings share one instance.
+    return _VARIANTS.setdefault(found, found)
+
+
+_VARIANTS: dict[Variant, Variant] = {}
+"""All results of `variant` in this process."""
 
 
 _MATRICES_OF_ALL_MODES = 4

@@ -140,9 +140,11 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     # stiffnesses k. In the coordinates M^(1/2) u the matrix is L^T L with
     # L = diag(k)^(1/2) B M^(-1/2). Row i of `lower` is spring i: its entries are on the diagonal
     # and below.
-    lower = np.diag(root_spring / root_mass) - np.diag(
-        (root_spring * link)[1:] / root_mass[:-1], -1
-    )
+    n = mass.size
+    lower = np.zeros((n, n))
+    # In the flattened matrix, successive elements of a diagonal are n + 1 elements apart.
+    lower.flat[:: n + 1] = root_spring / root_mass
+    lower.flat[n :: n + 1] = -(root_spring * link)[1:] / root_mass[:-1]
     _, omega, right_vectors = np.linalg.svd(lower)
     omega = omega[::-1]
     shapes = (right_vectors[::-1] / root_mass).T
@@ -273,10 +275,10 @@ def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     geometric : array, shape (n,), optional
         P-delta part of the stiffnesses, N/m (negative), which the message then states.
     """
-    unstable = np.flatnonzero(stiffness <= 0.0)
-    if not unstable.size:
+    is_unstable = stiffness <= 0.0
+    if not is_unstable.any():
         return
-    i, values = int(unstable[0]), ""
+    i, values = int(np.argmax(is_unstable)), ""
     if geometric is not None:
         reduction, without = -geometric[i], stiffness[i] - geometric[i]
         values = f" (weight over height {reduction:.4g} N/m, initial stiffness {without:.4g} N/m)"

@@ -157,7 +157,7 @@ def doubts(
         often studied without damping.
     """
     warnings = unusual_values(model, building, pga)
-    if shaken and not model.plausibility_off and building.first_mode()[1] <= 0.0:
+    if shaken and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
         warnings.append(UNDAMPED)
     # The residual drift of an isolator without restoring stiffness is arbitrary.
     loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
@@ -176,12 +176,13 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     """
     if model.plausibility_off:
         return [*doubt_of_peak(pga)]
-    damping = building.first_mode()[1]
+    omega, damping = building.approximate_first_mode
+    period = 2.0 * math.pi / omega
     # A model without any damping is a choice: textbook examples and free vibration are undamped. A
     # small ratio is damping that does not reach the first mode.
     judged_damping = damping if damping > 0.0 else math.nan
     judged = (
-        (PERIOD, building.first_period),
+        (PERIOD, period),
         (DAMPING, judged_damping),
         (COLLAPSE, model.collapse_drift),
     )
@@ -195,7 +196,7 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     warnings += [
         *unusual_stories(HEIGHT, building.heights),
         *unusual_stories(STRENGTH, strength / weight),
-        *_unusual_floors(building),
+        *_unusual_floors(building, period),
     ]
     # No code requires a base shear below the bound. Isolators yield early; a base without a height
     # is not part of a building; a strength below the bound of the stories is reported already.
@@ -206,14 +207,16 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     return warnings
 
 
-def _unusual_floors(building: Building) -> list[str]:
-    """Return a warning on floors that are unusually light or heavy.
+def _unusual_floors(building: Building, period: float) -> list[str]:
+    """Return a warning on floors that are unusually light or heavy; `period` is the first period.
 
     With 200 kg instead of 200 t and a stiffness in kN/m, the period is usual, so the period does
     not reveal this error. Models without story heights are skipped, because they may represent a
     laboratory test or a textbook example.
     """
-    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(building.first_period)
+    if not PERIOD.holds(period):
+        return []
+    usual = building.heights >= HEIGHT.low
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
@@ -235,7 +238,7 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     interval : float or None
         Sampling interval of the record, s; None without a record.
     """
-    period = building.first_period
+    period = 2.0 * math.pi / building.approximate_first_mode[0]
     step = dt or interval
     of_record = interval is not None and step is not None and step <= interval
     if step is None or STEP.holds(period / step) or (of_record and period / step >= _SAMPLES):

@@ -20,6 +20,7 @@ from tdint.analysis.run.outcome import (
     DIVERGED,
     ENERGY_TERMS,
     NOT_CONVERGED,
+    STORY,
     UNSTABLE,
     Collapse,
     Energy,
@@ -101,7 +102,7 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present
     rate = _drift_rates(building, space.state[rows.VELOCITY])
     displacement, velocity = (
-        np.max(space.peaks[row]) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
+        float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
     )
     seconds = displacement / velocity if velocity > 0.0 else 0.0
     return np.asarray(np.hypot(distance, rate * seconds * np.sqrt(stiffness / present)))
@@ -114,7 +115,9 @@ def _drift_rates(building: Building, floors: Array) -> Array:
     return rates
 
 
-def interstep_peak_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
+def interstep_peak_errors(
+    building: Building, space: Workspace, late: float, stories: StoryPeaks
+) -> StoryErrors:
     """Return the possible excess of the peaks between time steps that do not resolve the motion.
 
     For residual drifts, return the approximate change of the drifts since the requested time.
@@ -127,17 +130,29 @@ def interstep_peak_errors(building: Building, space: Workspace, late: float) -> 
         Arrays after the time integration.
     late : float
         Time from the requested end to the end of the last step, s.
+    stories : StoryPeaks
+        Peaks of the run.
     """
-    peaks, no_drift = space.peaks[: rows.PEAK_ROWS], np.zeros(building.stories)
-    rate, acceleration = (
-        _drift_rates(building, row)
-        for row in (space.state[rows.VELOCITY], space.observer_state[rows.OBSERVED_ACCELERATION])
-    )
-    drift_change = late * np.abs(rate) + 0.5 * late**2 * np.abs(acceleration)
-    possible = np.maximum(space.peaks[rows.PEAK_ROWS :], peaks)
-    # One call computes the values of all stories for both sets of peaks.
-    both = story_values(building, np.array([peaks, possible]), np.array([no_drift, drift_change]))
-    return StoryErrors(**{name: bound - reported for name, (reported, bound) in both.items()})
+    drift_change = np.zeros(building.stories)
+    if late > 0.0:
+        velocity, acceleration = (
+            np.abs(_drift_rates(building, row))
+            for row in (
+                space.state[rows.VELOCITY],
+                space.observer_state[rows.OBSERVED_ACCELERATION],
+            )
+        )
+        drift_change = late * velocity + 0.5 * late**2 * acceleration
+    reported, bounds = vars(stories), vars(stories)
+    # The possible peaks are 0 if the time steps resolve the motion.
+    peaks, possible = space.peaks[: rows.PEAK_ROWS], space.peaks[rows.PEAK_ROWS :]
+    if possible.any():
+        bounds = story_values(building, np.maximum(possible, peaks), drift_change)
+    # The difference is nan for quantities that do not exist, such as ratios without a height.
+    differences = {
+        quantity.name: bounds[quantity.name] - reported[quantity.name] for quantity in STORY
+    }
+    return StoryErrors(**{**differences, "residual_drift": drift_change})
 
 
 def energy_errors(totals: Array) -> Array:
@@ -653,11 +668,13 @@ class Case:
         energy, stories = energy_of(space.totals), story_peaks(self.building, space)
         # Do not warn of a large ductility of isolators, which are designed for it, and of other
         # stories without height, which do not belong to a frame.
-        is_checked = np.isfinite(self.building.heights) & (not self.model.plausibility_off)
-        ductility = np.where(is_checked, stories.ductility, math.nan)
+        warnings = []
+        if not self.model.plausibility_off and (stories.ductility > DUCTILITY.high).any():
+            has_height = np.isfinite(self.building.heights)
+            ductility = np.where(has_height, stories.ductility, math.nan)
+            warnings = unusual_stories(DUCTILITY, ductility)
         # The warnings of `check` are first, because all results depend on the building.
         unusual = [*self.plausibility_warnings, *self._long_step(steps)]
-        warnings = unusual_stories(DUCTILITY, ductility)
         if not abs(energy.error) <= _LARGE_IMBALANCE:
             change = "dissipated by" if energy.error > 0.0 else "produced by"
             # This warning follows a warning of an unusual ductility, which may be due to a wrong
@@ -687,7 +704,7 @@ class Case:
             history=history,
             history_chunks=partial(self.history_chunks, steps, energy.reference),
             notes=(),
-            interstep_bound=interstep_peak_errors(self.building, space, steps.late),
+            interstep_bound=interstep_peak_errors(self.building, space, steps.late, stories),
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
             warnings=(*unusual, *warnings),

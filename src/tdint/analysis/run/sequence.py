@@ -203,15 +203,12 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
     firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
     building, dt = joined.building, sequence.records[0].dt
     parts = joined.prepared.integrate_in_parts(joined.method, steps, joined.ground, firsts)
-    return tuple(
-        Shock(
-            record,
-            start * dt,
-            run_totals.story_peaks(building, space),
-            run_totals.interstep_peak_errors(building, space, 0.0),
-        )
-        for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False)
-    )
+    shocks = []
+    for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False):
+        stories = run_totals.story_peaks(building, space)
+        bound = run_totals.interstep_peak_errors(building, space, 0.0, stories)
+        shocks.append(Shock(record, start * dt, stories, bound))
+    return tuple(shocks)
 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:
