@@ -3,11 +3,12 @@ memory."""
 
 import math
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from building_cases import model, story
+from building_cases import FIVE_PERCENT, model, story
 from tdint.arrays import cached_property
 from tdint.errors import ModelError
 from tdint.model.building import assemble
@@ -40,6 +41,43 @@ def test_rayleigh_damping_of_a_tall_building_solves_for_its_modes_alone(monkeypa
     omega, ratio = building.first_mode()
     assert ratio == pytest.approx(0.05, rel=1e-10)
     assert omega == pytest.approx(building.vibration.frequency(1), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_first_mode_is_the_same_from_all_modes(seed):
+    """Frequency and damping ratio from the first mode alone and from the solution for all modes,
+    with story dampers, floor dampers and modal damping."""
+    building = assemble(
+        model(
+            [story(2e5 + 1e4 * i * seed, 3e8 - 2e7 * i, dashpot=1e5 * (i % 2)) for i in range(8)],
+            damping=(FIVE_PERCENT, ModalDamping((0.02 + 0.001 * seed,)), None)[seed % 3],
+        )
+    )
+    omega, ratio = building.first_mode()
+    # Without a solution for all modes, the first mode alone is computed.
+    assert building.approximate_first_mode == (omega, ratio)
+    other = replace(building)
+    assert other.vibration.modes.omega[0] == pytest.approx(omega, rel=1e-10)
+    assert other.approximate_first_mode == (
+        pytest.approx(omega, rel=1e-10),
+        pytest.approx(ratio, rel=1e-8),
+    )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_first_bound_of_the_frequencies_is_the_maximum_row_sum(seed):
+    """sqrt(max_i sum_j |M^-1 K|_ij) >= the largest frequency (Gershgorin)."""
+    rng = np.random.default_rng(seed)
+    masses, springs = rng.uniform(1e5, 4e5, 7), rng.uniform(1e8, 9e8, 7)
+    building = assemble(model([story(m, k) for m, k in zip(masses, springs, strict=True)]))
+    row_sums = np.abs(building.stiffness_matrix() / building.mass[:, None]).sum(axis=1)
+    bound = math.sqrt(row_sums.max())
+    largest = building.vibration.frequency(7)
+    assert largest <= building.fastest <= bound * (1.0 + 1e-12)
+    # The bound decides between the shortcut and the closer bound `fastest`.
+    for limit in (0.5 * largest, 0.5 * (building.fastest + bound), 1.1 * bound):
+        assert building.is_faster_than(limit, 1.0) == (building.fastest > limit)
+    assert building._first_bound == pytest.approx(bound, rel=1e-12)
 
 
 def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
