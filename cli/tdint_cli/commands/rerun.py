@@ -93,7 +93,8 @@ def command(request: Request) -> None:
     version. All outputs are written to another directory, so that no file is replaced. DIR is the
     same as DIR/summary.json. Every file that the command writes is compared: tables cell by cell
     (except measured times), JSON files value by value, the store of a campaign run by run, and
-    ground motions, figures and pages byte by byte. Exports of a campaign are repeated. The exit
+    ground motions, figures and pages byte by byte. The figure of `tdint chart` shows measured
+    times, so that only its format is compared. Exports of a campaign are repeated. The exit
     code is 0 if all files are identical or equal within rounding (1e-9 of a number; of the peak for
     errors, residuals and histories). It is 5 if a file differs or cannot be compared; a table of
     the cells that differ, at most 1000 rows, is written to standard output. Standard error reports
