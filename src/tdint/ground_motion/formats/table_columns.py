@@ -42,7 +42,7 @@ _COMPONENT = (
 )
 _ACCELERATION = re.compile(r"(?:mm|cm|m|in|ft)/s(?:\^?2|/s)|gal|g")
 _TIMES = ("t", "time", "times", "s", "sec")
-_KINDS = {
+_QUANTITIES = {
     "acceleration": re.compile(
         rf"(?:ground )?(?:a|ag|acc|accel|acceleration)(?:[ -]({_COMPONENT}))?"
     ),
@@ -51,7 +51,7 @@ _KINDS = {
         rf"(?:ground )?(?:dg|dis|disp|displ|displacement)(?:[ -]({_COMPONENT}))?"
     ),
 }
-_BARE = {"v": "velocity", "d": "displacement"}
+_LETTERS = {"v": "velocity", "d": "displacement"}
 """Quantities of these letters if a column is named acceleration; otherwise they are components."""
 
 
@@ -61,7 +61,7 @@ class ColumnName:
 
     Attributes
     ----------
-    kind : str
+    quantity : str
         `TIME`, one of `MOTIONS`, or `OTHER` if the name does not state the quantity.
     component, units : str
         Component and units in the name; empty if the name does not include them.
@@ -69,7 +69,7 @@ class ColumnName:
         The name in the spelling of the file, and the name in lower case without units.
     """
 
-    kind: str
+    quantity: str
     component: str = ""
     units: str = ""
     text: str = ""
@@ -82,17 +82,17 @@ def column_names(text: str) -> list[ColumnName]:
     A single name must be that of a ground motion. If a line has several names, the first may be a
     time.
     """
-    columns = _columns(_parts(text))
-    if not columns or any(column.kind == OTHER for column in columns):
+    columns = _interpret_names(_split_names(text))
+    if not columns or any(column.quantity == OTHER for column in columns):
         return []
-    motions = [column for column in columns if column.kind != TIME]
+    motions = [column for column in columns if column.quantity != TIME]
     if not motions or (len(columns) == 1 and columns[0].component):
         return []
-    if any(column.kind == "acceleration" and not column.component for column in motions):
+    if any(column.quantity == "acceleration" and not column.component for column in motions):
         # If a column is an acceleration, v and d are the velocity and the displacement.
-        for place, column in enumerate(columns):
-            if kind := _BARE.get(column.component.lower()):
-                columns[place] = replace(column, kind=kind, component="")
+        for index, column in enumerate(columns):
+            if quantity := _LETTERS.get(column.component.lower()):
+                columns[index] = replace(column, quantity=quantity, component="")
     return columns
 
 
@@ -114,14 +114,15 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
     RecordError
         The time is in a unit other than s or ms.
     """
-    for parts in (_parts(text), re.split(r"\s{2,}|\t", text.strip())):
-        columns = _columns(parts)
+    for name_texts in (_split_names(text), re.split(r"\s{2,}|\t", text.strip())):
+        # The first separation that gives the required number of names is used.
+        columns = _interpret_names(name_texts)
         if len(columns) != width:
             continue
         first = columns[0]
-        if width > 1 and first.kind == OTHER and first.units and first.units in SECONDS:
-            columns[0] = first = replace(first, kind=TIME)
-        if first.kind == TIME and first.units not in SECONDS:
+        if width > 1 and first.quantity == OTHER and first.units and first.units in SECONDS:
+            columns[0] = first = replace(first, quantity=TIME)
+        if first.quantity == TIME and first.units not in SECONDS:
             raise RecordError(
                 f"the times must be in s or ms, but its header states {first.units!r}"
             )
@@ -129,7 +130,7 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
     return ()
 
 
-def place_of(text: str, names: tuple[ColumnName, ...], width: int) -> int:
+def column_index(text: str, names: tuple[ColumnName, ...], width: int) -> int:
     """Return the index, counted from 0, of a column selected by number or name.
 
     Parameters
@@ -147,75 +148,94 @@ def place_of(text: str, names: tuple[ColumnName, ...], width: int) -> int:
         No column matches, several columns match, or the column is the time.
     """
     if text.isdecimal():
-        place = int(text) - 1 if len(text) < 10 else -1
-        if not 0 <= place < width:
+        # Longer numbers are not converted, because Python limits the digits of an integer.
+        index = int(text) - 1 if len(text) < 10 else -1
+        if not 0 <= index < width:
             raise RecordError(f"column {text[:40]} not found; the table has columns 1 to {width}")
     elif not names:
         raise RecordError(
             f"column {text[:40]!r} not found: the table has no column names; specify the number"
         )
     else:
-        place = _named(text, names)
-    if names and names[place].kind == TIME:
+        index = _index_of_name(text, names)
+    if names and names[index].quantity == TIME:
         raise RecordError(
-            f"column {text} is the time ({names[place].text}); select a ground motion"
+            f"column {text} is the time ({names[index].text}); select a ground motion"
         )
-    return place
+    return index
 
 
-def _named(words: str, names: tuple[ColumnName, ...]) -> int:
-    """Return the index of the only column with a name."""
-    name = " ".join(words.lower().split())
-    ways = [
+def _index_of_name(name: str, names: tuple[ColumnName, ...]) -> int:
+    """Return the index of the only column with a name, in upper or lower case.
+
+    The name is compared with the complete column names, then with the names without units, and then
+    with the components.
+    """
+    plain_name = " ".join(name.lower().split())
+    spellings = [
         [column.text.lower() for column in names],
         [column.plain for column in names],
         [column.component.lower() for column in names],
     ]
-    for way in ways:
-        places = [place for place, text in enumerate(way) if text == name]
-        if len(places) == 1:
-            return places[0]
-        if places:
-            numbers = " and ".join(str(place + 1) for place in places)
-            raise RecordError(f"columns {numbers} have the name {words[:40]!r}; specify the number")
+    for column_texts in spellings:
+        indices = [index for index, text in enumerate(column_texts) if text == plain_name]
+        if len(indices) == 1:
+            return indices[0]
+        if indices:
+            numbers = " and ".join(str(index + 1) for index in indices)
+            raise RecordError(f"columns {numbers} have the name {name[:40]!r}; specify the number")
     raise RecordError(
-        f"column {words[:40]!r} not found; the columns are "
+        f"column {name[:40]!r} not found; the columns are "
         f"{', '.join(column.text[:40] for column in names)}"
     )
 
 
 def lacks_first_name(line: str) -> bool:
     """Return True if a line names all columns except the first, as pandas does for its index."""
-    parts = re.split("[,;\t]", line)
-    return len(parts) > 1 and not parts[0].strip().strip("\"'") and bool(_columns(parts[1:]))
+    name_texts = re.split("[,;\t]", line)
+    return (
+        len(name_texts) > 1
+        and not name_texts[0].strip().strip("\"'")
+        and bool(_interpret_names(name_texts[1:]))
+    )
 
 
-def _parts(text: str) -> list[str]:
+def _split_names(text: str) -> list[str]:
     """Split a line into names at its separators, otherwise at blanks."""
     return re.split("[,;\t]", text) if re.search("[,;\t]", text) else _NAME.findall(text)
 
 
-def _columns(parts: list[str]) -> list[ColumnName]:
-    """Interpret the names of columns; return an empty list if a name is empty."""
-    words = [name_and_units(part) for part in parts]
-    if not words or any(not name for name, _ in words):
+def _interpret_names(name_texts: list[str]) -> list[ColumnName]:
+    """Return the meanings of column names; return an empty list if a name is empty."""
+    names_and_units = [name_and_units(text) for text in name_texts]
+    if not names_and_units or any(not name for name, _ in names_and_units):
         return []
     columns = []
-    for place, (part, (name, units)) in enumerate(zip(parts, words, strict=True)):
-        kinds = (
-            (kind, match) for kind, pattern in _KINDS.items() if (match := pattern.fullmatch(name))
-        )
-        kind, match = next(kinds, (OTHER, None))
-        component = (match[1] or "").upper() if match else ""
-        if place == 0 and len(words) > 1 and name in _TIMES:
-            kind, component = TIME, ""
-        elif not match and re.fullmatch(_COMPONENT, name):
-            kind, component = "acceleration", name.upper()
-        text = " ".join(part.strip().strip("\"'").split())
-        if kind == OTHER and place > 0 and _ACCELERATION.fullmatch(units):
-            kind, component = "acceleration", text[: len(name)]
-        columns.append(ColumnName(kind, component, units, text, plain=name))
+    for index, (name, units) in enumerate(names_and_units):
+        text = " ".join(name_texts[index].strip().strip("\"'").split())
+        quantity, component = _quantity_of_name(name)
+        if index == 0 and len(names_and_units) > 1 and name in _TIMES:
+            quantity, component = TIME, ""
+        # Any name with a unit of acceleration is a component, except that of the first column,
+        # which may be a time.
+        if quantity == OTHER and index > 0 and _ACCELERATION.fullmatch(units):
+            quantity, component = "acceleration", text[: len(name)]
+        columns.append(ColumnName(quantity, component, units, text, plain=name))
     return columns
+
+
+def _quantity_of_name(name: str) -> tuple[str, str]:
+    """Return the quantity and the component of a column name without units, in lower case.
+
+    The quantity is one of `MOTIONS`, or `OTHER` if the name does not state it. A name that is only
+    a component, such as `hne`, is an acceleration.
+    """
+    for quantity, pattern in _QUANTITIES.items():
+        if match := pattern.fullmatch(name):
+            return quantity, (match[1] or "").upper()
+    if re.fullmatch(_COMPONENT, name):
+        return "acceleration", name.upper()
+    return OTHER, ""
 
 
 def name_and_units(text: str) -> tuple[str, str]:
@@ -266,12 +286,14 @@ class TableHeader:
 
     def intervals(self) -> list[float]:
         """Return the declared sampling intervals, s."""
-        stated = []
+        intervals = []
         if "dt" in self.declared:
-            stated.append(_quantity(self.declared["dt"], SECONDS, "dt"))
+            intervals.append(_quantity(self.declared["dt"], SECONDS, "dt"))
         if "rate" in self.declared:
-            stated.append(1.0 / _quantity(self.declared["rate"], _PER_SECOND, "the sampling rate"))
-        return stated
+            intervals.append(
+                1.0 / _quantity(self.declared["rate"], _PER_SECOND, "the sampling rate")
+            )
+        return intervals
 
     @property
     def start(self) -> datetime | None:
@@ -334,21 +356,23 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
         declaration nor a line of column names.
     """
     header = read_header(lines, width)
-    filled = [place for place, line in enumerate(lines) if line.strip()]
-    unknown = [place for place in filled if declared_in(lines[place]) is None]
-    last = lines[filled[-1]] if filled and not header.names else ""
-    comment = COMMENT.fullmatch(last)
-    names = any_names(comment[1] if comment else last, width) if last else ()
-    if comment and names and names[0].kind != TIME:
+    # Indices of the lines that are not blank, and of those that are neither comments nor
+    # declarations.
+    filled = [index for index, line in enumerate(lines) if line.strip()]
+    unknown = [index for index in filled if declared_in(lines[index]) is None]
+    # The last line names the columns if no other line does.
+    last_line = lines[filled[-1]] if filled and not header.names else ""
+    comment = COMMENT.fullmatch(last_line)
+    names = any_names(comment[1] if comment else last_line, width) if last_line else ()
+    if comment and names and names[0].quantity != TIME:
         names = ()  # The comment is a sentence with the same number of words as columns.
     if not comment and names:
         unknown = unknown[:-1]
     if unknown:
-        place = unknown[-1]
+        number = skipped + unknown[-1] + 1
         raise RecordError(
-            f"line {skipped + place + 1}: {lines[place].strip()[:60]!r} is neither a declaration "
-            f"(dt = 0.01 s) nor the names of {width} columns; skip it with "
-            f"`skip_lines={skipped + place + 1}`"
+            f"line {number}: {lines[unknown[-1]].strip()[:60]!r} is neither a declaration "
+            f"(dt = 0.01 s) nor the names of {width} columns; skip it with `skip_lines={number}`"
         )
     return TableHeader(header.declared, header.names or names)
 
@@ -370,23 +394,26 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
     comment = COMMENT.fullmatch(line)
     content = comment[1] if comment else line
     if names := column_names(content):
-        if names[0].kind == TIME and names[0].units not in SECONDS:
+        if names[0].quantity == TIME and names[0].units not in SECONDS:
             return None
-        units = {name.units for name in names if name.kind == "acceleration"}
-        return [
-            (COLUMNS, content.strip()),
-            *(("units", unit) for unit in units if unit and len(units) == 1),
-        ]
-    parts = [part for part in re.split("[,;]", content) if part.strip()]
+        declarations = [(COLUMNS, content.strip())]
+        # Equal units of all acceleration columns are the units of the table.
+        units = {name.units for name in names if name.quantity == "acceleration"}
+        if len(units) == 1 and "" not in units:
+            declarations += [("units", unit) for unit in units]
+        return declarations
+    assignments = [text for text in re.split("[,;]", content) if text.strip()]
     declarations = []
-    for part in parts:
-        match = _DECLARATION.fullmatch(part)
+    for assignment in assignments:
+        match = _DECLARATION.fullmatch(assignment)
+        if not match:
+            continue
         # Keys may be in upper or lower case, with blanks or underscores.
-        if match and (
-            meaning := _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split()))
-        ):
-            declarations.append((meaning, match[2]))
-    return declarations if comment or len(declarations) == len(parts) else None
+        key = " ".join(match[1].lower().replace("_", " ").split())
+        if key in _MEANINGS:
+            declarations.append((_MEANINGS[key], match[2]))
+    # A comment may contain other text, another line may not.
+    return declarations if comment or len(declarations) == len(assignments) else None
 
 
 def _quantity(text: str, units: dict[str, float], quantity: str) -> float:

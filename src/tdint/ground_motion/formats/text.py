@@ -51,10 +51,10 @@ from tdint.ground_motion.formats.table_columns import (
     ColumnName,
     TableHeader,
     any_names,
+    column_index,
     column_names,
     declared_in,
     lacks_first_name,
-    place_of,
     read_foreign_header,
     read_header,
 )
@@ -71,7 +71,7 @@ Names = tuple[ColumnName, ...]
 _OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
 """Pattern of a comment that identifies another format (CWB)."""
 
-_MOST = 50
+_MAX_COLUMNS = 50
 """Maximum number of columns of a table."""
 
 
@@ -89,26 +89,27 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
     layout : TextLayout
         Description of the table by the user. Default: none.
     """
-    return _begins(_first_rows(file, layout)[1]) if layout else recognizes(file, _matches)
+    return _is_table(_first_rows(file, layout)[1]) if layout else recognizes(file, _matches)
 
 
 def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
     """Return the lines between the lines to skip and the first row of numbers, and the number of
     values in each of the first two rows."""
-    above: list[str] = []
+    header_lines: list[str] = []
     widths: list[int] = []
     with suppress(RecordError):  # end of the file
         lines = read_lines(file, text_only=True)
         lines.skip(layout.skip_lines or 0)
-        above = lines.take_until(ROW.fullmatch, "row of numbers")
+        header_lines = lines.take_until(ROW.fullmatch, "row of numbers")
         while len(widths) < 2 and (width := len(_numbers(lines.take()))):
             widths.append(width)
-    return above, widths
+    return header_lines, widths
 
 
-def _begins(widths: list[int]) -> bool:
-    """Return True if the first two rows have the same valid number of values."""
-    return len(widths) == 2 and widths[0] == widths[1] <= _MOST
+def _is_table(widths: list[int]) -> bool:
+    """Return True if `widths`, the numbers of values in the first rows, are two equal numbers of at
+    most `_MAX_COLUMNS`."""
+    return len(widths) == 2 and widths[0] == widths[1] <= _MAX_COLUMNS
 
 
 def table_in(data: bytes, layout: TextLayout) -> str:
@@ -126,27 +127,29 @@ def table_in(data: bytes, layout: TextLayout) -> str:
     str
         Part of an error message; empty if the file contains no table.
     """
-    above, widths = _first_rows(BytesIO(data), layout)
+    header_lines, widths = _first_rows(BytesIO(data), layout)
     if len(widths) == 1:
         return (
             "the file has only one row of numbers; a record needs at least two samples: check "
             "that the file is complete"
         )
-    if not _begins(widths):
-        is_quoted = b'"' in data and _begins(
+    if not _is_table(widths):
+        is_quoted = b'"' in data and _is_table(
             _first_rows(BytesIO(data.replace(b'"', b"")), layout)[1]
         )
         return "its numbers are in quotation marks; remove the quotation marks" if is_quoted else ""
-    names = any_names(above[-1], widths[0]) if above else ()
-    if len(names) > 2 and names[0].kind == TIME:
+    names = any_names(header_lines[-1], widths[0]) if header_lines else ()
+    if len(names) > 2 and names[0].quantity == TIME:
         return (
             "select the ground motion by `column`: "
             f"{', '.join(name.text[:40] for name in names[1:])}"
         )
-    passed = f" and skip the lines above by `skip_lines={len(above)}`" if above else ""
+    skip_advice = ""
+    if header_lines:
+        skip_advice = f" and skip the lines above by `skip_lines={len(header_lines)}`"
     return (
-        f"a table of numbers starts in line {len(above) + 1}: specify it by `step` and "
-        f"`column`{passed}"
+        f"a table of numbers starts in line {len(header_lines) + 1}: specify it by `step` and "
+        f"`column`{skip_advice}"
     )
 
 
@@ -173,31 +176,35 @@ def read_text(
     lines = read_lines(file)
     skipped = layout.skip_lines or 0
     lines.skip(skipped)
-    above = lines.take_until(ROW.fullmatch, "row of numbers")
+    header_lines = lines.take_until(ROW.fullmatch, "row of numbers")
 
     # If the first column has no name, the other names would be shifted by one column.
-    place = next((place for place in reversed(range(len(above))) if above[place].strip()), -1)
-    if place >= 0 and lacks_first_name(above[place]):
+    filled = [index for index, line in enumerate(header_lines) if line.strip()]
+    if filled and lacks_first_name(header_lines[filled[-1]]):
         raise RecordError(
-            f"line {skipped + place + 1}: {above[place].strip()[:60]!r} has no name for the first "
-            "column, as if pandas wrote its index; omit the index (index=False), or name the "
-            "column time if it contains times"
+            f"line {skipped + filled[-1] + 1}: {header_lines[filled[-1]].strip()[:60]!r} has no "
+            "name for the first column, as if pandas wrote its index; omit the index "
+            "(index=False), or name the column time if it contains times"
         )
-    columns = _columns(lines, sum(map(_names_of, above)))
+    columns = _columns(lines, sum(map(_count_names, header_lines)))
     width, size = len(columns), columns[0].size
-    header = read_foreign_header(above, width, skipped) if layout else read_header(above, width)
-    chosen = list(dict.fromkeys(place_of(column, header.names, width) for column in layout.column))
+    if layout:
+        header = read_foreign_header(header_lines, width, skipped)
+    else:
+        header = read_header(header_lines, width)
+    selected = list(
+        dict.fromkeys(column_index(column, header.names, width) for column in layout.column)
+    )
 
     # The declarations and the times must state the same sampling interval.
-    times = _times(columns, header.names, chosen, layout)
-    stated = header.intervals()
+    times = _times(columns, header.names, selected, layout)
+    intervals = header.intervals()
     if times is not None:
-        stated.append(equal_steps(times)[0])
-    if stated and max(stated) - min(stated) > SAME_STEP * max(stated):
-        raise RecordError(
-            f"its sampling interval is stated as {' s and as '.join(f'{dt:g}' for dt in stated)} s"
-        )
-    dt = next(iter(stated), None) or layout.step
+        intervals.append(equal_steps(times)[0])
+    if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
+        values = " s and as ".join(f"{dt:g}" for dt in intervals)
+        raise RecordError(f"its sampling interval is stated as {values} s")
+    dt = next(iter(intervals), None) or layout.step
     if dt is None:
         raise RecordError(
             "the sampling interval of the column of numbers is required; declare it in a first "
@@ -222,19 +229,19 @@ def read_text(
         compared=compared,
     )
     # A first column without a name that contains times or a sample count is not a ground motion.
-    is_leading = times is not None or (width > 1 and _numbers_samples(columns[0], layout.step))
-    taken = chosen or _accelerations(header.names, range(int(is_leading), width))
+    has_times = times is not None or (width > 1 and _counts_samples(columns[0], layout.step))
+    component_columns = selected or _accelerations(header.names, range(int(has_times), width))
     if skipped:
         warnings.warn(
             f"{pluralize(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
         )
-    if not stated:
+    if not intervals:
         warnings.warn(
             f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
         )
     # A file with five samples per line of one motion looks the same. Each column would then be
     # read as every fifth sample, at wrong times.
-    if width > 2 and not header.names and not is_leading:
+    if width > 2 and not header.names and not has_times:
         assumption = f"each of {width} columns without names is read as a separate ground motion"
         warnings.warn(
             f"{assumption}; if the lines continue a single ground motion, write one sample per "
@@ -242,36 +249,50 @@ def read_text(
             stacklevel=2,
         )
     return to_stream(
-        [_series(common, columns, header, place, taken) for place in taken], headonly=headonly
+        [_series(common, columns, header, index, component_columns) for index in component_columns],
+        headonly=headonly,
     )
 
 
-def _names_of(line: str) -> int:
+def _count_names(line: str) -> int:
     """Return the number of column names in a header line."""
     return next(
         (len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0
     )
 
 
-def _accelerations(names: Names, places: range) -> list[int]:
+def _accelerations(names: Names, columns: range) -> list[int]:
     """Return the indices of the acceleration columns; if there are none, those of the velocity
-    columns, otherwise those of the displacement columns."""
+    columns, otherwise those of the displacement columns.
+
+    Parameters
+    ----------
+    names : tuple of ColumnName
+        Names of all columns; empty if the header does not name them.
+    columns : range
+        Indices of the columns without names that may be components.
+
+    Raises
+    ------
+    RecordError
+        Several columns have names of which no quantity is known.
+    """
     if not names:
-        return list(places)
-    for kind in MOTIONS:
-        if chosen := [place for place, name in enumerate(names) if name.kind == kind]:
-            return chosen
-    unknown = [place for place, name in enumerate(names) if name.kind != TIME]
-    if len(unknown) > 1:
+        return list(columns)
+    for quantity in MOTIONS:
+        if selected := [index for index, name in enumerate(names) if name.quantity == quantity]:
+            return selected
+    others = [index for index, name in enumerate(names) if name.quantity != TIME]
+    if len(others) > 1:
         raise RecordError(
             "the column names do not identify the acceleration; select a column by `column`: "
-            f"{', '.join(names[place].text[:40] for place in unknown)}"
+            f"{', '.join(names[index].text[:40] for index in others)}"
         )
-    return unknown
+    return others
 
 
 def _series(
-    common: Series, columns: Columns, header: TableHeader, place: int, taken: list[int]
+    common: Series, columns: Columns, header: TableHeader, index: int, component_columns: list[int]
 ) -> Series:
     """Return the component in a column.
 
@@ -283,48 +304,51 @@ def _series(
         All columns of the table.
     header : TableHeader
         Declarations and column names.
-    place : int
+    index : int
         Index of the column.
-    taken : list of int
+    component_columns : list of int
         Indices of all columns that are read as components.
     """
     names, declared = header.names, header.get("units")
-    part = replace(common, samples=columns[place])
+    component = replace(common, samples=columns[index])
     if not names:
-        units = required_units(declared) if declared else ""
+        # A single component keeps the declared channel; several are named by their numbers.
+        is_single = len(component_columns) == 1 and len(columns) <= 2
         return replace(
-            part,
-            units=units,
-            channel=part.channel if len(taken) == 1 and len(columns) <= 2 else str(place + 1),
+            component,
+            units=required_units(declared) if declared else "",
+            channel=component.channel if is_single else str(index + 1),
         )
-    name = names[place]
+    name = names[index]
     text = name.units or declared
     # The quantity follows from the name of the column, otherwise from its units.
-    quantity = name.kind
-    if name.kind == OTHER:
+    quantity = name.quantity
+    if name.quantity == OTHER:
         motion = motion_units(name.units) if name.units else None
         quantity = parse_units(motion).quantity if motion else "acceleration"
     units = required_units(text, quantity) if text else ""
     channel = code(name.component) or (
-        code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel
+        code(name.text[: len(name.plain)]) if name.quantity == OTHER else common.channel
     )
-    part = replace(
-        part, units=units, channel=channel, quantity=quantity if name.kind != OTHER else ""
+    component = replace(
+        component, units=units, channel=channel, quantity=quantity if name.quantity != OTHER else ""
     )
-    if name.kind != "acceleration":
-        return part
+    if name.quantity != "acceleration":
+        return component
 
     # Columns of velocity and displacement supply the peaks if the columns have units.
     peaks: dict[str, float] = {}
-    for other, column in zip(names, columns, strict=True):
-        is_beside = other.kind in MOTIONS[1:] and other.component == name.component
-        if is_beside and (scale := motion_scale(other.units, other.kind)):
-            peaks.setdefault(other.kind, scale * float(np.max(np.abs(column))))
-    return replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
+    for other_name, column in zip(names, columns, strict=True):
+        is_same_component = (
+            other_name.quantity in MOTIONS[1:] and other_name.component == name.component
+        )
+        if is_same_component and (scale := motion_scale(other_name.units, other_name.quantity)):
+            peaks.setdefault(other_name.quantity, scale * float(np.max(np.abs(column))))
+    return replace(component, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
 
 
 def _times(
-    columns: Columns, names: Names, chosen: list[int], layout: TextLayout
+    columns: Columns, names: Names, selected: list[int], layout: TextLayout
 ) -> NDArray[np.float64] | None:
     """Return the times, s; None if the table has no column of times.
 
@@ -338,24 +362,24 @@ def _times(
         Numbers of each column of the table.
     names : tuple of ColumnName
         Names of the columns in the header; empty if the header does not name them.
-    chosen : list of int
+    selected : list of int
         Indices of the columns specified by the user.
     layout : TextLayout
         Layout specified by the user, with the sampling interval.
     """
     if names:
-        return columns[0] * SECONDS[names[0].units] if names[0].kind == TIME else None
-    if len(columns) == 1 or 0 in chosen:
+        return columns[0] * SECONDS[names[0].units] if names[0].quantity == TIME else None
+    if len(columns) == 1 or 0 in selected:
         return None
     first = columns[0]
     if layout.step is not None and (
-        not np.all(np.diff(first) > 0.0) or _numbers_samples(first, layout.step)
+        not np.all(np.diff(first) > 0.0) or _counts_samples(first, layout.step)
     ):
         return None
     return first
 
 
-def _numbers_samples(column: NDArray[np.float64], step: float | None) -> bool:
+def _counts_samples(column: NDArray[np.float64], step: float | None) -> bool:
     """Return True if a column counts the samples from 0 or 1 and the specified step is not 1 s."""
     return (
         step not in (None, 1.0) and column[0] in (0.0, 1.0) and bool(np.all(np.diff(column) == 1.0))
@@ -364,63 +388,63 @@ def _numbers_samples(column: NDArray[np.float64], step: float | None) -> bool:
 
 def _matches(lines: list[str]) -> bool:
     """Return True if the first lines of a file are those of a text table."""
-    first = next(place for place, line in enumerate(lines) if ROW.fullmatch(line))
-    unnamed = first > 0 and lacks_first_name(lines[first - 1])
-    declared = [declared_in(line) for line in lines[: first - unnamed]]
+    first_row = next(index for index, line in enumerate(lines) if ROW.fullmatch(line))
+    lacks_name = first_row > 0 and lacks_first_name(lines[first_row - 1])
+    declared = [declared_in(line) for line in lines[: first_row - lacks_name]]
     rows = [
-        _numbers(line) for line in lines[first:] if line.strip() and not COMMENT.fullmatch(line)
+        _numbers(line) for line in lines[first_row:] if line.strip() and not COMMENT.fullmatch(line)
     ]
-    named = sum(map(_names_of, lines[:first]))
+    name_count = sum(map(_count_names, lines[:first_row]))
     width = Counter(map(len, rows)).most_common(1)[0][0]
-    if any(map(_OTHER_FORMAT.match, lines[:first])):
+    if any(map(_OTHER_FORMAT.match, lines[:first_row])):
         return False
-    others = sum(len(row) != width for row in rows)
+    deviating_rows = sum(len(row) != width for row in rows)
     # A table with column names is recognized even if some cells are empty. The error message of the
     # reader then names the line.
     if (
         None in declared
         or len(rows) < 2
-        or width > _MOST
-        or others > (len(rows) // 4 if named else 0)
+        or width > _MAX_COLUMNS
+        or deviating_rows > (len(rows) // 4 if name_count else 0)
     ):
         return False
     return (
-        unnamed
-        or bool(named)
+        lacks_name
+        or bool(name_count)
         or width == 1
         or (width > 1 and all(a[0] < b[0] for a, b in pairwise(rows)))
     )
 
 
-def _columns(lines: Lines, named: int) -> Columns:
+def _columns(lines: Lines, name_count: int) -> Columns:
     """Read the columns of numbers to the end of the file; comment lines are skipped.
 
     Parameters
     ----------
     lines : Lines
         Lines of the file; the next line is the first row.
-    named : int
+    name_count : int
         Number of column names in the header.
     """
-    first, width = lines.number, 0
+    first_line, width = lines.number, 0
     values = array("d")
     while (line := lines.peek()) is not None:
         lines.take()
         if COMMENT.fullmatch(line):
             continue
         numbers = _numbers(line) if ROW.fullmatch(line) else []
-        width = width or (named if _lacks(line) else len(numbers))
-        if len(numbers) != width or not 1 <= width <= _MOST:
-            lack = "; a cell is empty" if _lacks(line) else ""
+        width = width or (name_count if _has_empty_cell(line) else len(numbers))
+        if len(numbers) != width or not 1 <= width <= _MAX_COLUMNS:
+            reason = "; a cell is empty" if _has_empty_cell(line) else ""
             raise RecordError(
                 f"line {lines.number} must contain {width or 'a row of'} numbers, got "
-                f"{line.strip()[:60]!r}{lack}"
+                f"{line.strip()[:60]!r}{reason}"
             )
         values.extend(numbers)
-    return list(lines.checked(values, first).reshape(-1, width).T.copy())
+    return list(lines.checked(values, first_line).reshape(-1, width).T.copy())
 
 
-def _lacks(line: str) -> bool:
+def _has_empty_cell(line: str) -> bool:
     """Return True if a row has an empty cell, including an empty last cell."""
     return any(mark in line and not all(map(str.strip, line.split(mark))) for mark in ";\t,")
 
