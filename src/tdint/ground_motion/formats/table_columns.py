@@ -319,7 +319,7 @@ def read_header(lines: list[str], width: int) -> TableHeader:
     Raises
     ------
     RecordError
-        The header contradicts itself, or names more or fewer columns.
+        The header is contradictory, or has another number of column names.
     """
     # Collect the declarations of all lines, with the keys of _KEYS.
     declared: dict[str, str] = {}
@@ -356,7 +356,7 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
         declaration nor a line of column names.
     """
     header = read_header(lines, width)
-    # Indices of the lines that are not blank, and of those that are neither comments nor
+    # Indices of the lines with text, and of the unknown lines, which are not comments or
     # declarations.
     filled = [index for index, line in enumerate(lines) if line.strip()]
     unknown = [index for index in filled if declared_in(lines[index]) is None]

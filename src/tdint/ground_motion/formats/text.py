@@ -275,7 +275,7 @@ def _accelerations(names: Names, columns: range) -> list[int]:
     Raises
     ------
     RecordError
-        Several columns have names of which no quantity is known.
+        Several columns have names without a known quantity.
     """
     if not names:
         return list(columns)
