@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tdint.analysis.static import pushover
 from tdint.errors import RecordError
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.building import assemble
@@ -136,6 +137,8 @@ class Known:
         # The force of a dashpot is written as a number times the drift rate, in kN.
         self.values += [story.dashpot / 1e3 for story in model.stories]
         omega, damping = assemble(model).first_mode()
+        # Damping proportional to mass, 1/s.
+        self.values.append(2.0 * damping * omega)
         self.values += [2.0 * math.pi / omega, damping, model.collapse_drift, STANDARD_GRAVITY]
         self.values += [value for limit in model.limits for value in limit.values]
 
@@ -147,6 +150,64 @@ class Known:
                 peak = int(np.argmax(np.abs(record.acceleration)))
                 self.values += [record.duration, record.dt, record.pga, peak * record.dt]
                 return
+
+    def add_functions(self, file: Path) -> None:
+        """Add the bounds of 95 % of the fragility functions in a table: theta exp(-1.96 e) to
+        theta exp(1.96 e), and beta plus or minus 1.96 standard errors."""
+        with file.open(encoding="utf-8", newline="") as stream:
+            for row in csv.DictReader(stream):
+                names = ("theta", "theta_error", "beta", "beta_error")
+                theta, theta_error, beta, beta_error = (float(row[name]) for name in names)
+                self._add_bounds(theta, theta_error, beta, beta_error)
+
+    def add_capacities(self, file: Path) -> None:
+        """Add the fractiles of the capacities of a study, and the functions fitted to them.
+
+        Fractiles are interpolated between the logarithms of the sorted capacities. theta is the
+        median and beta the standard deviation of a lognormal distribution; their standard errors
+        are beta / sqrt(n) and beta / sqrt(2 n) of n capacities. No capacity may be censored.
+        """
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        assert all(row["censored"] == "false" for row in rows)
+        with (file.parent / "ida.csv").open(encoding="utf-8", newline="") as stream:
+            intensities = {
+                row["record"]: float(row["im"]) / float(row["scale"])
+                for row in csv.DictReader(stream)
+            }
+        # Scale factors of the capacities.
+        self.values += [float(row["capacity"]) / intensities[row["record"]] for row in rows]
+        for threshold in {row["threshold"] for row in rows}:
+            logarithms = np.log(
+                [float(row["capacity"]) for row in rows if row["threshold"] == threshold]
+            )
+            n, beta = logarithms.size, float(np.std(logarithms, ddof=1))
+            fractiles = np.exp(np.quantile(logarithms, (0.16, 0.5, 0.84)))
+            # The first of two numbers has no unit: "0.23 and 0.39 g".
+            self.values += [*fractiles.tolist(), *(fractiles / STANDARD_GRAVITY).tolist()]
+            theta = math.exp(np.mean(logarithms))
+            for unit in (1.0, STANDARD_GRAVITY):
+                self._add_bounds(theta / unit, beta / math.sqrt(n), beta, beta / math.sqrt(2 * n))
+
+    def _add_bounds(self, theta: float, theta_error: float, beta: float, beta_error: float) -> None:
+        """Add a fragility function and its bounds of 95 %."""
+        self.values += [theta, beta]
+        for sign in (-1.0, 1.0):
+            self.values += [theta * math.exp(sign * 1.96 * theta_error)]
+            self.values += [max(beta + sign * 1.96 * beta_error, 0.0)]
+
+    def add_pushover(self, file: Path, roof_target: float) -> None:
+        """Add the maximum of a pushover and its last step, also over the target displacement (m) of
+        the roof."""
+        model = load_model(file)
+        curve = pushover(model, 0.04)
+        height = sum(story.height or 0.0 for story in model.stories)
+        roof_at_maximum = float(np.sum(curve.drift_at_largest))
+        self.values += [curve.largest_base_shear, roof_at_maximum, roof_at_maximum / height]
+        self.values += [
+            float(np.max(curve.drift[-1])),
+            float(np.sum(curve.drift[-1])) / roof_target,
+        ]
 
     def holds(self, text: str, unit: str, largest: float = 0.0) -> bool:
         """Return True if a printed number is one of the numbers within its printed digits.
