@@ -35,17 +35,16 @@ FACTORS = {
     "kip": KIP,
     "t": 1e3,
     "kg": 1.0,
-    "kip*s²/in": KIP / INCH,
+    "kip·s²/in": KIP / INCH,
     "kN/m": 1e3,
     "kip/in": KIP / INCH,
-    "kN*m": 1e3,
     "kN·m": 1e3,
 }
 """SI value of the units of reports."""
 
 NUMBER = re.compile(
     r"(?<![\w.#/-])(-?\d+(?:\.\d+)?)(?![\w.]*\d)\s?"
-    r"(%|mm|m/s²|m|in|s|Hz|g|kN\*m|kN·m|kN/m|kN|kip/in|kip|kg|t|N)?(?![\w])"
+    r"(%|mm|m/s²|m|in|s|Hz|g|kN·m|kN/m|kN|kip/in|kip|kg|t|N)?(?![\w])"
 )
 _SMALL = 1e-4  # fraction of the maximum of a column below which a cell is printed as 0
 

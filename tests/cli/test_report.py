@@ -62,6 +62,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
+        data = data.replace("\u00a0", " ")
         self.text += data
         if "table" in self.open and self.open[-1] in ("td", "th"):
             self.tables[-1][-1][-1] += data
@@ -205,7 +206,7 @@ def test_a_collapse_is_the_headline(folder: Path, tdint: Command) -> None:
         "broken",
     ]  # a limit is not met after collapse
     assert "collapsed" in verdicts[0][1] and "Limit" not in verdicts[0][1]
-    assert re.search(r"story \d .* [0-9.]+ s", verdicts[0][1])
+    assert re.search(r"story \d .* [0-9.]+\ss", verdicts[0][1])
 
 
 def test_targets_are_printed_in_the_words_of_the_code() -> None:
@@ -437,8 +438,8 @@ def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
     result = tdint(*asked, "--report", "page.html", code=0)
     assert "5 % in the first mode, is ignored" in result.stderr
     found, peaks = page("page.html"), rows("m.csv")
-    told = table_with(found, "overturning moment cqc (kN*m)")
-    assert [row["overturning moment cqc (kN*m)"] for row in told] == [
+    told = table_with(found, "overturning moment cqc (kN·m)")
+    assert [row["overturning moment cqc (kN·m)"] for row in told] == [
         str(round(float(f"{float(row['overturning_moment_cqc_Nm']) / 1e3:.4g}"))) for row in peaks
     ]
     # Of the first mode alone the moments are those of its shears; the roof's force is what its

@@ -231,7 +231,11 @@ class _Flow:
         on_new_page : bool
             True to begin a new page; false by default.
         """
-        needed = _HEADING + _FIRST_ROWS if isinstance(part, Table) else _KEPT
+        needed = _KEPT
+        if isinstance(part, Table):
+            needed = _HEADING + _FIRST_ROWS
+        elif _introduces_table(part):
+            needed = _HEADING + _LINE + _PARAGRAPH + _FIRST_ROWS
         if on_new_page and self.position > 0.0:
             needed = math.inf
         self.body.append(f"<h2{self.break_class(needed)}>{escape(title)}</h2>")
@@ -400,12 +404,22 @@ def _has_content(part: Part) -> bool:
     return bool(part.rows) if isinstance(part, Table) else bool(part)
 
 
+def _introduces_table(part: Part) -> bool:
+    """Return True for a sentence that ends with a colon, which a table follows."""
+    return isinstance(part, str) and part.endswith(":")
+
+
 def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
     """Add a part to the page; `images` contains the figures that are already drawn, and receives
     new ones."""
     if isinstance(part, str):
-        # The class k keeps a sentence that ends with a colon together with the following part.
-        flow.text("p", _html(part), more=' class="k"' if part.endswith(":") else "")
+        css_class = ""
+        if _introduces_table(part):
+            # The browser keeps the sentence together with the table (class k). It does not keep the
+            # first rows of the table together with the sentence, so that the space is checked here.
+            on_new_page = flow.break_class(_LINE + _PARAGRAPH + _FIRST_ROWS)
+            css_class = ' class="k n"' if on_new_page else ' class="k"'
+        flow.text("p", _html(part), more=css_class)
     elif isinstance(part, Table):
         _add_table(flow, part)
     elif isinstance(part, Picture):
@@ -425,7 +439,16 @@ def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
 
 def _html(text: str) -> str:
     """Return a text as HTML: lines are kept, and numbers are written without powers of ten."""
-    return "<br>".join(escape(_plain(line)) for line in text.splitlines())
+    return "<br>".join(escape(_keep_units(_plain(line))) for line in text.splitlines())
+
+
+_BEFORE_UNIT = re.compile(r"(?<=\d) (?=%|(?:kN|kip|mm|kg|Hz|m|in|ft|s|g|t|N)(?![\w]))")
+_NO_BREAK_SPACE = "\u00a0"
+
+
+def _keep_units(text: str) -> str:
+    """Return a text in which no line break can separate a number from its unit."""
+    return _BEFORE_UNIT.sub(_NO_BREAK_SPACE, text)
 
 
 _POWER = re.compile(r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b")
@@ -538,7 +561,7 @@ def _column(table: Table, name: str, maximum: float) -> _Column:
     elif unit == "t" and 0.0 < maximum < 1.0:
         unit, factor = "kg", 1e-3
     if unit not in (TEXT, "1"):
-        heading += f" ({unit.replace('^2', '²')})"
+        heading += f" ({unit.replace('^2', '²').replace('*', '·')})"
     css_class = _TEXT_CLASS if unit == TEXT else ""
     if name == DIGEST:
         css_class = ' class="d"'
@@ -577,7 +600,7 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
         row = ""
         line_count = 1
         for column, cell in zip(columns, cells, strict=True):
-            row += f"<td{column.css_class}>{escape(cell)}</td>"
+            row += f"<td{column.css_class}>{escape(_keep_units(cell))}</td>"
             if column.is_text:
                 column_width = max(width_fraction * column.longest_cell, 1.0)
                 line_count = max(line_count, math.ceil(len(cell) / column_width))

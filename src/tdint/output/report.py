@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tdint.analysis.run.error_estimate import FLOOR
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.target import read_target
 from tdint.campaign.intensity import GEOMETRIC_MEAN
@@ -160,8 +161,8 @@ _SUITE_COLUMNS = (
     "peak_damper_force",
 )
 _ERRORS = (
-    "Estimated errors of the time integration, in percent. Errors of residual drifts are in "
-    "percent of the peak drifts:"
+    "Estimated errors of the time integration, in percent; the smallest estimate is "
+    f"{number_text(100.0 * FLOOR)} %. Errors of residual drifts are in percent of the peak drifts:"
 )
 
 

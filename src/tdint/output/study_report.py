@@ -391,7 +391,8 @@ def fragility_page(
     study = _summary(Path(source))
     # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
     functions = [replace(function, of_drift=bool(study)) for function in functions]
-    measure = measure_words(functions[0].im) or "intensity measure"
+    stated_measure = measure_words(functions[0].im)
+    measure = stated_measure or "intensity measure"
     fits = list(dict.fromkeys(function.fit for function in functions))
     pairs = functions[0].pair_demand
     counted = f" Pairs: {describe_demand(pairs)} (pair_demand: {pairs})." if pairs else ""
@@ -417,7 +418,7 @@ def fragility_page(
                 [
                     *(f"Fit of {_SOURCES[fit]}." for fit in fits),
                     _INTERVALS,
-                    f"Intensity measure: {measure}.{counted}",
+                    f"Intensity measure: {stated_measure or f'not stated in {source}'}.{counted}",
                     *_dispersion(functions),
                     *(simplifications() if study else ()),
                 ],

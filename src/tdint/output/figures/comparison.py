@@ -162,7 +162,7 @@ def _draw_floor(
     comparison, floor, spectra = row
     history, close_up, spectrum = panels
     event = f"{record_name(comparison.event.recording.source)}, " if name_event else ""
-    agreement = f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
+    agreement = f"correlation {floor.correlation:.3f}, peak ratio {floor.peak_ratio:.3f}"
     _draw_histories(history, floor, units)
     label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
     history.set(xlim=_strong_motion(comparison), ylabel=label)

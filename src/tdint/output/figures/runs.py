@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
+from tdint.number_parsing import number_text
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -220,7 +221,8 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         handlelength=1.6,
     )
     if np.any(total_input):
-        error = f"energy balance error {100.0 * abs(response.energy.error):.1g} %"
+        percent = float(f"{100.0 * abs(response.energy.error):.1g}")
+        error = f"energy balance error {number_text(percent)} %"
         if is_narrow():  # the legend occupies the space above the panel
             write_note(axes, error, y=0.3)
         else:

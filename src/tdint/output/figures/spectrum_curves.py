@@ -558,7 +558,16 @@ def low_picture(
     if periods:
         mark_first_periods(axes, periods)
         axes.legend(loc="best")
+    # A legend of many entries would cover curves: it is below the panel.
+    handles, names = axes.get_legend_handles_labels()
+    if len(names) > _MAX_INSIDE and (legend := axes.get_legend()):
+        legend.remove()
+        add_legend(figure, axes, handles, names)
     return figure
+
+
+_MAX_INSIDE = 5
+"""Maximum number of entries of a legend inside a panel with spectra."""
 
 
 def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
