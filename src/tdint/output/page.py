@@ -63,7 +63,7 @@ _MAX_BLANK = 52.0  # maximum height left blank before a figure; less than a quar
 _MIN_SCALE = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
 _MIN_LAST_PAGE, _MAX_BLANK_FRACTION = 0.33, 0.2
 """Fractions of a page: minimum content of the last page, maximum blank area on other pages."""
-_KNOWN_DISTANCE = 1.5 * _PAGE
+_KNOWN_DISTANCE = 2.0 * _PAGE
 """Distance from a fixed page break, mm, up to which estimated positions are reliable."""
 _MAX_FIRST_FIGURE, _MAX_FIGURE = 195.0, 110.0
 """Maximum heights of the first figure and of later figures, mm."""

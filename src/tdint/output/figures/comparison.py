@@ -330,7 +330,7 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
         color=COLORS[0],
         label=f"maximum base shear {maximum:.4g} {unit}",
     )
-    axes.legend(loc="best")
+    axes.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     axes.set(
         xlim=(0.0, np.max(roof)),
         xlabel=f"roof displacement ({units.label('m')})",
@@ -368,7 +368,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
             MARKERS[i],
             color=COLORS[i + 1],
         )
-    curve.legend(loc="best")
+    curve.legend(loc="best", frameon=True, framealpha=1.0, edgecolor="none")
     n2 = next(result for result in results if result.method == "n2")
     _draw_oscillator(adrs, n2, units)
     drifts = [(result.drift, i + 1, result.method) for i, result in enumerate(results)]
