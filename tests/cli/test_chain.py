@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pair_demands as pairs
+from cli.test_report import Page
 from csv_rows import rows
 from peer_files import write_at2
 
@@ -129,7 +130,7 @@ def test_from_a_folder_to_a_report(pool, tdint):
         assert float(profile["mean"]) == pytest.approx(means[rule], rel=1e-10)
         assert f"Mean drift {100.0 * means[rule]:.3g} %" in said
         assert f"Demand of pairs: {rule}" in said
-        assert f"{100.0 * means[rule]:.3g} %" in page(f"{rule}.html").text
+        assert f"{100.0 * means[rule]:.3g} %" in Page(Path(f"{rule}.html").read_text("utf-8")).text
     assert means["larger"] > 1.02 * means["mean"]
     # The pairs are those of the runs, which follow each other.
     named = [Path(row["record"]) for row in rows("larger/runs.csv")]

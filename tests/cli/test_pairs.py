@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from cli.test_report import Page
 from csv_rows import rows
 from peer_files import write_at2
 from tdint.campaign.ida_curve import IdaCurve, IdaRun, PairCurve
@@ -186,7 +187,7 @@ def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeyp
     average = np.mean(scaling.spectra(scaling.periods), axis=0)
     least = np.min(average / scaling.target.at(scaling.periods))
     assert least == pytest.approx(settings["least_average_over_target"], rel=2e-3)
-    text = page("page.html").text
+    text = Page((suite / "page.html").read_text("utf-8")).text
     assert f"{100.0 * settings['least_average_over_target']:.3g} %" in text
     assert "pair_demand: larger" in text
 
