@@ -36,6 +36,7 @@ endpoints of the steps (`tdint.kernels.linear_terms.mean_load`).
 | int f dt, 12 int s f dt | `MEAN`, `MOMENT` of `tdint.kernels.stories.path`, for each story | impulse, moment |
 | mean of p, 12 (mean of s p) | `scratch[LOAD]`, two rows (`mean_load`) | impulse, moment |
 | r, 12 / (1 + 6 r) | `coefficients[R]`, `coefficients[BY_RISE]` | path, first moment |
+| tolerance of the residuals | `coefficients[TOLERANCE]` | impulse, first moment |
 
 In a linear building, the step is that of impulse4 with the same rho_inf if the load is linear
 within the step. For rho_inf = 1 it is the energy-preserving collocation method of order 4 (Hairer
@@ -44,14 +45,23 @@ within the step. For rho_inf = 1 it is the energy-preserving collocation method 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.corners import update_peaks_at_corners
-from tdint.kernels.equations.moment4 import ROW, R, scratch_rows, solve_step, update_state
+from tdint.kernels.equations.moment4 import (
+    MAX_RESIDUAL,
+    ROW,
+    R,
+    scratch_rows,
+    solve_step,
+    update_state,
+)
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP, Memory, Scene
-from tdint.methods.method import Family, Method, Parameter
+from tdint.methods.method import Family, Integrator, Method, Parameter
 
 
 @kernel(STEP)
@@ -78,7 +88,8 @@ def step(
     Parameters
     ----------
     coefficients : ndarray
-        r and 12 / (1 + 6 r), with r = (1 - rho_inf) / (6 (1 + rho_inf)).
+        r, 12 / (1 + 6 r) and the tolerance of the residuals, with
+        r = (1 - rho_inf) / (6 (1 + rho_inf)).
     linear_terms, modal, law_parameters, forces, flags : ndarray
         Building (linear terms, modal damping, parameters of the laws), forces on floors, and flags;
         not changed.
@@ -116,13 +127,24 @@ def step(
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
-    """Return the coefficients r and 12 / (1 + 6 r) of the step.
+    """Return the coefficients of the step: r, 12 / (1 + 6 r) and the tolerance of the residuals.
 
     r = (1 - rho_inf) / (6 (1 + rho_inf)) for a spectral radius `rho_inf` at infinite frequency.
     """
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
-    return r, 12.0 / (1.0 + 6.0 * r)
+    return r, 12.0 / (1.0 + 6.0 * r), MAX_RESIDUAL
 
+
+def _estimating_coefficients(rho_inf: float) -> tuple[float, ...]:
+    """Return the coefficients with `_ESTIMATING_TOLERANCE`."""
+    return *coefficients(rho_inf)[:-1], _ESTIMATING_TOLERANCE
+
+
+_ESTIMATING_TOLERANCE = 1e-7
+"""Dimensionless. Tolerance of the residuals of a run that estimates errors. With one iteration per
+step instead of two, it takes 0.8 of the time. 99 % of its peaks change by less than 3e-6, a third
+of the smallest error estimate (24 random buildings, time steps of 1 to 1/4 sample).
+"""
 
 FAMILY = Family(
     "moment4",
@@ -144,3 +166,8 @@ METHODS = (
         "collocation (2010), s = 2",
     ),
 )
+
+ESTIMATING = Integrator(
+    replace(METHODS[0], coefficients=_estimating_coefficients), (1.0,), METHODS[0].name
+)
+"""moment4 for the runs that estimate errors (`tdint.analysis.run.error_estimate`)."""

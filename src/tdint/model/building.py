@@ -146,6 +146,12 @@ class Building:
         return any(NUMBERED_LAWS[int(code)].kinked for code in self._law_codes)
 
     @cached_property
+    def curved_hysteresis(self) -> bool:
+        """True if any story has a curved law with branches, that is, a curved hysteretic law."""
+        laws = [NUMBERED_LAWS[int(code)] for code in self._law_codes]
+        return any(law.curved and law.kinked for law in laws)
+
+    @cached_property
     def fastest(self) -> float:
         """Upper bound of the circular frequencies of the initial stiffness, rad/s, within one to
         two percent.

@@ -1,8 +1,9 @@
 """Error estimates of the peaks of a run.
 
-By default, the errors of any method are estimated by one additional run of `impulse4` with half the
-time step, or with shorter steps if the step is long (`reference_steps`). With the peaks P of the
-run and the peaks P1 of the additional run, the estimated error of each P is the maximum of
+By default, the errors of a run are estimated by one additional run with half the time step, or with
+shorter steps if the step is long (`reference_steps`). Its method is `impulse4`, for some runs of
+`moment4` also `moment4` (`reference`). With the peaks P of the run and the peaks P1 of the
+additional run, the estimated error of each P is the maximum of
 
     f |P - P1|                         f = 4/3 for methods of order 1 and 2, 3 for higher orders
     the smaller of  0.2 P times the root mean square over the stories of f |P - P1| / P
@@ -65,10 +66,17 @@ from tdint.methods.catalogue import DEFAULT_METHOD, parse
 from tdint.methods.method import Integrator
 
 REFERENCE = parse(DEFAULT_METHOD)
-"""Method of the additional run that estimates the errors."""
+"""Method of the additional run that estimates the errors of most methods."""
 
 _EXACT = "exact"
 """Method that is its own reference."""
+
+_MOMENT4, _FULL_ORDER = "moment4", 4
+"""Method that can estimate its own errors, and its order without numerical dissipation. With
+`impulse4`, 11 % of the error estimates of `moment4` in buildings with power-law dashpots are more
+than ten times too large, with `moment4` 3 %. In other buildings with curved laws, 0.4 and 0.0 % of
+the true errors exceed twice the estimate (18 and 34 random buildings).
+"""
 
 OF_DIFFERENCE = 4.0 / 3.0
 """Dimensionless. Error divided by the difference from a run with half the time step, at second
@@ -182,7 +190,36 @@ def run_with_error_estimate(
 def reference(case: Case) -> Case:
     """Return the case whose run estimates the errors of `case`.
 
-    Its method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
+    For `moment4` in a building with power-law dashpots or curved laws, the method is `moment4` with
+    a larger tolerance of the residuals. In these buildings `moment4` is about as accurate as
+    `impulse4` with half the time step, so that a difference between these two methods is the error
+    of either of them. Curved hysteretic laws are an exception: the peak shears of `moment4` at
+    reversals are too small by the same amount with both time steps. Otherwise the case is that of
+    `default_reference`.
+    """
+    if _estimates_itself(case):
+        # The module is imported already, because it contains the method of the case.
+        from tdint.methods.moment4 import ESTIMATING
+
+        return replace(case, method=ESTIMATING, remarks=())
+    return default_reference(case)
+
+
+def _estimates_itself(case: Case) -> bool:
+    """Return True if an additional run of `moment4` estimates the errors of a case."""
+    building = case.building
+    return (
+        case.method.method.name == _MOMENT4
+        and case.method.order >= _FULL_ORDER
+        and (building.power_damped or not building.piecewise_linear)
+        and not building.curved_hysteresis
+    )
+
+
+def default_reference(case: Case) -> Case:
+    """Return the case with the method that estimates the errors of most methods.
+
+    The method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
     forces on floors.
     """
     is_own_reference = case.method.label == _EXACT and not case.model.excitation.forces

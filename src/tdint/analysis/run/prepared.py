@@ -204,7 +204,7 @@ class PreparedBuilding:
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
     collapse_drift: float = math.inf
-    _coefficients: dict[tuple[str, float], Array] = field(
+    _coefficients: dict[tuple[str, Callable[..., tuple[float, ...]], float], Array] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
     _instability: dict[tuple[str, float], Instability | None] = field(
@@ -270,7 +270,9 @@ class PreparedBuilding:
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:
         """Return the coefficients of the method for this building and the time step h (s)."""
-        key = (integrator.label, h)
+        # moment4 and moment4 for the runs that estimate errors have the same label and different
+        # coefficients.
+        key = (integrator.label, integrator.method.coefficients, h)
         coefficients = self._coefficients.get(key)
         if coefficients is None:
             coefficients = integrator.coefficients(self.building, self.forces, h)

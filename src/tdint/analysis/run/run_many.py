@@ -29,7 +29,7 @@ from tdint.analysis.arguments import (
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.batch import Subject, run_batch, run_sampled, samples_of
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import factors, reference, shorter_steps
+from tdint.analysis.run.error_estimate import default_reference, factors, shorter_steps
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slope_errors, slopes
 from tdint.analysis.run.many_results import (
     HISTORY_FIELDS,
@@ -720,8 +720,8 @@ def _gradient(
 ) -> Gradient:
     """Return the derivatives of completed runs, with error estimates if `work.check` is true.
 
-    The errors are those of the differences from a second set of runs with half the time step, of
-    the method that estimates the errors of peaks.
+    The errors are those of the differences from a second set of runs with half the time step. Their
+    method is that of `default_reference`.
 
     Parameters
     ----------
@@ -732,7 +732,7 @@ def _gradient(
     if not work.check:
         return gradient
     subjects = tuple(
-        Subject(subject.model, reference(subject.case(None)).method.label)
+        Subject(subject.model, default_reference(subject.case(None)).method.label)
         for subject in work.subjects
     )
     labels = tuple(subject.method for subject in subjects)

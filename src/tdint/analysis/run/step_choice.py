@@ -182,7 +182,7 @@ class _Search:
 
         Returns the level and its run, with error estimates.
         """
-        is_reference = reference(self.case).method.label == self.case.method.label
+        is_reference = reference(self.case).method == self.case.method
         first = (
             max(0, math.ceil(math.log2(self.coarsest.h / largest) - _STEP_TOLERANCE))
             if largest < math.inf

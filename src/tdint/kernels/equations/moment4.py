@@ -53,6 +53,7 @@ from tdint.kernels.stories.path import (
 # Indices of the coefficients
 R = 0  # r, coefficient of numerical dissipation
 BY_RISE = 1  # 12 / (1 + 6 r)
+TOLERANCE = 2  # maximum residual relative to the sum of the absolute values of its terms
 
 
 # Maximum number of discontinuities of the story forces within a step that are considered for peaks
@@ -106,8 +107,9 @@ _TANGENTS_PER_SLOPE = (0.5, -1.0 / 12.0, 1.0, 0.0)
 _DECIDING_ITERATIONS = 4
 
 MAX_RESIDUAL = 1e-13
-"""Maximum residual relative to the sum of the absolute values of its terms. It is small because the
-energy balance of the method must be closed."""
+"""Dimensionless. Coefficient TOLERANCE of the method. It is small because the energy balance of the
+method must be closed.
+"""
 
 
 def scratch_rows(modes: int) -> int:
@@ -308,6 +310,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     is_stale = scratch[ROW.FACTORED, n] != h
+    rounding = ROUNDING / coefficients[TOLERANCE]
     rise_below = 0.0
     bend_below = 0.0
     displacement_scale_below = 0.0
@@ -368,8 +371,7 @@ def _evaluate_stories(coefficients, scene, h, memory, is_deciding):
         # part of the residual.
         displacement_scale = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
         scratch[ROW.ROUNDING_FORCE, i] = (
-            ROUNDING
-            / MAX_RESIDUAL
+            rounding
             * law_parameters[rows.STIFFNESS, i]
             * (displacement_scale + link * displacement_scale_below)
         )
@@ -524,7 +526,7 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
 
 @inline
 def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_status):
-    """Return True if all residuals are within the relative tolerance MAX_RESIDUAL.
+    """Return True if all residuals are within the relative tolerance of the coefficients.
 
     Parameters
     ----------
@@ -545,6 +547,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
     step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated.
     """
+    tolerance = coefficients[TOLERANCE]
     step_status[rows.RESIDUAL] = 0.0
     is_small = True
     for i in range(linear_terms.shape[1] - 1):
@@ -561,7 +564,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         inertia_scale = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
         is_small &= is_balanced(
             is_last,
-            MAX_RESIDUAL,
+            tolerance,
             step_status,
             i,
             scratch[ROW.X, i],
@@ -578,7 +581,7 @@ def _is_converged(is_last, coefficients, linear_terms, h, state, scratch, step_s
         inertia_scale *= coefficients[BY_RISE]
         is_small &= is_balanced(
             is_last,
-            MAX_RESIDUAL,
+            tolerance,
             step_status,
             i,
             scratch[ROW.X + 1, i],
