@@ -146,6 +146,10 @@ class Method:
     stability_limit : callable
         Parameter values -> largest stable omega dt without damping; inf if the method is always
         stable. If the method is unstable in a band of omega dt, the lower end of the band.
+    estimating_coefficients : callable, optional
+        Parameter values -> coefficients of a run that estimates the errors of this method in
+        buildings for which it is more suitable than the default method
+        (`tdint.analysis.run.error_estimate`); None by default.
     """
 
     name: str
@@ -157,6 +161,7 @@ class Method:
     order: Callable[..., int] = lambda *values: 2
     implicit: Callable[..., bool] = lambda *values: True
     stability_limit: Callable[..., float] = lambda *values: math.inf
+    estimating_coefficients: Callable[..., tuple[float, ...]] | None = None
 
 
 @dataclass(frozen=True)

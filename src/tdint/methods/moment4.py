@@ -45,8 +45,6 @@ within the step. For rho_inf = 1 it is the energy-preserving collocation method 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.corners import update_peaks_at_corners
@@ -61,7 +59,7 @@ from tdint.kernels.equations.moment4 import (
 from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP, Memory, Scene
-from tdint.methods.method import Family, Integrator, Method, Parameter
+from tdint.methods.method import Family, Method, Parameter
 
 
 @kernel(STEP)
@@ -135,8 +133,8 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     return r, 12.0 / (1.0 + 6.0 * r), MAX_RESIDUAL
 
 
-def _estimating_coefficients(rho_inf: float) -> tuple[float, ...]:
-    """Return the coefficients with `_ESTIMATING_TOLERANCE`."""
+def estimating_coefficients(rho_inf: float) -> tuple[float, ...]:
+    """Return the coefficients of a run that estimates errors, with `_ESTIMATING_TOLERANCE`."""
     return *coefficients(rho_inf)[:-1], _ESTIMATING_TOLERANCE
 
 
@@ -160,14 +158,10 @@ METHODS = (
         family=FAMILY,
         parameters=(Parameter("rho_inf", 1.0, 0.0, 1.0),),
         coefficients=coefficients,
+        estimating_coefficients=estimating_coefficients,
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
         rho_inf=lambda rho_inf: rho_inf,
         source="tdint: impulse and first moment; rho_inf = 1 is Hairer's energy-preserving "
         "collocation (2010), s = 2",
     ),
 )
-
-ESTIMATING = Integrator(
-    replace(METHODS[0], coefficients=_estimating_coefficients), (1.0,), METHODS[0].name
-)
-"""moment4 for the runs that estimate errors (`tdint.analysis.run.error_estimate`)."""

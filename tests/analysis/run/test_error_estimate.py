@@ -26,6 +26,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.error_estimate import common, finer, story_errors
 from tdint.analysis.run.outcome import StoryErrors
 from tdint.analysis.time_steps import Steps
+from tdint.model.definition import PowerDashpot
 
 NAMES = [field.name for field in fields(StoryErrors)]
 
@@ -304,6 +305,54 @@ def test_exact_tells_its_own_errors():
     assert response.check.method == "exact" and response.check.drift_error < 1e-3
     forced = oscillator(2.0 * np.pi, displacement=(1.0,), forces=[Force(1, 1e3, 0.0, 3.0)])
     assert run(forced, method="exact", dt=0.05, duration=2.0).check.method.startswith("impulse4")
+
+
+BOUC_WEN = Law("bouc-wen", (1e6, 0.05, 2.0, 0.5))
+
+
+def dashpots(exponent):
+    """Return a linear building with power-law dashpots, without other damping."""
+    device = PowerDashpot(4e5, exponent, 0.001)
+    return model([replace(story(2e5, 1e8), power_dashpot=device) for _ in range(3)])
+
+
+@pytest.mark.parametrize(
+    ("building", "method", "reference"),
+    [
+        (dashpots(0.5), "moment4", "moment4"),
+        (dashpots(0.5), "moment4:rho_inf=0.5", "impulse4"),
+        (dashpots(0.5), "impulse4", "impulse4"),
+        (model([story(2e5, 1e8, Law("tanh", (1e6,)))] * 3), "moment4", "moment4"),
+        (ten_bilinear(), "moment4", "impulse4"),
+        (
+            model([story(2e5, 1e8, Law("bouc-wen", (1e6, 0.05, 2.0, 0.5)))] * 3),
+            "moment4",
+            "impulse4",
+        ),
+    ],
+)
+def test_moment4_estimates_its_own_errors_in_curved_buildings(building, method, reference):
+    """In buildings without branches of the laws, if it has no numerical dissipation."""
+    response = run(building, noise(), method=method)
+    assert response.check.method.partition(":")[0] == reference
+    assert response.check.time_steps == (0.005,)
+
+
+@pytest.mark.parametrize("exponent", [0.3, 0.6])
+def test_errors_of_moment4_with_power_law_dashpots_are_not_overestimated(exponent):
+    """Of peaks with an error of 1e-5 and more, estimates are at least half of the true error, and
+    at most ten times as large. An additional run of impulse4 gives ratios from 0.2 to 100."""
+    building = dashpots(exponent)
+    response = run(building, noise(), method="moment4", dt=0.02)
+    truth = run(building, noise(), method="impulse4", dt=0.01 / 64, check=False)
+    ratios = []
+    for name, found, true in pairs(response, truth):
+        peaks = np.abs(getattr(truth.stories, name))
+        is_judged = true > 1e-5 * peaks[np.isfinite(peaks)]
+        ratios.append(found[is_judged] / true[is_judged])
+    ratios = np.concatenate(ratios)
+    assert ratios.size > 15
+    assert np.all(ratios > 0.5) and np.all(ratios < 10.0)
 
 
 # ---- Random buildings

@@ -204,7 +204,7 @@ class PreparedBuilding:
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
     collapse_drift: float = math.inf
-    _coefficients: dict[tuple[str, Callable[..., tuple[float, ...]], float], Array] = field(
+    _coefficients: dict[tuple[str, bool, float], Array] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
     _instability: dict[tuple[str, float], Instability | None] = field(
@@ -270,9 +270,10 @@ class PreparedBuilding:
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:
         """Return the coefficients of the method for this building and the time step h (s)."""
-        # moment4 and moment4 for the runs that estimate errors have the same label and different
-        # coefficients.
-        key = (integrator.label, integrator.method.coefficients, h)
+        # A run that estimates errors can have the same label and other coefficients.
+        method = integrator.method
+        is_estimating = method.coefficients is method.estimating_coefficients
+        key = (integrator.label, is_estimating, h)
         coefficients = self._coefficients.get(key)
         if coefficients is None:
             coefficients = integrator.coefficients(self.building, self.forces, h)
