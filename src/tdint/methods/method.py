@@ -147,7 +147,7 @@ class Method:
         Parameter values -> largest stable omega dt without damping; inf if the method is always
         stable. If the method is unstable in a band of omega dt, the lower end of the band.
     estimating_coefficients : callable, optional
-        Parameter values -> coefficients of a run that estimates the errors of this method in
+        Parameter values -> coefficients of a run that estimates errors of the method in
         buildings for which it is more suitable than the default method
         (`tdint.analysis.run.error_estimate`); None by default.
     """

@@ -1,6 +1,6 @@
 """Error estimates of the peaks of a run.
 
-By default, the errors of a run are estimated by one additional run with half the time step, or with
+By default, the errors of a run are estimated by an additional run with half the time step, or with
 shorter steps if the step is long (`reference_steps`). Its method is `impulse4`, for some runs of
 `moment4` also `moment4` (`reference`). With the peaks P of the run and the peaks P1 of the
 additional run, the estimated error of each P is the maximum of
@@ -69,10 +69,10 @@ REFERENCE = parse(DEFAULT_METHOD)
 """Method of the additional run that estimates the errors of most methods."""
 
 _EXACT = "exact"
-"""Method that is its own reference."""
+"""Method without a separate reference."""
 
 _MIN_ORDER = 4
-"""Order from which a method can estimate its own errors. The rates were measured only for `moment4`
+"""Minimum order of a method that estimates its errors itself. The rates were measured only for `moment4`
 without numerical dissipation, which has order 4.
 """
 
@@ -116,7 +116,7 @@ _LOW_ORDER = EstimateFactors(OF_DIFFERENCE, _MOST)
 """Factors for methods of order 1 and 2."""
 
 _HIGH_ORDER = EstimateFactors(3.0, _MOST, derivative_common=0.5)
-"""Factors for methods of order 3 and more. With those of order 2, 0.6 % of the true errors of
+"""Factors for methods of order 3 and more. With the factors of order 2, 0.6 % of the true errors of
 `impulse4` and `moment4` exceed twice the estimate, with these 0.3 % (104 random buildings). With
 half of the root mean square instead of a fifth, 7 % of the estimates of accelerations and total
 shears are more than ten times too large (325 random buildings).
@@ -191,11 +191,11 @@ def reference(case: Case) -> Case:
     For `moment4` in a building with power-law dashpots or curved laws, the method is `moment4` with
     a larger tolerance of the residuals. In these buildings `moment4` is about as accurate as
     `impulse4` with half the time step, so that a difference between these two methods is the error
-    of either of them: with `impulse4`, 5.9 % of the estimates of `moment4` are more than ten times
+    of either method. With `impulse4`, 5.9 % of the estimates of `moment4` are more than ten times
     too large, and 0.5 % of the true errors exceed twice the estimate; with `moment4`, 1.8 and 0.1 %
     (40 random buildings, true values of a separate solver). Curved hysteretic laws are an
     exception: the peak shears of `moment4` at reversals are too small by the same amount with both
-    time steps. In all other cases the result is that of `default_reference`.
+    time steps. In all other cases, `default_reference` selects the method.
     """
     method, building = case.method.method, case.building
     is_curved = building.power_damped or not building.piecewise_linear
