@@ -654,7 +654,7 @@ def test_of_many_floors_those_that_agree_least_are_drawn_and_all_below(made):
         worst, panels[::3], panels[1::3], panels[2::3], strict=True
     ):
         assert (
-            f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
+            f"correlation {floor.correlation:.3f}, peak ratio {floor.peak_ratio:.3f}"
             in history.get_title("left")
         )
         for axes in (history, close):

@@ -72,8 +72,8 @@ _EXACT = "exact"
 """Method without a separate reference."""
 
 _MIN_ORDER = 4
-"""Minimum order of a method that estimates its errors itself. The rates were measured only for `moment4`
-without numerical dissipation, which has order 4.
+"""Minimum order of a method that estimates its errors itself. The rates were measured only for
+`moment4` without numerical dissipation, which has order 4.
 """
 
 OF_DIFFERENCE = 4.0 / 3.0
