@@ -180,6 +180,13 @@ def test_a_number_that_is_in_no_table_is_found(here: Path) -> None:
     assert [known.holds(*number) for number in found] == [True, False, True, False]
 
 
+def test_thresholds_of_a_study_are_drift_ratios(here: Path, tdint: Command) -> None:
+    """Those of a table from elsewhere can have any unit."""
+    assert "Drift ratio 1 %: ida" in made("fragility of ida", tdint)
+    shutil.copy("ida/capacities.csv", "table.csv")
+    assert "Threshold 0.01: ida" in tdint("fragility", "table.csv", code=0).stderr
+
+
 # ---- Questions that the printed pages answer
 
 WITHOUT_MOTION = ("pushover", "modes under a target")

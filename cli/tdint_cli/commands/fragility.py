@@ -228,6 +228,7 @@ def _fit(request: Request) -> None:
         fit_table,
     )
     from tdint.campaign.fragility.fit_types import fit_types
+    from tdint.output.summary import study_summary
 
     outputs, by = request.outputs, request.by
     _check_options(request)
@@ -253,6 +254,9 @@ def _fit(request: Request) -> None:
         raise Failures(list(result.failures))
     units = outputs.units
     functions = [function.in_units(units) if units else function for function in result.functions]
+    # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
+    if not by and study_summary(Path(request.table)):
+        functions = [replace(function, of_drift=True) for function in functions]
     if openquake_files:
         _write_openquake(request, result.functions, openquake_files)
 
@@ -391,7 +395,10 @@ def _function_text(function: Fragility) -> str:
 
     Values that the function does not have are NaN and are omitted.
     """
-    text = "" if math.isnan(function.threshold) else f"Threshold {function.threshold:g}: "
+    text = ""
+    if not math.isnan(function.threshold):
+        demand = "Drift ratio" if function.of_drift else "Threshold"
+        text = f"{demand} {function.threshold_text}: "
     if not math.isnan(function.damage):
         text += f"damaged to {100.0 * function.damage:g} %, " if function.damage else "intact, "
     unit = f" {function.unit}" if function.unit else ""

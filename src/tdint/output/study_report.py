@@ -29,7 +29,7 @@ from tdint.output.report import (
     motion_chapter,
     simplifications,
 )
-from tdint.output.summary import stored_summary
+from tdint.output.summary import study_summary
 from tdint.output.tables.studies import motion_rows
 from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits
@@ -388,7 +388,7 @@ def fragility_page(
     page_text : PageText
         Warnings, notes (`sentences`), inputs and head of the report.
     """
-    study = _summary(Path(source))
+    study = study_summary(Path(source))
     # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
     functions = [replace(function, of_drift=bool(study)) for function in functions]
     stated_measure = measure_words(functions[0].im)
@@ -486,23 +486,6 @@ def _count_table(functions: Sequence[Fragility]) -> tuple[Part, ...]:
 
 _MOST_RECORDS = 60
 """Maximum number of records in the table of a study."""
-
-_SUMMARIES = ("ida.json", "summary.json")
-"""Names of the summaries in the directory of a study and of a campaign."""
-
-
-def _summary(source: Path) -> dict[str, Any]:
-    """Return the summary of the study that wrote a table; empty for a table from elsewhere."""
-    folder = source if source.is_dir() else source.parent
-    if not source.is_dir() and source.name not in _TABLES:
-        return {}
-    summaries = (stored_summary(folder / name) for name in _SUMMARIES)
-    content: dict[str, Any] = next(filter(None, summaries), {})
-    return content if content.get("records") else {}
-
-
-_TABLES = ("capacities.csv", "ida.csv", "runs.csv")
-"""Tables of studies that contain observations."""
 
 
 def _study_parts(source: str, content: dict[str, Any]) -> tuple[Part, ...]:

@@ -585,3 +585,26 @@ def _event(comparison: Comparison) -> dict[str, Any]:
         "notes": [*event.notes, *response.notes],
         "warnings": [*event.warnings, *response.warnings, *absolute_displacements(comparison)],
     }
+
+
+_SUMMARIES = ("ida.json", "summary.json")
+"""Names of the summaries in the directory of a study and of a campaign."""
+
+_TABLES = ("capacities.csv", "ida.csv", "runs.csv")
+"""Tables of studies that contain observations."""
+
+
+def study_summary(source: Path) -> dict[str, Any]:
+    """Return the summary of the study that wrote a table; empty for a table from elsewhere.
+
+    Parameters
+    ----------
+    source : Path
+        Table with observations, or the directory of a study.
+    """
+    folder = source if source.is_dir() else source.parent
+    if not source.is_dir() and source.name not in _TABLES:
+        return {}
+    summaries = (stored_summary(folder / name) for name in _SUMMARIES)
+    content: dict[str, Any] = next(filter(None, summaries), {})
+    return content if content.get("records") else {}
