@@ -648,7 +648,7 @@ def _scaling_text(factors: str, settings: Mapping[str, Any]) -> str:
         Settings of `tdint scale`.
     """
     facts = [
-        f"Scale factors: {factors}, computed by `tdint scale`",
+        f"Scale factors: {factors}, computed by tdint scale",
         f"rule {settings['rule']} ({_RULES[settings['rule']]})",
     ]
     # The target is a spectrum or the value of an intensity measure.

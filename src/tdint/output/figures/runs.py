@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tdint.arrays import Array
-from tdint.number_parsing import number_text
+from tdint.number_parsing import table_number
 from tdint.output.figures.style import (
     COLORS,
     DASHES,
@@ -222,7 +222,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     )
     if np.any(total_input):
         percent = float(f"{100.0 * abs(response.energy.error):.1g}")
-        error = f"energy balance error {number_text(percent)} %"
+        error = f"energy balance error {table_number(percent)} %"
         if is_narrow():  # the legend occupies the space above the panel
             write_note(axes, error, y=0.3)
         else:
@@ -394,6 +394,8 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     for axes in panels:
         _frame_profile(axes, response)
         axes.tick_params(labelleft=axes is drifts)
+    # Numbers of four digits would touch each other at more than three ticks.
+    shears.xaxis.set_major_locator(MaxNLocator(2, steps=[1, 2, 4, 5, 10]))
     drifts.set_ylabel("story")
 
 
