@@ -1,6 +1,7 @@
 """Motions matched to a target: derivatives against differences, the program against scipy's, what a
 motion keeps."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -203,6 +204,20 @@ def test_rows_are_products_over_all_samples(monkeypatch):
     np.testing.assert_allclose(
         rows.sum(multipliers.astype(np.float32)), multipliers @ dense, rtol=1e-5, atol=1e-6
     )
+
+
+def test_the_products_of_rows_are_symmetric_and_need_the_memory_of_two_matrices_and_a_half():
+    """The matrix, its directions, and a triangle in single precision are in memory, no copies."""
+    count, size = 1000, 64
+    rng = np.random.default_rng(7)
+    lines = [rng.normal(size=size).astype(np.float32) for _ in range(count)]
+    rows = SparseRows(size, np.zeros(count, int), lines, np.ones((count, 1)))
+    tracemalloc.start()
+    products = rows.products()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_array_equal(products, products.T)
+    assert peak < 2.6 * products.nbytes
 
 
 def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):

@@ -483,6 +483,7 @@ def _match_seed(
         samples, row_sum = problem.rounds(
             samples, row_sum, _MAX_ROUNDS[stage], is_first_stage=stage == 0
         )
+        del problem  # the next stage must not need the memory of two sets of free vibrations
         misfit = np.abs(
             _spectra(_with_samples(seed, samples), checked, dampings) / target_psa - 1.0
         )

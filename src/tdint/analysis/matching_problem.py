@@ -120,12 +120,16 @@ class SparseRows:
                 block_row[overlap_start - block_start : overlap_end - block_start] = self.lines[
                     index
                 ][overlap_start - row_start : overlap_end - row_start]
-            # `ssyrk` computes only the upper triangle; the lower triangle is its transpose.
+            # `ssyrk` computes only the upper triangle, in Fortran order. Its columns are added to
+            # the rows of the lower triangle of the result, because copies of the whole matrix
+            # would need 50 MB each for 2500 rows.
             upper_triangle = ssyrk(1.0, block.T, trans=True)
-            result[np.ix_(indices, indices)] += (
-                np.triu(upper_triangle).astype(float) + np.triu(upper_triangle, 1).T
-            )
-        return np.asarray(result * (self.directions @ self.directions.T))
+            for column, index in enumerate(indices):
+                result[index, indices[: column + 1]] += upper_triangle[: column + 1, column]
+        for row in range(1, len(result)):
+            result[:row, row] = result[row, :row]
+        result *= self.directions @ self.directions.T
+        return result
 
     def times(self, samples: NDArray[np.float32]) -> Array:
         """Return the scalar product of each row with a change, shape (rows,).
@@ -561,6 +565,8 @@ class MatchingProblem:
             damping = max(damping / 5.0, _MIN_DAMPING) if damping_increases == 0 else damping
             if misfit < best_misfit:
                 best_state, best_misfit = (samples, row_sum), misfit
+            # The next round must not need the memory of two sets of rows.
+            del sparse_rows, gram
         return best_state
 
     def merits(self, maxima: Array, is_stepwise: bool) -> tuple[float, float]:
