@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from tdint.model.keys.fields import Bounds, Choice, Either, EntriesOf, Keys, ValueKind, Whole
+from tdint.model.keys.fields import Bounds, Choice, Either, EntriesOf, Keys, ValueType, Whole
 
 TYPES: dict[str, Callable[[object], bool]] = {
     "object": lambda value: isinstance(value, dict),
@@ -90,7 +90,7 @@ def tree(text: str) -> Any:
     return converted(yaml.safe_load(text))
 
 
-def wrong(kind: ValueKind) -> list[object]:
+def wrong(kind: ValueType) -> list[object]:
     """Values that a kind does not allow, made from what it declares."""
     if isinstance(kind, Bounds):
         outside = [kind.low - 1.0, kind.high + 1.0, kind.low * (not kind.low_allowed), kind.high]
@@ -104,7 +104,7 @@ def wrong(kind: ValueKind) -> list[object]:
     if isinstance(kind, Choice):
         return ["no such name", {}]
     if isinstance(kind, EntriesOf):
-        return [{}, 3, *([[]] if kind.least else []), *([one] for one in wrong(kind.kind))]
+        return [{}, 3, *([[]] if kind.least else []), *([one] for one in wrong(kind.type))]
     if isinstance(kind, Keys):
         return ["text", [1], {"no such key": 1}]
     return [[[]]] if not isinstance(kind, Either) else [[[]], {"no such key": 1}]
@@ -116,15 +116,15 @@ def spoiled(model: dict[str, Any], keys: Keys) -> list[dict[str, Any]]:
     for key in keys.declared:
         if key.name not in model:
             continue
-        found += [{**copy.deepcopy(model), key.name: value} for value in wrong(key.kind)]
-        kinds = key.kind.kinds if isinstance(key.kind, Either) else (key.kind,)
+        found += [{**copy.deepcopy(model), key.name: value} for value in wrong(key.type)]
+        kinds = key.type.types if isinstance(key.type, Either) else (key.type,)
         inner = [kind for kind in kinds if isinstance(kind, Keys)]
         if inner and isinstance(model[key.name], dict):
             found += [{**model, key.name: value} for value in spoiled(model[key.name], inner[0])]
-        if isinstance(key.kind, EntriesOf) and isinstance(key.kind.kind, Keys):
+        if isinstance(key.type, EntriesOf) and isinstance(key.type.type, Keys):
             first, *rest = model[key.name]
             found += [
-                {**model, key.name: [value, *rest]} for value in spoiled(first, key.kind.kind)
+                {**model, key.name: [value, *rest]} for value in spoiled(first, key.type.type)
             ]
         if key.needed:
             found.append({name: value for name, value in model.items() if name != key.name})

@@ -112,7 +112,7 @@ class ParameterSweep:
     seed: int = 0
     methods: tuple[str, ...] = ()
     steps: tuple[float, ...] = ()
-    place: ModelFault | None = field(default=None, compare=False)
+    location: ModelFault | None = field(default=None, compare=False)
 
     @contextmanager
     def reported_at_key(self) -> Iterator[None]:
@@ -122,9 +122,9 @@ class ParameterSweep:
         try:
             yield
         except UsageError as error:
-            if self.place is None:
+            if self.location is None:
                 raise
-            raise ModelError([replace(self.place, message=str(error))]) from None
+            raise ModelError([replace(self.location, message=str(error))]) from None
 
     def changes(self) -> list[dict[str, float]]:
         """Return one dictionary per variation, from the name of a parameter to its value.
@@ -308,7 +308,7 @@ class Varied:
             name: {"description": meaning, **values_or_distribution}
             for name, meaning in PARAMETERS.items()
         }
-        sampling = {key.name: {"description": key.meaning, **key.kind.schema()} for key in _SAMPLES}
+        sampling = {key.name: {"description": key.meaning, **key.type.schema()} for key in _SAMPLES}
         story_parameters = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": values_or_distribution}
         return {
             "type": "object",
@@ -351,7 +351,7 @@ def read_sweep(
     time_steps = steps.read() if steps else None
     return replace(
         parameters_sweep or ParameterSweep(),
-        place=vary.place if vary else None,
+        location=vary.location if vary else None,
         methods=tuple(method.label for method in distinct_methods if method),
         steps=tuple(dict.fromkeys(time_steps or ())),
     )
@@ -379,7 +379,7 @@ def _read_vary(value: Value) -> ParameterSweep | None:
             entry.fault(str(error))
             continue
         if entry.is_mapping:
-            if distribution := replace(entry, kind=_RANDOM).read():
+            if distribution := replace(entry, type=_RANDOM).read():
                 random[name] = distribution
         else:
             grids[name] = _values(entry, name)

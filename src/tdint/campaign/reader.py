@@ -290,7 +290,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         analysis=_read_analysis(analysis),
         settings=RunSettings(
             dt=dt.read() if dt and not dt.is_list else None,
-            **analysis.given("duration", "tolerance", "until_rest", "check"),
+            **analysis.read_present("duration", "tolerance", "until_rest", "check"),
             stories=has_stories,
             profiles=has_profiles,
         ),
@@ -357,7 +357,8 @@ def _read_analysis(section: Section) -> AnalysisOverrides:
     if method and section.has("methods"):
         method.fault("cannot be used with `methods`; remove one of them")
     return AnalysisOverrides(
-        parsed_method.label if parsed_method else None, **section.given("collapse_drift", "p_delta")
+        parsed_method.label if parsed_method else None,
+        **section.read_present("collapse_drift", "p_delta"),
     )
 
 
@@ -399,7 +400,7 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
     length_unit = units.read() if units else None
     damping, classes = section.read("damping"), section.file("classes")
-    optional_settings = section.given(
+    optional_settings = section.read_present(
         "stiffness_scatter", "damping_scatter", "seed", "as_published"
     )
     # Rules by capacity curves require another table and have no scatter.

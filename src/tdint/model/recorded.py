@@ -119,7 +119,7 @@ _SENSOR = Keys(
 )
 _ONE = Either((PathOf(), _SENSOR), _SENSOR.what)
 _PLACE = Either(
-    (*_ONE.kinds, EntriesOf(_ONE, 1, None, "a list of files", "must name at least one file")),
+    (*_ONE.types, EntriesOf(_ONE, 1, None, "a list of files", "must name at least one file")),
     _ONE.what,
 )
 _BAND = EntriesOf(
@@ -178,7 +178,7 @@ def load_recording(source: str | Path, stories: int) -> Recording:
         file order.
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
-    given = replace(root, kind=RECORDING).read()
+    given = replace(root, type=RECORDING).read()
 
     # Sort floors by number from the ground up; the roof is the last floor.
     floors: dict[int, tuple[Sensor, ...]] = {}

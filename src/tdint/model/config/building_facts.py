@@ -143,11 +143,10 @@ def _needed(section: Section, name: str, advice: str = "") -> Any:
     advice : str
         Remedy in the message if the entry is missing. Default: the allowed values of a choice.
     """
-    kind = BUILDING.kinds()[name]
-    value = section.need(
-        name,
-        advice or f"give one of {', '.join(kind.names)}" if isinstance(kind, Choice) else advice,
-    )
+    value_type = BUILDING.types()[name]
+    if isinstance(value_type, Choice) and not advice:
+        advice = f"give one of {', '.join(value_type.names)}"
+    value = section.need(name, advice)
     return value.read() if value else None
 
 

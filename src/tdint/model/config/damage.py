@@ -18,7 +18,7 @@ from tdint.model.keys.fields import (
     Schema,
     Section,
     Value,
-    ValueKind,
+    ValueType,
     Words,
 )
 from tdint.units import parse_with_unit
@@ -33,12 +33,12 @@ _UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "12 mm")}
 class ByState:
     """Mapping from the names of damage states, from the lightest, to values."""
 
-    kind: ValueKind
+    type: ValueType
 
     def schema(self) -> Schema:
         return {
             "type": "object",
-            "patternProperties": {_STATE: self.kind.schema()},
+            "patternProperties": {_STATE: self.type.schema()},
             "additionalProperties": False,
         }
 
@@ -95,7 +95,7 @@ def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates 
     medians = tuple(threshold_of(entry, demand) for entry in values.values())
     dispersion = section.need("dispersion", "give 0 for exact thresholds")
     losses = read_losses(section.get("losses"), tuple(values))
-    beta = dispersion.number(DISPERSION.kind) if dispersion else math.nan  # type: ignore[arg-type]
+    beta = dispersion.number(DISPERSION.type) if dispersion else math.nan  # type: ignore[arg-type]
     if losses is None or any(map(math.isnan, (*medians, beta))):
         return None
     try:

@@ -24,7 +24,7 @@ from tdint.model.keys.fields import (
     Schema,
     Section,
     Value,
-    ValueKind,
+    ValueType,
     Words,
 )
 from tdint.model.limits import ACCELERATION, DRIFT_RATIO, ISOLATOR, RESIDUAL, Limit
@@ -40,10 +40,10 @@ _BY_PLACE = f"a mapping such as {{1: ..., 2-5: ..., bilinear: ..., {OTHERS}: ...
 class _ByPlace:
     """One value for all stories, or a mapping from stories or types of laws to values."""
 
-    kind: ValueKind
+    type: ValueType
 
     def schema(self) -> Schema:
-        value = self.kind.schema()
+        value = self.type.schema()
         return {
             "anyOf": [
                 value,
@@ -234,16 +234,16 @@ def _places(
         return chosen
     if name == OTHERS:
         return [i for i, applied in enumerate(applies) if applied]
-    kinds = list(dict.fromkeys(story.law.name for story in stories))
+    law_types = list(dict.fromkeys(story.law.name for story in stories))
     chosen = [i for i, story in enumerate(stories) if story.law.name == name and applies[i]]
     if quantity == ACCELERATION:
         entry.fault(f"floors have no type; specify floor numbers from 1 to {count}, or {OTHERS}")
         return []
     if not chosen:
-        hint = did_you_mean(name, [*kinds, OTHERS]) if name not in kinds else ""
+        hint = did_you_mean(name, [*law_types, OTHERS]) if name not in law_types else ""
         entry.fault(
             f"no story to which this limit applies has a law of the type {name!r}{hint}; specify "
-            f"story numbers from 1 to {count}, types of laws ({', '.join(kinds)}), or {OTHERS}"
+            f"story numbers from 1 to {count}, types of laws ({', '.join(law_types)}), or {OTHERS}"
         )
     return chosen
 

@@ -120,7 +120,9 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
         Choice with default layout (or processing) if an entry of the layout (or processing) is
         invalid.
     """
-    layout, steps = (section.given(*(key.name for key in keys)) for keys in (LAYOUT, PROCESSING))
+    layout, steps = (
+        section.read_present(*(key.name for key in keys)) for keys in (LAYOUT, PROCESSING)
+    )
     processing = Processing()
     if None not in steps.values():
         try:
@@ -272,9 +274,9 @@ def model_keys() -> Keys:
     from tdint.model.config.damage import DAMAGE
     from tdint.model.config.limits import LIMITS
 
-    kinds = {"building": BUILDING, "damage": DAMAGE, "limits": LIMITS}
+    types = {"building": BUILDING, "damage": DAMAGE, "limits": LIMITS}
     return Keys(
-        tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared),
+        tuple(replace(key, type=types.get(key.name, key.type)) for key in _MODEL.declared),
         _MODEL.one_of,
     )
 

@@ -222,7 +222,7 @@ DAMPING = _declared(None)
 
 def read_damping(value: Value | None, count: int | None) -> Damping:
     """Return the damping. `count` is the number of stories, None if unknown after an error."""
-    damping = replace(value, kind=_declared(count)).read() if value else None
+    damping = replace(value, type=_declared(count)).read() if value else None
     if isinstance(damping, float):
         return RayleighRatio((damping, damping), (1, min(count or 1, _LAST_MODE)))
     return None if damping == "none" else damping

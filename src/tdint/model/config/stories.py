@@ -35,7 +35,7 @@ from tdint.model.keys.fields import (
     Schema,
     Section,
     Value,
-    ValueKind,
+    ValueType,
     Whole,
 )
 from tdint.units import MASS, STANDARD_GRAVITY
@@ -59,12 +59,12 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
         needed = parameter.default is None and parameter.without is None
         inner, bounds = _inner(parameter, group), _bounds(parameter)
         if parameter.group == group:
-            kind: ValueKind = EntriesOf(bounds, least=1) if parameter.many else bounds
+            value_type: ValueType = EntriesOf(bounds, least=1) if parameter.many else bounds
             if parameter.points:
-                kind = EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
-            keys[parameter.name] = Key(parameter.name, kind, needed=needed)
+                value_type = EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
+            keys[parameter.name] = Key(parameter.name, value_type, needed=needed)
         elif inner and inner not in keys:
-            mapping: ValueKind = Keys(_keys(law, f"{group}.{inner}" if group else inner))
+            mapping: ValueType = Keys(_keys(law, f"{group}.{inner}" if group else inner))
             whole = (bounds, mapping, Choice(("none",)))
             keys[inner] = Key(inner, Either(whole) if parameter.shared else mapping, needed=needed)
     return tuple(keys.values())
@@ -82,11 +82,11 @@ class _LawKind:
 
     def schema(self) -> Schema:
         bare = [name for name, law in laws().items() if not law.parameters]
-        kinds = [
+        mappings = [
             Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law)))
             for law in laws().values()
         ]
-        return Either((Choice(tuple(bare)), *kinds)).schema()
+        return Either((Choice(tuple(bare)), *mappings)).schema()
 
 
 LAW = _LawKind()
@@ -143,8 +143,8 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
             names = ", ".join(f"{item}: ..." for item in needed)
             value.fault(f"the {name} law requires parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
-    kind = value.peek("type")
-    name = kind.choice(_known(kind), "law") if kind else None
+    law_type = value.peek("type")
+    name = law_type.choice(_known(law_type), "law") if law_type else None
     # After an error in the name, the keys of all laws are allowed, so that it causes no more
     # errors.
     possible = [LAWS[name]] if name else LAWS.values()

@@ -30,7 +30,7 @@ Schema = dict[str, Any]
 _PERCENTAGE = r"^[0-9.]+([eE][+-]?[0-9]+)?%$"
 
 
-class ValueKind(Protocol):
+class ValueType(Protocol):
     """Type of the value of a key."""
 
     def schema(self) -> Schema:
@@ -150,7 +150,7 @@ class EntriesOf:
 
     Attributes
     ----------
-    kind : ValueKind
+    type : ValueType
         Type of the entries.
     least, most : int or None
         Minimum and maximum number of entries.
@@ -164,7 +164,7 @@ class EntriesOf:
         If not empty, entries must differ; the text describes the list in messages.
     """
 
-    kind: ValueKind
+    type: ValueType
     least: int = 0
     most: int | None = None
     what: str = "a list"
@@ -175,7 +175,7 @@ class EntriesOf:
     def schema(self) -> Schema:
         limits = {"minItems": self.least} if self.least else {}
         limits |= {"maxItems": self.most} if self.most is not None else {}
-        return {"type": "array", "items": self.kind.schema(), **limits}
+        return {"type": "array", "items": self.type.schema(), **limits}
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class ByName:
 
     Attributes
     ----------
-    kind : ValueKind
+    type : ValueType
         Type of the value of each name.
     what, none : str
         Description of the mapping in messages; message if it is empty.
@@ -193,24 +193,24 @@ class ByName:
         converted value.
     """
 
-    kind: ValueKind
+    type: ValueType
     what: str
     none: str
     make: Callable[..., Any]
 
     def schema(self) -> Schema:
-        return {"type": "object", "additionalProperties": self.kind.schema()}
+        return {"type": "object", "additionalProperties": self.type.schema()}
 
 
 @dataclass(frozen=True)
 class Either:
     """One of several types; `what` describes them in messages."""
 
-    kinds: tuple[ValueKind, ...]
+    types: tuple[ValueType, ...]
     what: str = ""
 
     def schema(self) -> Schema:
-        return {"anyOf": [kind.schema() for kind in self.kinds]}
+        return {"anyOf": [value_type.schema() for value_type in self.types]}
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ class Key:
     ----------
     name : str
         Name in the file.
-    kind : ValueKind
+    type : ValueType
         Type of its value.
     meaning : str
         Description in the JSON schema.
@@ -232,7 +232,7 @@ class Key:
     """
 
     name: str
-    kind: ValueKind
+    type: ValueType
     meaning: str = ""
     needed: bool = False
     advice: str = ""
@@ -262,8 +262,8 @@ class Keys(Sequence[str]):
     what: str = ""
     make: Callable[..., Any] | None = None
 
-    def __getitem__(self, place: Any) -> Any:
-        return tuple(self)[place]
+    def __getitem__(self, index: Any) -> Any:
+        return tuple(self)[index]
 
     def __len__(self) -> int:
         return len(self.declared)
@@ -271,13 +271,13 @@ class Keys(Sequence[str]):
     def __iter__(self) -> Iterator[str]:
         return (key.name for key in self.declared)
 
-    def kinds(self) -> Mapping[str, ValueKind]:
+    def types(self) -> Mapping[str, ValueType]:
         """Return the type of each key by its name."""
-        return {key.name: key.kind for key in self.declared}
+        return {key.name: key.type for key in self.declared}
 
     def schema(self) -> Schema:
         properties = {
-            key.name: key.kind.schema() | ({"description": key.meaning} if key.meaning else {})
+            key.name: key.type.schema() | ({"description": key.meaning} if key.meaning else {})
             for key in self.declared
         }
         result: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
@@ -305,7 +305,7 @@ _NUMBER_HINTS = (
     (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number alone"),
 )
 _NOTHING = ("", "~", "null")
-_NOTHING_THERE = MappingNode(0, 0, ())
+_EMPTY_MAPPING = MappingNode(0, 0, ())
 
 _MIN_SIMILARITY = 0.75
 """Dimensionless (difflib ratio). An unknown key that is at least this similar to a missing known
@@ -324,14 +324,14 @@ class Value:
         Full key for messages.
     faults : Faults
         Collection that receives errors.
-    kind : ValueKind, optional
+    type : ValueType, optional
         Declared type of the value. Its bounds apply if a method is called without bounds.
     """
 
     node: Node
     key: str
     faults: Faults
-    kind: ValueKind | None = None
+    type: ValueType | None = None
 
     @property
     def is_list(self) -> bool:
@@ -351,7 +351,7 @@ class Value:
         )
 
     @property
-    def place(self) -> ModelFault:
+    def location(self) -> ModelFault:
         """Source, line, column and key of the value, as a `ModelFault` without a message."""
         return ModelFault(self.faults.source, self.node.line, self.node.column, self.key, "")
 
@@ -375,7 +375,7 @@ class Value:
         expected : str
             Description of the allowed numbers in the message. Default: the bounds.
         """
-        bounds = bounds or (self.kind if isinstance(self.kind, Bounds) else ANY)
+        bounds = bounds or (self.type if isinstance(self.type, Bounds) else ANY)
         number = self._bare_number(bounds)
         if not bounds.allow(number):
             shown = self._shown_unquoted(_NUMBER, bounds)
@@ -434,106 +434,105 @@ class Value:
 
     def read(self) -> Any:
         """Return the value converted to its declared type, or None after reporting an error."""
-        match self.kind:
+        match self.type:
             case Bounds():
                 number = self.number()
                 return None if math.isnan(number) else number
             case Whole():
-                return self.whole(self.kind)
+                return self.whole(self.type)
             case Either():
-                return self._alternative(self.kind)
+                return self._alternative(self.type)
             case EntriesOf():
-                return self._entries_of(self.kind)
+                return self._entries_of(self.type)
             case Keys():
-                return self._made(self.kind)
+                return self._made(self.type)
             case Flag():
                 return self.boolean()
             case Choice(names, what):
                 return self.choice(names, what)
             case ByName():
-                return self._by_name(self.kind)
+                return self._by_name(self.type)
             case PathOf():
                 return self.file(stdin=True)
             case Words(parse):
                 return self.parsed(parse) if parse else self.text()
-        raise TypeError(f"{self.key}: {self.kind} is read by its own reader")
+        raise TypeError(f"{self.key}: {self.type} is read by its own reader")
 
     def _alternative(self, either: Either) -> Any:
-        shape = (
-            Keys
-            if self.is_mapping
-            else EntriesOf
-            if self.is_list
-            else (Bounds, Whole, Choice, PathOf)
-        )
+        """Return the value, converted to the first type that has its form: mapping, list or scalar."""
+        form: Any = (Bounds, Whole, Choice, PathOf)
+        if self.is_mapping:
+            form = Keys
+        elif self.is_list:
+            form = EntriesOf
         # The form of the value (mapping, list or scalar) selects the type that messages refer to.
-        for kind in either.kinds:
-            if isinstance(kind, shape) and not (
-                isinstance(kind, Choice) and self.word not in kind.names
-            ):
-                if isinstance(kind, Bounds):
-                    number = self.number(kind, expected=either.what)
-                    return None if math.isnan(number) else number
-                return replace(self, kind=kind).read()
+        for value_type in either.types:
+            is_other_name = isinstance(value_type, Choice) and self.word not in value_type.names
+            if not isinstance(value_type, form) or is_other_name:
+                continue
+            if isinstance(value_type, Bounds):
+                number = self.number(value_type, expected=either.what)
+                return None if math.isnan(number) else number
+            return replace(self, type=value_type).read()
         self.fault(f"must be {either.what}, got {self._shown()}")
         return None
 
-    def _entries_of(self, kind: EntriesOf) -> Any:
-        items = self.items(kind.what)
+    def _entries_of(self, declared: EntriesOf) -> Any:
+        """Return the converted entries of a list."""
+        items = self.items(declared.what)
         if items is None:
             return None
         # All entries are converted before their number is checked, so that all errors are reported.
         values = tuple(item.read() for item in items)
-        if not kind.least <= len(items) <= (kind.most or math.inf):
+        if not declared.least <= len(items) <= (declared.most or math.inf):
             self.fault(
-                kind.short
-                if kind.short and len(items) < kind.least
-                else f"must be {kind.what}, got {len(items)}"
+                declared.short
+                if declared.short and len(items) < declared.least
+                else f"must be {declared.what}, got {len(items)}"
             )
             return None
         if None in values:
             return None
-        if kind.distinct and len({*values}) < len(values):
-            self.fault(
-                f"must be {kind.distinct}, got {next(v for v in values if values.count(v) > 1)} "
-                "twice"
-            )
+        if declared.distinct and len({*values}) < len(values):
+            duplicate = next(entry for entry in values if values.count(entry) > 1)
+            self.fault(f"must be {declared.distinct}, got {duplicate} twice")
             return None
-        if kind.growing and not all(map(lt, values, values[1:])):
-            self.fault(f"must be {kind.what}")
+        if declared.growing and not all(map(lt, values, values[1:])):
+            self.fault(f"must be {declared.what}")
         return values
 
-    def _by_name(self, kind: ByName) -> Any:
-        entries = self.named(kind.what, kind.none)
+    def _by_name(self, declared: ByName) -> Any:
+        """Return the object that `declared.make` builds from a mapping with names of the user."""
+        entries = self.named(declared.what, declared.none)
         if entries is None:
             return None
-        return kind.make(
+        return declared.make(
             self,
             {
-                name: (entry, replace(entry, kind=kind.kind).read())
+                name: (entry, replace(entry, type=declared.type).read())
                 for name, entry in entries.items()
             },
         )
 
-    def _made(self, kind: Keys) -> Any:
-        """Return the object that `kind.make` builds from the entries of the mapping."""
-        section = self.section(kind, kind.what)
+    def _made(self, keys: Keys) -> Any:
+        """Return the object that `keys.make` builds from the entries of the mapping."""
+        section = self.section(keys, keys.what)
         if section is None:
             return None
         # Keys of two alternatives contradict each other.
-        alternatives = [keys for keys in kind.ways if section.has(*keys)]
+        alternatives = [names for names in keys.ways if section.has(*names)]
         if len(alternatives) > 1:
             self.fault(f"give either {' or '.join(map(' and '.join, alternatives))}, not both")
             return None
-        if kind.ways and not any(section.mentions(*keys) for keys in kind.ways):
-            names = ", ".join(name for keys in kind.ways for name in keys)
-            self.fault(f"must be {kind.what}, got a mapping without any of the keys {names}")
+        if keys.ways and not any(section.mentions(*names) for names in keys.ways):
+            names = ", ".join(name for group in keys.ways for name in group)
+            self.fault(f"must be {keys.what}, got a mapping without any of the keys {names}")
         # Entries of an incomplete mapping are also converted, so that their errors are reported.
-        required = (key.name for key in kind.declared if key.needed)
+        required = (key.name for key in keys.declared if key.needed)
         needed = {*alternatives[0]} if alternatives else {*required}
         values = {}
-        for key in kind.declared:
-            advice = key.advice or (f"give {key.kind}" if isinstance(key.kind, Bounds) else "")
+        for key in keys.declared:
+            advice = key.advice or (f"give {key.type}" if isinstance(key.type, Bounds) else "")
             value = section.need(key.name, advice) if key.name in needed else section.get(key.name)
             values[key.name] = value.read() if value else None
         complete = (
@@ -541,7 +540,7 @@ class Value:
             if needed
             else bool(any(values.values()))
         )
-        return kind.make(self, **values) if kind.make and complete else None
+        return keys.make(self, **values) if keys.make and complete else None
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
         """Return the result of `parse` for the text, or None after reporting an error.
@@ -557,15 +556,15 @@ class Value:
             self.fault(str(error))
             return None
 
-    def choice(self, names: Collection[str], kind: str) -> str | None:
+    def choice(self, names: Collection[str], noun: str) -> str | None:
         """Return the name if it is in `names`, or None after reporting an error.
 
-        `kind` is the noun for the names in messages.
+        `noun` is the noun for the names in messages.
         """
         if not isinstance(self.node, ScalarNode) or self._is_nothing():
-            self.fault(f"must be the name of a {kind}, got {self._shown()}")
+            self.fault(f"must be the name of a {noun}, got {self._shown()}")
         elif self.node.text not in names:
-            self.fault(f"unknown {kind} {self._shown()}{_advice(self.node.text, names)}")
+            self.fault(f"unknown {noun} {self._shown()}{_advice(self.node.text, names)}")
         else:
             return self.node.text
         return None
@@ -585,9 +584,11 @@ class Value:
             return None
         if empty and not self.node.items:
             self.fault(empty)
-        kind = self.kind.kind if isinstance(self.kind, EntriesOf) else None
+        entry_type = self.type.type if isinstance(self.type, EntriesOf) else None
         entries = enumerate(self.node.items, start=1)
-        return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
+        return tuple(
+            Value(item, f"{self.key}[{i}]", self.faults, entry_type) for i, item in entries
+        )
 
     def section(self, keys: Collection[str] | None = None, expected: str = "") -> Section | None:
         """Return the entries of a mapping, or None after reporting an error.
@@ -600,8 +601,8 @@ class Value:
             Description of the value in messages. Default: a list of the allowed keys.
         """
         if keys is None:
-            assert isinstance(self.kind, Keys)
-            keys = self.kind
+            assert isinstance(self.type, Keys)
+            keys = self.type
         if not isinstance(self.node, MappingNode):
             self.fault(
                 f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got "
@@ -652,9 +653,11 @@ class Value:
         return float(text) / unit if _NUMBER.fullmatch(text) else math.nan
 
     def _plain_text(self) -> str:
+        """Return the text of a scalar without quotation marks; empty for other values."""
         return self.node.text if isinstance(self.node, ScalarNode) and self.node.plain else ""
 
     def _is_nothing(self) -> bool:
+        """Return True for an empty value, ~ or null."""
         return isinstance(self.node, ScalarNode) and self.node.plain and self.node.text in _NOTHING
 
     def _shown(self) -> str:
@@ -698,7 +701,7 @@ class Section:
     def __init__(self, value: Value, node: MappingNode, keys: Collection[str]) -> None:
         self.value = value
         self._entries: dict[str, Value] = {}
-        self._kinds = keys.kinds() if isinstance(keys, Keys) else {}
+        self._types = keys.types() if isinstance(keys, Keys) else {}
         self._excused: set[str] = set()  # keys that are missing because of a reported error
         lines: dict[str, int] = {}
         for key, entry in node.entries:
@@ -712,7 +715,7 @@ class Section:
             lines[key.text] = key.line
             if key.text in keys:
                 self._entries[key.text] = Value(
-                    entry, path, value.faults, self._kinds.get(key.text)
+                    entry, path, value.faults, self._types.get(key.text)
                 )
             elif key.text == "<<" and key.plain:
                 value.faults.add(key, path, "merge keys are not supported; write the entries out")
@@ -729,7 +732,7 @@ class Section:
             intended = nearest(key.text, keys, cutoff=_MIN_SIMILARITY)
             if intended and intended not in self._entries:
                 self._entries[intended] = Value(
-                    entry, self.path(key.text), value.faults, self._kinds.get(intended)
+                    entry, self.path(key.text), value.faults, self._types.get(intended)
                 )
 
     def has(self, *names: str) -> bool:
@@ -776,7 +779,7 @@ class Section:
         default : float, optional
             Number if the entry is missing. Without a default the entry is required.
         """
-        declared = self._kinds.get(name)
+        declared = self._types.get(name)
         bounds = bounds or (declared if isinstance(declared, Bounds) else ANY)
         value = self.need(name, f"give {bounds}") if default is None else self.get(name)
         if value is not None:
@@ -788,7 +791,7 @@ class Section:
         value = self.get(name)
         return value.read() if value else default
 
-    def given(self, *names: str) -> dict[str, Any]:
+    def read_present(self, *names: str) -> dict[str, Any]:
         """Return the converted values of the entries that the section contains."""
         return {name: value.read() for name in names if (value := self.get(name))}
 
@@ -797,7 +800,7 @@ class Section:
         value = self.get(name)
         section = value.section() if value else None
         return section or Section(
-            Value(_NOTHING_THERE, self.path(name), self.value.faults), _NOTHING_THERE, ()
+            Value(_EMPTY_MAPPING, self.path(name), self.value.faults), _EMPTY_MAPPING, ()
         )
 
     def refuse(self, names: Collection[str], reason: str) -> None:
@@ -843,6 +846,7 @@ def quoted(text: str) -> str:
 
 
 def _advice(name: str, names: Collection[str]) -> str:
+    """Return the remedy for the unknown key `name`: a similar key, its section, or all keys."""
     if name.isdecimal():  # {height: 3,5}
         return "; a comma divides entries here: write a decimal point"
     # A key of exactly one inner section, such as `record` of `excitation`. Units have the names of
@@ -851,7 +855,7 @@ def _advice(name: str, names: Collection[str]) -> str:
         sections = [
             key.name
             for key in names.declared
-            if isinstance(key.kind, Keys) and name in key.kind and key.name != "units"
+            if isinstance(key.type, Keys) and name in key.type and key.name != "units"
         ]
         if len(sections) == 1:
             (section,) = sections
