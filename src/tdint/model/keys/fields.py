@@ -459,7 +459,7 @@ class Value:
         raise TypeError(f"{self.key}: {self.type} is read by its own reader")
 
     def _alternative(self, either: Either) -> Any:
-        """Return the value, converted to the first type that has its form: mapping, list or scalar."""
+        """Return the value, converted to the first type that has the form of the value."""
         form: Any = (Bounds, Whole, Choice, PathOf)
         if self.is_mapping:
             form = Keys
