@@ -138,7 +138,7 @@ WORDS = {
     "fragility": {"95"},  # confidence, %
     "fragility of ida": {"95", "1969", "2022"},  # also the years of publications
     "compare": {"0.64"},  # oscillation at the end, in a message
-    "isolated": {"2.395"},  # period with the secant stiffness
+    "isolated": {"2.395", "0.0001"},  # period with the secant stiffness; "below 0.0001 %"
     "suite of isolated": {"5"},  # damping ratio of the spectra
 }
 """Numbers that are in no table."""

