@@ -42,7 +42,7 @@ programs compute in single precision."""
 
 
 def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
-    """Return the number of samples stated in the header and its floating-point words.
+    """Return the stated number of samples, and the floating-point values of the header.
 
     Raises
     ------
@@ -51,12 +51,13 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
         subtraction of 360 degrees, which does not terminate for values above 1e30.
     """
     order = "<" if 0 <= struct.unpack_from("<i", data, 4 * _VERSION)[0] <= 20 else ">"
-    words = struct.unpack_from(f"{order}70f", data)
-    for place in _LONGITUDES:
-        if not abs(words[place]) <= -_UNKNOWN:
-            raise Damaged(f"its header states an invalid longitude, {words[place]:g}")
+    values = struct.unpack_from(f"{order}70f", data)
+    for index in _LONGITUDES:
+        # The negated comparison also refuses nan.
+        if not abs(values[index]) <= -_UNKNOWN:
+            raise Damaged(f"its header states an invalid longitude, {values[index]:g}")
     (count,) = struct.unpack_from(f"{order}i", data, 4 * _COUNT)
-    return count, words
+    return count, values
 
 
 def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> list[Statement]:
@@ -64,9 +65,9 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
     maximum and mean sample."""
     (trace,) = traces
     size = len(trace.data)
-    count, words = header
+    count, values = header
     statements = [Statement(SAMPLES, count, size)]
-    delta, begin, end = words[_DELTA], words[_BEGIN], words[_END]
+    delta, begin, end = values[_DELTA], values[_BEGIN], values[_END]
     if _UNKNOWN not in (begin, end):
         # Some programs write the time of the sample after the last sample.
         rounding = 1.01 * abs(delta) + _SINGLE * (abs(end) + abs(begin))
@@ -74,17 +75,19 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
         statements.append(
             Statement(f"{LENGTH} (time of the last sample)", end, last, rounding, "s")
         )
-    stated = (words[_SMALLEST], words[_LARGEST], words[_MEAN])
+    stated_values = (values[_SMALLEST], values[_LARGEST], values[_MEAN])
     # Three zeros are placeholders of programs that do not fill them in.
-    if size and any(stated) and trace.data.dtype.kind in "iuf":
+    if size and any(stated_values) and trace.data.dtype.kind in "iuf":
         samples = np.asarray(trace.data, dtype=np.float64)
-        of_samples = (float(samples.min()), float(samples.max()), float(samples.mean()))
-        peak = max(map(abs, of_samples[:2]))
-        parts = (_EXTREME, _EXTREME, _AVERAGE)
+        sample_values = (float(samples.min()), float(samples.max()), float(samples.mean()))
+        peak = max(map(abs, sample_values[:2]))
+        roundings = [fraction * peak for fraction in (_EXTREME, _EXTREME, _AVERAGE)]
         names = (f"{PEAK} (smallest sample)", f"{PEAK} (largest sample)", "mean")
         statements += [
-            Statement(name, number, value, part * peak)
-            for name, number, value, part in zip(names, stated, of_samples, parts, strict=True)
+            Statement(name, number, value, rounding)
+            for name, number, value, rounding in zip(
+                names, stated_values, sample_values, roundings, strict=True
+            )
             if number != _UNKNOWN
         ]
     return statements
@@ -186,8 +189,8 @@ def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) 
         The section is cut off or corrupt, or its number of samples differs from its header.
     """
     # A line of compressed samples may also start with these letters, but it contains no blank.
-    ends = [place for place, line in enumerate(lines) if line.startswith(end + b" ")]
-    begins = [place for place, line in enumerate(lines) if line.startswith(begin)]
+    ends = [index for index, line in enumerate(lines) if line.startswith(end + b" ")]
+    begins = [index for index, line in enumerate(lines) if line.startswith(begin)]
     if not (begins and ends and begins[0] < ends[0]):
         raise Damaged(f"a section has no lines {begin.decode()} and {end.decode()}")
     if any(len(line) > _LINE for line in lines[: ends[0]]):

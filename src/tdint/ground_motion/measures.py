@@ -244,21 +244,21 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
     list of str
         The warning; empty if the analysis is long enough.
     """
-    parts = []
+    omitted_parts = []
     for record in records:
         if end < record.duration:
             energy = cumulative_energy(record)
-            left = float(energy[-1] - energy[round(end / record.dt)])
-            if left > _BEHIND * energy[-1]:
-                parts.append(f"{record.name} {100.0 * left / energy[-1]:.2g} %")
-    told = (
+            omitted = float(energy[-1] - energy[round(end / record.dt)])
+            if omitted > _BEHIND * energy[-1]:
+                omitted_parts.append(f"{record.name} {100.0 * omitted / energy[-1]:.2g} %")
+    warning = (
         f"the analysis ends at {end:.6g} s and omits a part of the Arias intensity: "
-        f"{abbreviate(parts, _MOST_NAMES)}; increase the duration"
+        f"{abbreviate(omitted_parts, _MOST_NAMES)}; increase the duration"
     )
-    return [told] if parts else []
+    return [warning] if omitted_parts else []
 
 
-def time_of_energy(record: Record, energy: Array, part: float) -> float:
+def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
     """Return the time from the first sample at which a fraction of the energy is reached.
 
     Within a sampling interval, the energy is a non-decreasing cubic function of time; the time is
@@ -270,7 +270,7 @@ def time_of_energy(record: Record, energy: Array, part: float) -> float:
         Ground motion.
     energy : ndarray, shape (samples,)
         Result of `cumulative_energy`.
-    part : float
+    fraction : float
         Fraction of the final energy.
 
     Returns
@@ -278,7 +278,7 @@ def time_of_energy(record: Record, energy: Array, part: float) -> float:
     float
         Time, s; nan if the final energy is zero or infinite.
     """
-    target = part * float(energy[-1])
+    target = fraction * float(energy[-1])
     if not 0.0 < target < math.inf:
         return math.nan
     i = int(np.searchsorted(energy, target)) - 1
@@ -310,23 +310,28 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
     low, high = np.minimum(a, b), np.maximum(a, b)
     change = np.where(high > low, high - low, 1.0)
 
-    def below(value: Array) -> Array:
+    def integral_up_to(value: Array) -> Array:
         """Return the integral of the counted values with respect to acceleration, up to `value`."""
         size = np.abs(value)
         return np.asarray(
             np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
         )
 
-    whole = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
-    means = np.where(whole, 0.5 * (np.abs(a) + np.abs(b)), (below(high) - below(low)) / change)
+    # An interval is counted completely if both samples reach the threshold with the same sign.
+    is_counted = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
+    means = np.where(
+        is_counted,
+        0.5 * (np.abs(a) + np.abs(b)),
+        (integral_up_to(high) - integral_up_to(low)) / change,
+    )
     return record.dt * float(np.sum(means))
 
 
-def significant_duration(record: Record, part: float) -> float:
-    """Return the time between 5 % and the fraction `part` of the Arias intensity (Trifunac and
+def significant_duration(record: Record, fraction: float) -> float:
+    """Return the time between 5 % and the fraction `fraction` of the Arias intensity (Trifunac and
     Brady 1975), s; nan if all samples are zero."""
     energy = cumulative_energy(record)
-    return time_of_energy(record, energy, part) - time_of_energy(record, energy, 0.05)
+    return time_of_energy(record, energy, fraction) - time_of_energy(record, energy, 0.05)
 
 
 def a95(record: Record) -> float:
@@ -465,7 +470,7 @@ MEASURES = {
                 f"d5-{percent}",
                 "s",
                 f"time between 5 and {percent} % of the Arias intensity",
-                partial(significant_duration, part=percent / 100.0),
+                partial(significant_duration, fraction=percent / 100.0),
                 0.0,
             )
             for percent in (75, 95)
@@ -504,10 +509,10 @@ def spectrum_intensity(periods: Array, psv: Array) -> float:
 def zeros_at_ends(samples: Array) -> tuple[int, int]:
     """Return the numbers of samples before the first and after the last non-zero sample; if all
     samples are zero, their number and 0."""
-    places = np.flatnonzero(samples)
-    if not places.size:
+    nonzero = np.flatnonzero(samples)
+    if not nonzero.size:
         return samples.size, 0
-    return int(places[0]), samples.size - 1 - int(places[-1])
+    return int(nonzero[0]), samples.size - 1 - int(nonzero[-1])
 
 
 def _largest(values: Array) -> float:

@@ -84,10 +84,10 @@ class Statement:
         return abs(self.stated - self.found) - self.rounding
 
     def __str__(self) -> str:
-        place = f"{self.where}: " if self.where else ""
+        prefix = f"{self.where}: " if self.where else ""
         unit = f" {self.unit}" if self.unit else ""
         return (
-            f"{place}the file states a {self.what} of {self.stated:.9g}{unit}, but the data that "
+            f"{prefix}the file states a {self.what} of {self.stated:.9g}{unit}, but the data that "
             f"were read have {self.found:.9g}{unit}"
         )
 
@@ -156,8 +156,9 @@ def most_samples(frames: bytes, version: int, order: str = ">") -> int:
     order : str
         Byte order, > or <. Default >.
     """
-    whole = len(frames) // (4 * _WORDS) * _WORDS
-    words = np.frombuffer(frames, f"{order}u4", whole).astype(np.uint32)
+    # Number of words in complete frames.
+    word_count = len(frames) // (4 * _WORDS) * _WORDS
+    words = np.frombuffer(frames, f"{order}u4", word_count).astype(np.uint32)
     # The codes of all words are in the first word of a frame. This word, the first sample and the
     # last sample have no code.
     codes = ((words[::_WORDS, None] >> np.arange(30, -2, -2, dtype=np.uint32)) & 3).astype(np.int64)
@@ -414,8 +415,8 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
             f"{where} has no blockette 1000, which states its length and encoding; the record "
             "cannot be checked"
         )
-    place = chain[_DATA_ONLY]
-    encoding, big, exponent = data[place + 4 : place + 7]
+    position = chain[_DATA_ONLY]
+    encoding, big, exponent = data[position + 4 : position + 7]
     if exponent not in _LENGTH_EXPONENTS:
         raise Damaged(f"{where}: its header states an invalid length of 2^{exponent} bytes")
     if samples and encoding != _TEXT and (order == ">") != (big == 1):
@@ -456,8 +457,11 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
     """Return the position in a record at which another record of the same channel starts, which
     shows that the length is wrong; None if there is no such position."""
     for exponent in range(_LENGTH_EXPONENTS.start, record.length.bit_length() - 1):
-        place = offset + 2**exponent
-        if _begins_record(data[place : place + 8]) and data[place + 8 : place + 20] == record.codes:
+        position = offset + 2**exponent
+        if (
+            _begins_record(data[position : position + 8])
+            and data[position + 8 : position + 20] == record.codes
+        ):
             return 1 << exponent
     return None
 
@@ -479,13 +483,15 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
         Name of the record in error messages.
     """
     chain: dict[int, int] = {}
-    place, before = first, _FIXED_HEADER - 1
-    while place:
-        if place <= before or offset + place + 8 > len(data):
+    position, last_position = first, _FIXED_HEADER - 1
+    # The position of the next blockette is 0 after the last blockette. Positions must increase, so
+    # that the loop ends.
+    while position:
+        if position <= last_position or offset + position + 8 > len(data):
             raise Damaged(f"{where}: the positions of its blockettes are invalid")
-        kind, following = struct.unpack_from(order + "HH", data, offset + place)
-        chain[kind] = offset + place
-        before, place = place, following
+        blockette_type, next_position = struct.unpack_from(order + "HH", data, offset + position)
+        chain[blockette_type] = offset + position
+        last_position, position = position, next_position
     return chain
 
 

@@ -68,8 +68,8 @@ def _straight(record: Record, shortest: float) -> tuple[Array, float]:
 
 def _band_limited(record: Record, shortest: float) -> tuple[Array, float]:
     """Return points of the band-limited motion of a record for linear interpolation."""
-    parts = _POINTS * math.ceil(max(1.0, record.dt / shortest))
-    return band_limited(record.acceleration, parts, for_lines=True), record.dt / parts
+    part_count = _POINTS * math.ceil(max(1.0, record.dt / shortest))
+    return band_limited(record.acceleration, part_count, for_lines=True), record.dt / part_count
 
 
 def _band_limited_peak(record: Record) -> float:
@@ -161,14 +161,15 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
     rows = max(1, _AT_ONCE // taps.size)
     for start in range(0, count, rows):
         times = np.arange(start, min(start + rows, count)) * (new / dt)
-        places = np.minimum(np.floor(times).astype(np.int64), samples.size - 1)
-        distance = (times - places)[:, None] - taps
+        # Index of the last sample before each time.
+        indices = np.minimum(np.floor(times).astype(np.int64), samples.size - 1)
+        distance = (times - indices)[:, None] - taps
         weights = np.sinc(cutoff / stretch * distance) * np.i0(
             _BETA * np.sqrt(np.maximum(0.0, 1.0 - (distance / half) ** 2))
         )
         weights /= weights.sum(axis=1, keepdims=True)
         result[start : start + rows] = np.sum(
-            weights * padded[places[:, None] + taps + half], axis=1
+            weights * padded[indices[:, None] + taps + half], axis=1
         )
     return result, 0.5 / (dt * stretch) * (cutoff - 0.5 * _TRANSITION)
 
@@ -242,9 +243,10 @@ def processed(record: Record, steps: Processing) -> Record:
         record = remove_baseline(record, steps.baseline)
     if steps.pad is not None:
         record = pad(record, *steps.pad)
-    for kind, corner in (("highpass", steps.highpass), ("lowpass", steps.lowpass)):
+    order = steps.filter_order or DEFAULT_FILTER_ORDER
+    for filter_type, corner in (("highpass", steps.highpass), ("lowpass", steps.lowpass)):
         if corner is not None:
-            record = butterworth(record, kind, corner, steps.filter_order or DEFAULT_FILTER_ORDER)
+            record = butterworth(record, filter_type, corner, order)
     if steps.resample is not None:
         record = resample(record, steps.resample)
     return record
@@ -326,24 +328,26 @@ def trim(record: Record, start: float | None, end: float | None) -> Record:
     return _done(record, record.acceleration[first : last + 1], note, later=first * record.dt)
 
 
-def remove_baseline(record: Record, kind: str) -> Record:
+def remove_baseline(record: Record, shape: str) -> Record:
     """Return the record without its mean (`constant`), its least-squares line (`linear`) or its
     least-squares parabola (`quadratic`)."""
     samples = record.acceleration
     mean = float(np.mean(samples))
-    if kind == "constant":
+    if shape == "constant":
         return _done(record, samples - mean, f"the mean of {mean:.4g} m/s^2 is removed")
-    place = np.linspace(-1.0, 1.0, samples.size)
-    slope = float(np.dot(place, samples) / np.dot(place, place))
-    line = mean + slope * place
-    if kind == "linear":
+    # Relative time, -1 at the first and 1 at the last sample.
+    time = np.linspace(-1.0, 1.0, samples.size)
+    slope = float(np.dot(time, samples) / np.dot(time, time))
+    line = mean + slope * time
+    if shape == "linear":
         note = f"a line from {mean - slope:.4g} to {mean + slope:.4g} m/s^2 is removed"
         return _done(record, samples - line, note)
-    # The parabola is orthogonal to the line at equidistant samples; two samples have none.
-    square = place * place
-    bend = square - float(np.mean(square))
-    size = float(np.dot(bend, bend))
-    parabola = line + (float(np.dot(bend, samples)) / size if samples.size > 2 else 0.0) * bend
+    # The quadratic term without its mean is orthogonal to the line at equidistant samples. It is
+    # zero for two samples.
+    time_squared = time * time
+    bend = time_squared - float(np.mean(time_squared))
+    bend_norm = float(np.dot(bend, bend))
+    parabola = line + (float(np.dot(bend, samples)) / bend_norm if samples.size > 2 else 0.0) * bend
     first, middle, last = (parabola[i] for i in (0, samples.size // 2, -1))
     note = f"a parabola through {first:.4g}, {middle:.4g} and {last:.4g} m/s^2 is removed"
     return _done(record, samples - parabola, note)
@@ -351,7 +355,7 @@ def remove_baseline(record: Record, kind: str) -> Record:
 
 def pad(record: Record, *seconds: float) -> Record:
     """Add zeros before and after a record, for two durations (s) rounded up to whole samples."""
-    before, after = (math.ceil(min(part / record.dt, 1e18) - _ROUNDING) for part in seconds)
+    before, after = (math.ceil(min(duration / record.dt, 1e18) - _ROUNDING) for duration in seconds)
     if before + after > MOST_SAMPLES:
         raise RecordError(
             f"{_label(record)}: pad must add at most {MOST_SAMPLES} samples, got "
@@ -365,7 +369,7 @@ def pad(record: Record, *seconds: float) -> Record:
     )
 
 
-def butterworth(record: Record, kind: str, corner: float, corners: int) -> Record:
+def butterworth(record: Record, filter_type: str, corner: float, corners: int) -> Record:
     """Apply a zero-phase Butterworth filter to a record, which is zero outside its samples.
 
     The filter is applied forwards and, from the time at which it has settled after the end of the
@@ -375,7 +379,7 @@ def butterworth(record: Record, kind: str, corner: float, corners: int) -> Recor
     ----------
     record : Record
         Record to filter.
-    kind : str
+    filter_type : str
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
@@ -387,15 +391,18 @@ def butterworth(record: Record, kind: str, corner: float, corners: int) -> Recor
     RecordError
         The corner frequency cannot be represented at the sampling interval of the record.
     """
-    samples = zero_phase(record.acceleration, record.dt, kind, corner, corners, _label(record))
-    note = f"{kind} {corner:g} Hz: Butterworth filter of order {corners}, forwards and backwards"
+    samples = zero_phase(
+        record.acceleration, record.dt, filter_type, corner, corners, _label(record)
+    )
+    filter_text = f"Butterworth filter of order {corners}, forwards and backwards"
+    note = f"{filter_type} {corner:g} Hz: {filter_text}"
     return _done(record, samples, note)
 
 
 def zero_phase(
     samples: Array,
     dt: float,
-    kind: str,
+    filter_type: str,
     corner: float,
     corners: int,
     label: str,
@@ -410,7 +417,7 @@ def zero_phase(
         Samples along the first axis.
     dt : float
         Sampling interval, s.
-    kind : str
+    filter_type : str
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
@@ -428,17 +435,17 @@ def zero_phase(
     """
     if not corner * dt < 0.5 - _NARROWEST:
         raise RecordError(
-            f"{label}: {kind} must be below the Nyquist frequency of {0.5 / dt:.6g} Hz, got "
+            f"{label}: {filter_type} must be below the Nyquist frequency of {0.5 / dt:.6g} Hz, got "
             f"{corner:g} Hz"
         )
     if corner * dt < _NARROWEST:
         raise RecordError(
-            f"{label}: {kind} must be at least {_NARROWEST / dt:.3g} Hz for a sampling interval of "
-            f"{dt:g} s, got {corner:g} Hz"
+            f"{label}: {filter_type} must be at least {_NARROWEST / dt:.3g} Hz for a sampling "
+            f"interval of {dt:g} s, got {corner:g} Hz"
         )
     from scipy.signal import sosfilt  # imported late: needs 0.8 s
 
-    sections, settling = _designed(kind, corner, corners, dt)
+    sections, settling = _designed(filter_type, corner, corners, dt)
     after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
     forwards = sosfilt(
         sections, np.pad(samples, after, mode="edge" if held else "constant"), axis=0
@@ -447,12 +454,12 @@ def zero_phase(
 
 
 @lru_cache(maxsize=64)  # a fit applies the same two filters a thousand times
-def _designed(kind: str, corner: float, corners: int, dt: float) -> tuple[Array, int]:
+def _designed(filter_type: str, corner: float, corners: int, dt: float) -> tuple[Array, int]:
     """Return the second-order sections of a Butterworth filter and its settling time in samples.
 
     Parameters
     ----------
-    kind : str
+    filter_type : str
         `highpass` or `lowpass`.
     corner : float
         Corner frequency, Hz.
@@ -463,7 +470,7 @@ def _designed(kind: str, corner: float, corners: int, dt: float) -> tuple[Array,
     """
     from scipy.signal import butter, zpk2sos
 
-    zeros, poles, gain = butter(corners, corner, kind, fs=1.0 / dt, output="zpk")
+    zeros, poles, gain = butter(corners, corner, filter_type, fs=1.0 / dt, output="zpk")
     settling = math.ceil(math.log(_SETTLED) / math.log(float(np.max(np.abs(poles)))))
     return zpk2sos(zeros, poles, gain), settling
 

@@ -71,16 +71,16 @@ def read_bhrc(lines: Lines) -> list[Series]:
         The file is cut off, or its content does not match its header.
     """
     # The lines of text are followed by the integers and the reals.
-    place = lines.number + 1
+    first_line = lines.number + 1
     texts = lines.take_until(_ROW.fullmatch, "header of integers")
     if not any(map(_TITLE.match, texts)):
-        raise RecordError(f"the header of a component must start in line {place}")
+        raise RecordError(f"the header of a component must start in line {first_line}")
     points, units, component = (
         first_match(pattern, texts) for pattern in (_POINTS, _UNITS, _COMPONENT)
     )
     if not (points and units and component and int(points[1])):
         raise RecordError(
-            f"the header that starts in line {place} must state points, units and component"
+            f"the header that starts in line {first_line} must state points, units and component"
         )
     stated = _header_number(lines, *_COUNT)
     rate = _header_number(lines, *_RATE)
@@ -120,13 +120,13 @@ def read_bhrc(lines: Lines) -> list[Series]:
     ]
 
 
-def _header_number(lines: Lines, row: int, place: int) -> float:
-    """Read the next seven lines and return the number at index `place` of line `row`."""
+def _header_number(lines: Lines, row: int, index: int) -> float:
+    """Read the next seven lines and return the number at index `index` of line `row`."""
     rows = [lines.take() for _ in range(_HEADER_LINES)]
     numbers = row_of_numbers(rows[row]) if all(map(is_row_of_numbers, rows)) else []
-    if len(numbers) <= place:
+    if len(numbers) <= index:
         raise RecordError(
             f"the header before line {lines.number} must contain only numbers, and at least "
-            f"{place + 1} in its row {row + 1}"
+            f"{index + 1} in its row {row + 1}"
         )
-    return numbers[place]
+    return numbers[index]

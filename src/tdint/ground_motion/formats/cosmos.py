@@ -106,11 +106,11 @@ def read_cosmos(lines: Lines) -> list[Series]:
         samples = lines.numbers(int(block[1]), _width(line))
         if block[2].lower().startswith(("accel", "raw accel")):
             series.append(_series(samples, block, texts, integers, reals))
-        elif (kind := block[2].lower().split()[0]) in _OTHERS and samples.size:
+        elif (quantity := block[2].lower().split()[0]) in _OTHERS and samples.size:
             units = _OTHER_UNITS.get(block[5] or "") or block[4]
             others.append((samples, block))
-            if scale := motion_scale(units, kind):
-                peaks[kind] = scale * float(np.max(np.abs(samples)))
+            if scale := motion_scale(units, quantity):
+                peaks[quantity] = scale * float(np.max(np.abs(samples)))
     if line is None or not _END.match(line):
         raise RecordError(f"end-of-data line not found after line {lines.number}")
     lines.take()
@@ -189,8 +189,8 @@ def _series(
 
     # The unit is stated by name or by its number in the table of the format. Counts of a recorder
     # have no units.
-    kind = block[2].lower().split()[0]
-    quantity = kind if kind in _OTHERS else "acceleration"
+    stated_quantity = block[2].lower().split()[0]
+    quantity = stated_quantity if stated_quantity in _OTHERS else "acceleration"
     units = motion_units(block[4]) or _UNITS.get(block[5] or "") or _OTHER_UNITS.get(block[5] or "")
     if units and parse_units(units).quantity != quantity:
         units = None
@@ -213,7 +213,7 @@ def _series(
 
     # The time of the first sample, if it is known and in UTC.
     year, month, day, hour, minute = (
-        integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
+        integers[index] for index in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
     )
     second = reals[_SECOND]
     is_utc = unknown not in (year, month, day, hour, minute, second) and first_match(_UTC, texts)

@@ -172,11 +172,11 @@ def read_csmip(lines: Lines) -> list[Series]:
     RecordError
         The file is cut off, or its content does not match its header.
     """
-    place = lines.number + 1
+    first_line = lines.number + 1
     texts = text_header(lines)
     title = first_match(_TITLE, texts[:1])
     if not title:
-        raise RecordError(f"the header of a channel must start in line {place}")
+        raise RecordError(f"the header of a channel must start in line {first_line}")
     series = _volume_1(lines, texts) if title[1] else _volume_2(lines, texts)
     if (line := lines.peek()) is not None and line.lstrip().startswith(_END):
         lines.take()

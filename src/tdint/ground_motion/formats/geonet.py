@@ -71,7 +71,7 @@ def read_geonet(lines: Lines) -> list[Series]:
         )
     integers = lines.numbers(_INTEGERS, _WIDTH).tolist()
     reals = lines.numbers(_REALS, _WIDTH).tolist()
-    accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
+    accelerations, *others = (lines.numbers(int(integers[index]), _WIDTH) for index in _COUNTS)
     pgv, pgd = (
         _MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others
     )
@@ -93,7 +93,7 @@ def read_geonet(lines: Lines) -> list[Series]:
         )
     units = f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
     year, month, day, hour, minute = (
-        integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
+        integers[index] for index in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
     )
     series = Series(
         accelerations,

@@ -141,15 +141,15 @@ def read_unam(lines: Lines) -> list[Series]:
     return [
         Series(
             column,
-            intervals[place],
+            intervals[index],
             unit,
             channel=code(name.rpartition(";")[2]).upper(),
             station=code(station[1]) if station else "",
             start=started,
             event=event,
-            peak=stated_peak(peaks[place], _GAL, unit)
+            peak=stated_peak(peaks[index], _GAL, unit)
             if unit and len(peaks) == len(names)
             else None,
         )
-        for place, (name, column) in enumerate(zip(names, columns, strict=True))
+        for index, (name, column) in enumerate(zip(names, columns, strict=True))
     ]

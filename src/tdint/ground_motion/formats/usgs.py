@@ -31,7 +31,7 @@ from tdint.ground_motion.formats.series import (
 
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
-_KINDS = re.compile(
+_QUANTITY = re.compile(
     r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE "
     r"SPECTRA|FOURIER AMPLITUDE)"
 )
@@ -56,7 +56,7 @@ def is_smc(file: Any, **_: Any) -> bool:
     """Return True if a file starts with a type of series of this format and has eight integers in
     line 12."""
     return recognizes(
-        file, lambda lines: _KINDS.match(lines[0]) and _EIGHT.fullmatch(lines[_TEXTS])
+        file, lambda lines: _QUANTITY.match(lines[0]) and _EIGHT.fullmatch(lines[_TEXTS])
     )
 
 
@@ -71,8 +71,8 @@ def read_smc(lines: Lines) -> list[Series]:
         motion.
     """
     texts = [lines.take() for _ in range(_TEXTS)]
-    kind = _KINDS.match(texts[0])
-    if not kind or kind[1] not in _UNITS:
+    quantity = _QUANTITY.match(texts[0])
+    if not quantity or quantity[1] not in _UNITS:
         raise RecordError(
             f"the file must contain a ground motion, got {texts[0].strip().lower()!r}"
         )
@@ -98,7 +98,7 @@ def read_smc(lines: Lines) -> list[Series]:
         channel = "DOWN" if vertical else "UP"
 
     # If the header states the maximum and the minimum, the peak is the larger absolute value.
-    units = _UNITS[kind[1]]
+    units = _UNITS[quantity[1]]
     extremes = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
     peak = (
         StatedPeak(max(extremes), _ROUNDING * max(extremes), units) if len(extremes) == 2 else None
