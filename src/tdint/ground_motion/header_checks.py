@@ -53,7 +53,7 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
     order = "<" if 0 <= struct.unpack_from("<i", data, 4 * _VERSION)[0] <= 20 else ">"
     values = struct.unpack_from(f"{order}70f", data)
     for index in _LONGITUDES:
-        # The negated comparison also refuses nan.
+        # This comparison also refuses nan, because it is negated.
         if not abs(values[index]) <= -_UNKNOWN:
             raise Damaged(f"its header states an invalid longitude, {values[index]:g}")
     (count,) = struct.unpack_from(f"{order}i", data, 4 * _COUNT)

@@ -304,7 +304,7 @@ def cumulative_absolute_velocity(record: Record) -> float:
 
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
-    """Return the integral of the absolute acceleration (m/s) over the times at which it is at least
+    """Return the integral of the absolute acceleration (m/s) while it is at least
     `threshold` (m/s^2)."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     low, high = np.minimum(a, b), np.maximum(a, b)
