@@ -1,5 +1,5 @@
-"""An example of every drift law, made from what `LAWS` says of its parameters: a new law has one
-too."""
+"""An example of each hysteretic law with the parameters that `LAWS` declares, so that a new law has
+an example as well."""
 
 import math
 
@@ -7,8 +7,7 @@ from tdint.model.definition import LAWS, Law
 
 
 def example(name, stiffness, strength):
-    """The law with an initial stiffness (N/m) whose forces are about `strength` (N) where it
-    bends."""
+    """Return a law with an initial stiffness (N/m) and forces of about `strength` (N) at yield."""
     values = []
     drift = strength / stiffness
     if name == "trilinear-pinching":

@@ -1,6 +1,9 @@
-"""Random buildings: in free vibration, conservative or dissipating by their drift laws alone; under
-a random motion, of all laws that are linear branch by branch; of all laws and with all else that a
-model file may say."""
+"""Random buildings for tests.
+
+- `random_building`: free vibration; conservative, or with dissipation by hysteretic laws only.
+- `piecewise_building`: random ground motion, with laws that are linear on each branch.
+- `any_building`: all laws, and all other options of a model file.
+"""
 
 from dataclasses import replace
 
@@ -11,11 +14,11 @@ from tdint import load_model, make_record
 from tdint.model.building import assemble
 
 BEND = 0.02
-"""Drift at which laws bend, about, m."""
+"""Approximate drift at which the tangent stiffness of the laws changes, m."""
 
 
 def _polynomial(rng, k):
-    """Hardening, with a positive tangent everywhere."""
+    """Return a hardening polynomial law with a positive tangent at all drifts."""
     cubic = rng.uniform(0.1, 3.0) * k / BEND**2
     return Law("polynomial", (k, rng.uniform(-1.0, 1.0) * np.sqrt(k * cubic), cubic))
 
@@ -43,8 +46,11 @@ HYSTERETIC = {
 
 
 def random_building(rng, laws):
-    """A building of one to eight stories of laws drawn from `laws`, sometimes with P-delta, let go
-    with drifts of up to a few times those at which it bends; and its fundamental period, s."""
+    """Return a building in free vibration and its first period, s.
+
+    It has one to eight stories with laws drawn from `laws`, sometimes P-delta, and initial drifts
+    of up to three times `BEND`.
+    """
     n = int(rng.integers(1, 9))
     masses = 1e5 * rng.uniform(0.5, 2.0, n)
     springs = 1e8 * rng.uniform(0.5, 2.0, n) * np.linspace(1.5, 0.7, n)
@@ -337,12 +343,12 @@ def _law_to_drawn_strength(rng, name, strength, k):
 
 
 def any_building(seed, laws=None):
-    """A model as a file says it, of one to ten stories with period and strength of frames, and a
-    motion of 8 to 14 s.
+    """Return a model as the mapping of a model file, and a ground motion of 8 to 14 s.
 
-    Without `laws` to draw from, of three seeds one has those that degrade, `DEGRADING`, one a
-    single one of `ANY_LAW`, one all. Of ten four have P-delta, three a force on a floor; one in
-    four moves at first, one in five stories has a damper.
+    The model has one to ten stories, with period and strength of usual frames. Without `laws`, one
+    third of the seeds have degrading laws (`DEGRADING`), one third a single law of `ANY_LAW`, and
+    one third all laws. 40 % have P-delta, 30 % a force on a floor, 25 % an initial motion; 20 % of
+    the stories have a damper.
     """
     rng = np.random.default_rng(990_000 + seed)
     n = int(rng.integers(1, 11))

@@ -1,11 +1,14 @@
-"""The generated parts of all READMEs: python tests/readmes.py writes them anew, tests/documentation
-compares them.
+"""Write the generated parts of all READMEs again; tests/documentation compares them.
 
-A part stands between its line `<!-- generated: NAME -->` and the line `<!-- end: NAME -->`. A
-session, the block after the line `<!-- session -->`, holds commands and what they print; `--parts`
-leaves sessions as they are.
+    python tests/readmes.py            write the generated parts and execute the sessions
+    python tests/readmes.py --parts    write only the generated parts
+
+A generated part is between the lines `<!-- generated: NAME -->` and `<!-- end: NAME -->`. A session
+is the block after the line `<!-- session -->`; it contains commands and their output. The names of
+changed pages are printed.
 """
 
+import argparse
 import ast
 import importlib.util
 import inspect
@@ -462,7 +465,20 @@ def played(text):
     return _SESSION.sub(play, text)
 
 
-if __name__ == "__main__":
-    anew = generated if sys.argv[1:] == ["--parts"] else lambda text: played(generated(text))
+def main() -> None:
+    """Write the pages that have changed, and print their names."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--parts", action="store_true", help="leave the sessions as they are")
+    only_parts = parser.parse_args().parts
     for readme in files():
-        readme.write_text(anew(readme.read_text()))
+        text = readme.read_text()
+        new_text = generated(text) if only_parts else played(generated(text))
+        if new_text != text:
+            readme.write_text(new_text)
+            print(readme.relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    main()
