@@ -126,7 +126,7 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
     from tdint.output.tables.table import Table
     from tdint_cli.drawing import emit_table
 
-    # A plug-in defines methods and laws.
+    # The result of `load_plugin` has two parts: the methods and the laws that a plug-in defines.
     definitions = [load_plugin(file) for file in plugins]
     checks = [check_method(parse(method.name)) for methods, _ in definitions for method in methods]
     # Report the errors after the table that shows them.

@@ -362,7 +362,8 @@ def _read_vary(value: Value) -> ParameterSweep | None:
     grids: dict[str, tuple[float, ...]] = {}
     random: dict[str, Distribution] = {}
     names = value.names
-    # Names cannot be declared, because they include the stories of the models.
+    # The allowed names of parameters depend on the stories of the models. Therefore all names are
+    # accepted here and checked with the models.
     section = value.section(
         Keys((*_SAMPLES, *(Key(name, ANY) for name in names if name not in ("samples", "seed"))))
     )

@@ -240,7 +240,8 @@ def by_level(checks: Iterable[LimitCheck]) -> dict[str, list[LimitCheck]]:
     levels: dict[str, list[LimitCheck]] = {}
     for check in checks:
         levels.setdefault(check.level, []).append(check)
-    # A nan ratio comes first.
+    # The highest ratio of demand to limit comes first. An unknown ratio (nan) precedes it, so that
+    # the first check states whether the level is met.
     return {
         level: sorted(of_level, key=lambda check: (not math.isnan(check.ratio), -check.ratio))
         for level, of_level in levels.items()

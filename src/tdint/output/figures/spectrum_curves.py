@@ -516,7 +516,7 @@ def spectrum_picture(
     figure = DRAWN[axes](spectra, line_labels(spectra), units)
     if target is not None:
         _add_target(figure, target, units)
-    # Only the exact solution has further settings.
+    # The title states settings that differ from the default. Only the exact solution has any.
     solution = spectra[0].method
     if solution == "exact":
         solution = ", ".join(["exact solution", *_special_settings(spectra[0])])
