@@ -13,7 +13,7 @@ from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, Model, RayleighRatio
-from tdint.model.plausibility import doubts, on_plausibility
+from tdint.model.plausibility import plausibility_warnings, study_plausibility_warnings
 from tdint.units import SI, STANDARD_GRAVITY, OutputUnits
 
 THREE = "stories: [{repeat: 3, mass: 2, stiffness: 5}]\n"
@@ -196,24 +196,24 @@ TOLD = {
 @pytest.mark.parametrize("told", TOLD)
 def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) -> None:
     model = load(TOLD[told])
-    (line,) = doubts(model, assemble(model))
+    (line,) = plausibility_warnings(model, assemble(model))
     assert line.startswith(told) and ", usual: " in line
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
-    assert doubts(usual, assemble(usual), 9.0) == ()
+    assert plausibility_warnings(usual, assemble(usual), 9.0) == ()
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")  # 0.44 s, as 200 t have it
-    (line,) = doubts(light, assemble(light))
+    (line,) = plausibility_warnings(light, assemble(light))
     assert line.startswith("mass of a floor 200 kg in story 1, usual: ")
     bare = load("stories: [{mass: 200, stiffness: 4e4}]")
-    assert doubts(bare, assemble(bare)) == ()
+    assert plausibility_warnings(bare, assemble(bare)) == ()
     # c = 2 zeta sqrt(k m): 0.02 % warns, 0.51 % does not; without any damping there is no warning.
     for ratio, count in ((0.0002, 1), (0.0051, 0), (0.0, 0)):
         dashpot = 2.0 * ratio * math.sqrt(2e5 * 4e7)
         slight = load(f"stories: [{{mass: 2e5, height: 3, stiffness: 4e7, dashpot: {dashpot!r}}}]")
-        lines = doubts(slight, assemble(slight))
+        lines = plausibility_warnings(slight, assemble(slight))
         assert len(lines) == count
         assert all("of the first mode 0.0002, usual: 0.005 to 0.2" in line for line in lines)
     for pga in (0.9e-4 * 9.80665, 5.1 * 9.80665):
-        (line,) = doubts(usual, assemble(usual), pga)
+        (line,) = plausibility_warnings(usual, assemble(usual), pga)
         assert line.startswith("peak ground acceleration") and "0.0001 g to 5 g" in line
 
 
@@ -222,11 +222,11 @@ def test_the_warnings_of_a_study_are_one_line_for_the_same_of_several_models() -
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]\ndamping: 5%")
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ndamping: 5%")
     models = [replace(light, source="a.yaml"), replace(light, source="b.yaml"), usual]
-    (line,) = on_plausibility((model, assemble(model)) for model in models)
+    (line,) = study_plausibility_warnings((model, assemble(model)) for model in models)
     assert line.startswith("a.yaml and 1 more: mass of a floor 200 kg in story 1, usual: ")
     varied = [
         load(f"stories: [{{mass: {200 + n}, height: 3, stiffness: 4e4}}]\ndamping: 5%")
         for n in range(14)
     ]
-    lines = on_plausibility((model, assemble(model)) for model in varied)
+    lines = study_plausibility_warnings((model, assemble(model)) for model in varied)
     assert len(lines) == 11 and lines[-1].startswith("4 more warnings on the buildings")

@@ -39,7 +39,7 @@ from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
-from tdint.model.plausibility import on_plausibility
+from tdint.model.plausibility import study_plausibility_warnings
 from tdint.number_parsing import abbreviate
 
 _COLLAPSE_DRIFT = 0.10
@@ -453,7 +453,9 @@ def _levels(campaign: CampaignFile, inputs: Inputs) -> Levels:
 def _plausibility_warnings(buildings: Buildings) -> tuple[str, ...]:
     """Return the warnings about unusual values of buildings."""
     subjects = (building.subject() for building in buildings)
-    return on_plausibility((subject.model, subject.prepared.building) for subject in subjects)
+    return study_plausibility_warnings(
+        (subject.model, subject.prepared.building) for subject in subjects
+    )
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:

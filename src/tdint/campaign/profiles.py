@@ -204,7 +204,7 @@ class Profile(SuiteLevel):
             self.height,
             self.motions,
             name=self.building,
-            lost=bool(self.collapsed or self.failed),
+            has_failure=bool(self.collapsed or self.failed),
         )
 
     @property

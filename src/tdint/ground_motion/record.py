@@ -32,7 +32,7 @@ _USUAL = (1e-4, 5.0)
 values above it are more than twice the maximum ever recorded."""
 
 
-def doubt_of_peak(peak: float, name: str = "peak ground acceleration") -> tuple[str, ...]:
+def peak_warnings(peak: float, name: str = "peak ground acceleration") -> tuple[str, ...]:
     """Return a warning if a peak acceleration is unusual and a wrong unit may be the reason.
 
     Parameters

@@ -73,15 +73,15 @@ class _PathPoint(NamedTuple):
     ----------
     drift, force : float
         Drift, m, and force from the function `force` of the law, N.
-    branch : float
+    branch_force : float
         Force from the branches of the law, N; nan if the current branch is curved.
     tangent : float
         Tangent that `force` returns, N/m.
     slopes : tuple of float
         Slopes of the force before and after the drift, N/m.
-    again : float
+    force_after_commit : float
         Force at the same drift after the state is committed, N.
-    inside : bool
+    is_on_branch : bool
         True if the drift is on the same branch as the previous drift of the path.
     lower, upper : float
         Ends of this branch, m.
@@ -89,11 +89,11 @@ class _PathPoint(NamedTuple):
 
     drift: float
     force: float
-    branch: float
+    branch_force: float
     tangent: float
     slopes: tuple[float, float]
-    again: float
-    inside: bool
+    force_after_commit: float
+    is_on_branch: bool
     lower: float
     upper: float
 
@@ -155,11 +155,12 @@ def verify_laws(law_parameters: Array) -> None:
     for column in np.unique(columns, axis=0):
         code = int(column[rows.CODE])
         law = LAWS[code]
-        known, verified = _verified.get(code, (None, set()))
-        if known is not law:  # another plug-in has this number now
+        verified_law, verified = _verified.get(code, (None, set()))
+        # A plug-in that was loaded later can have the number of an earlier law.
+        if verified_law is not law:
             _verified[code] = law, verified = law, set()
-        numbers = column.tobytes()
-        if numbers in verified or len(verified) >= _MAX_SETS:
+        key = column.tobytes()
+        if key in verified or len(verified) >= _MAX_SETS:
             continue
         file = getattr(sys.modules.get(law.functions.__module__), "__file__", None)
         try:
@@ -169,7 +170,7 @@ def verify_laws(law_parameters: Array) -> None:
             faults = [str(error)]
         if faults:
             raise AnalysisError("; ".join(faults))
-        verified.add(numbers)
+        verified.add(key)
 
 
 def path_faults(
@@ -198,24 +199,24 @@ def path_faults(
         Message about the first difference; empty if there is no difference.
     """
     story = _LawStory(law, law.functions(), column, guard)
-    yields = [yield_drift * part for part in _YIELDS if 0.0 < yield_drift < math.inf]
+    yield_sizes = [yield_drift * multiple for multiple in _YIELDS if 0.0 < yield_drift < math.inf]
     # The paths of a curved law are short: its force may be integrated in many substeps.
-    sizes = (yields[:2] or _DECADES[:3]) if law.curved else sorted([*yields, *_DECADES])
+    sizes = (yield_sizes[:2] or _DECADES[:3]) if law.curved else sorted([*yield_sizes, *_DECADES])
     for size in sizes:
         largest = steepest = 0.0
         for point in _follow(story, _drifts(size), _DIFFERENCE * size):
             largest = max(largest, abs(point.force))
             steepest = max(steepest, *map(abs, point.slopes))
             # Compare the force from the branches with the result of `force`.
-            on_curve = law.curved and not math.isfinite(point.branch)
-            if not (on_curve or abs(point.branch - point.force) <= _TOLERANCE * largest):
+            is_on_curve = law.curved and not math.isfinite(point.branch_force)
+            if not (is_on_curve or abs(point.branch_force - point.force) <= _TOLERANCE * largest):
                 return [_described(story, point)]
-            if not abs(point.again - point.force) <= _TOLERANCE * largest:
+            if not abs(point.force_after_commit - point.force) <= _TOLERANCE * largest:
                 return [
                     f"law {law.name}: its force at drift {point.drift:.6g} m is "
-                    f"{point.force:.6g} N in the first evaluation and {point.again:.6g} N after "
-                    "the state is committed; `keep` must copy all values that `force` reads from "
-                    "the trial state to the committed state"
+                    f"{point.force:.6g} N in the first evaluation and "
+                    f"{point.force_after_commit:.6g} N after the state is committed; `keep` must "
+                    "copy all values that `force` reads from the trial state to the committed state"
                 ]
             tolerance = _TANGENT_TOLERANCE * steepest
             if not min(point.slopes) - tolerance <= point.tangent <= max(point.slopes) + tolerance:
@@ -239,7 +240,7 @@ def _described(story: _LawStory, point: _PathPoint) -> str:
     """
     law, functions = story.law, story.functions
     forces = (
-        f"{point.branch:.6g} N at drift {point.drift:.6g} m, but `force` returns "
+        f"{point.branch_force:.6g} N at drift {point.drift:.6g} m, but `force` returns "
         f"{point.force:.6g} N"
     )
     if functions.switch is None:
@@ -248,7 +249,7 @@ def _described(story: _LawStory, point: _PathPoint) -> str:
             f"nor branches. Its initial stiffness gives {forces}; declare `curved=True`, or add "
             "`enter` and `switch` and declare `kinked=True`"
         )
-    if point.inside:
+    if point.is_on_branch:
         return (
             f"law {law.name}: its force is not linear on the branch from {point.lower:.6g} to "
             f"{point.upper:.6g} m. The slope of this branch (row SLOPE) gives {forces}; declare "
@@ -274,10 +275,10 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
     law, functions = story.law, story.functions
     if functions.accumulate_dissipation is not None or functions.hysteretic_energy is not None:
         return []
-    for size in (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES[:3]:
+    for path_size in (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES[:3]:
         # Load to 0.4, on to 1 and 1.5, and back to 0.4.
-        drifts = size * np.array([0.1, 0.2, 0.3, 0.4, 0.7, 1.0, 1.25, 1.5, 1.0, 0.7, 0.4])
-        forces = [point.force for point in _follow(story, drifts, _DIFFERENCE * size)]
+        drifts = path_size * np.array([0.1, 0.2, 0.3, 0.4, 0.7, 1.0, 1.25, 1.5, 1.0, 0.7, 0.4])
+        forces = [point.force for point in _follow(story, drifts, _DIFFERENCE * path_size)]
         if not abs(forces[-1] - forces[3]) <= _TOLERANCE * max(map(abs, forces)):
             return [
                 f"law {law.name}: its force at drift {drifts[3]:.6g} m is {forces[3]:.6g} N before "
@@ -292,8 +293,8 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
 
 def _drifts(size: float) -> Array:
     """Return the drifts of a path of the given size (m), including its turning points."""
-    turns = size * np.array(_TURNS)
-    return np.concatenate([np.linspace(a, b, _POINTS)[1:] for a, b in pairwise(turns)])
+    turning_points = size * np.array(_TURNS)
+    return np.concatenate([np.linspace(a, b, _POINTS)[1:] for a, b in pairwise(turning_points)])
 
 
 def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_PathPoint]:
@@ -315,29 +316,39 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
     table = guard(np.column_stack([column, np.zeros_like(column)]), "law_parameters")
     row_count = rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * law.extra_rows
     law_state = guard(np.zeros((row_count, 2)), "law_state")
-    walk = branch_follower(functions.switch or _no_branch, functions.advance)
+    follow_branches = branch_follower(functions.switch or _no_branch, functions.advance)
     with np.errstate(all="ignore"):
         _enter(law, functions, table, law_state)
         _reach(functions, table, law_state, 0.0)
         _commit(law, functions, table, law_state)
         for drift in drifts.tolist():
-            before = law_state[rows.DRIFT, 0]
+            previous_drift = law_state[rows.DRIFT, 0]
             lower, upper = float(law_state[rows.LOWER, 0]), float(law_state[rows.UPPER, 0])
-            turns = law_state[rows.RATE_SIGN, 0] * (drift - before) < 0.0
+            is_reversal = law_state[rows.RATE_SIGN, 0] * (drift - previous_drift) < 0.0
             # Force from the branches
-            branch = math.nan
+            branch_force = math.nan
             if law_state[rows.SLOPE, 0] < math.inf:
-                walk(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
-                branch = float(law_state[rows.SECOND_TRIAL + rows.FORCE, 0])
+                follow_branches(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
+                branch_force = float(law_state[rows.SECOND_TRIAL + rows.FORCE, 0])
             # Force from the function `force` of the law
-            below, _ = _reach(functions, table, law_state, drift - difference)
-            above, _ = _reach(functions, table, law_state, drift + difference)
+            force_below, _ = _reach(functions, table, law_state, drift - difference)
+            force_above, _ = _reach(functions, table, law_state, drift + difference)
             force, tangent = _reach(functions, table, law_state, drift)
             _commit(law, functions, table, law_state)
-            again, _ = _reach(functions, table, law_state, drift)
-            slopes = (force - below) / difference, (above - force) / difference
-            inside = lower <= drift <= upper and not turns
-            yield _PathPoint(drift, force, branch, tangent, slopes, again, inside, lower, upper)
+            force_after_commit, _ = _reach(functions, table, law_state, drift)
+            slopes = (force - force_below) / difference, (force_above - force) / difference
+            is_on_branch = lower <= drift <= upper and not is_reversal
+            yield _PathPoint(
+                drift,
+                force,
+                branch_force,
+                tangent,
+                slopes,
+                force_after_commit,
+                is_on_branch,
+                lower,
+                upper,
+            )
 
 
 def _no_branch(law_parameters: Array, law_state: Array, i: int, block: int, event: int) -> None:
@@ -460,10 +471,10 @@ def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
             low, high = parameter.low, parameter.high
             if not low < value < high:
                 # A bounded parameter, such as a ratio, gets a value between its bounds.
-                part = factor / (1.0 + factor)
-                below = low if math.isfinite(low) else high - 1.0
-                above = high if math.isfinite(high) else low + 1.0
-                value = below + part * (above - below)
+                fraction = factor / (1.0 + factor)
+                lowest = low if math.isfinite(low) else high - 1.0
+                highest = high if math.isfinite(high) else low + 1.0
+                value = lowest + fraction * (highest - lowest)
             values.append(value)
         stiffness = law.initial_stiffness(values) if law.initial_stiffness else _STIFFNESS
         if law.fault(stiffness, values) is None:

@@ -170,25 +170,25 @@ def check_limits(
         return ()
     checks = []
     for limit in limits:
-        allowed = np.array(limit.values)
-        limited = ~np.isnan(allowed)
-        values = QUANTITIES[limit.quantity].values(peaks, height)[:, limited]
-        places, allowed = np.flatnonzero(limited) + 1, allowed[limited]
+        limit_values = np.array(limit.values)
+        has_limit = ~np.isnan(limit_values)
+        demands = QUANTITIES[limit.quantity].values(peaks, height)[:, has_limit]
+        story_numbers, limit_values = np.flatnonzero(has_limit) + 1, limit_values[has_limit]
         # Use the maximum of the story means, as in design codes, not the mean of the maxima.
-        mean = np.mean(values, axis=0)
+        mean = np.mean(demands, axis=0)
         # A nan has the maximum ratio: a limit without a known demand is not met.
-        worst = int(np.argmax(mean / allowed))
-        motion, story = np.unravel_index(int(np.argmax(values)), values.shape)
+        governing = int(np.argmax(mean / limit_values))
+        motion, story = np.unravel_index(int(np.argmax(demands)), demands.shape)
         checks.append(
             LimitCheck(
                 limit.level,
                 limit.quantity,
-                int(places[worst]),
-                float(mean[worst]),
-                float(allowed[worst]),
-                bool(np.all(mean <= allowed)),
-                float(values[motion, story]),
-                int(places[story]),
+                int(story_numbers[governing]),
+                float(mean[governing]),
+                float(limit_values[governing]),
+                bool(np.all(mean <= limit_values)),
+                float(demands[motion, story]),
+                int(story_numbers[story]),
                 motions[int(motion)],
             )
         )
@@ -203,7 +203,7 @@ def check_demands(
     motions: Sequence[str],
     *,
     name: str,
-    lost: bool,
+    has_failure: bool,
 ) -> tuple[LimitCheck, ...]:
     """Compare the demands of a run or the mean demands of a suite with the limits that apply.
 
@@ -217,7 +217,7 @@ def check_demands(
         As in `check_limits`.
     name : str
         Name of the building, for messages.
-    lost : bool
+    has_failure : bool
         True if the building collapsed, or has no result, under a motion: no limit is then met.
 
     Raises
@@ -229,7 +229,7 @@ def check_demands(
         return ()
     limits = chosen_limits(limits, requested, peaks["peak_drift_ratio"], name)
     checks = check_limits(limits, peaks, height, motions)
-    return tuple(replace(check, within=False) for check in checks) if lost else checks
+    return tuple(replace(check, within=False) for check in checks) if has_failure else checks
 
 
 def by_level(checks: Iterable[LimitCheck]) -> dict[str, list[LimitCheck]]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.ground_motion.record import doubt_of_peak
+from tdint.ground_motion.record import peak_warnings
 from tdint.model.building import Building, falling_stories, stiffness_after_yield
 from tdint.model.definition import Model
 from tdint.number_parsing import abbreviate
@@ -48,7 +48,7 @@ class Usual:
         """Return a number with its unit."""
         return self.form.format(value)
 
-    def holds(self, value: float) -> bool:
+    def contains(self, value: float) -> bool:
         """Return True if a number is usual or nan."""
         return math.isnan(value) or self.low <= value <= self.high
 
@@ -136,8 +136,8 @@ UNDAMPED = (
 )
 
 
-def doubts(
-    model: Model, building: Building, pga: float = math.nan, *, shaken: bool = False
+def plausibility_warnings(
+    model: Model, building: Building, pga: float = math.nan, *, has_motion: bool = False
 ) -> tuple[str, ...]:
     """Return all warnings on a building, and on the peak ground acceleration.
 
@@ -152,18 +152,20 @@ def doubts(
         The same as arrays.
     pga : float
         Peak ground acceleration, m/s^2; nan by default, if unknown.
-    shaken : bool
+    has_motion : bool
         True if the building is under a ground motion. Free vibration and forces on floors are
         often studied without damping.
     """
     warnings = unusual_values(model, building, pga)
-    if shaken and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
+    if has_motion and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
         warnings.append(UNDAMPED)
     # The residual drift of an isolator without restoring stiffness is arbitrary.
-    loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
-    if loose:
+    unrestored = [
+        i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0
+    ]
+    if unrestored:
         warnings.append(
-            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: no "
+            f"isolator of story {', '.join(map(str, unrestored))} has no stiffness after yield: no "
             "force moves it back, so residual drifts are arbitrary; add hardening"
         )
     return (*warnings, *falling_stories(model))
@@ -175,21 +177,23 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     `pga` is the peak ground acceleration, m/s^2; nan if unknown.
     """
     if model.plausibility_off:
-        return [*doubt_of_peak(pga)]
+        return [*peak_warnings(pga)]
     omega, damping = building.approximate_first_mode
     period = 2.0 * math.pi / omega
     # A model without any damping is a choice: textbook examples and free vibration are undamped. A
     # small ratio is damping that does not reach the first mode.
-    judged_damping = damping if damping > 0.0 else math.nan
-    judged = (
+    checked_damping = damping if damping > 0.0 else math.nan
+    checked_values = (
         (PERIOD, period),
-        (DAMPING, judged_damping),
+        (DAMPING, checked_damping),
         (COLLAPSE, model.collapse_drift),
     )
     warnings = [
-        bound.warning(bound.text(value)) for bound, value in judged if not bound.holds(value)
+        bound.warning(bound.text(value))
+        for bound, value in checked_values
+        if not bound.contains(value)
     ]
-    warnings += doubt_of_peak(pga)
+    warnings += peak_warnings(pga)
     # Strength divided by the weight of the floors above, as codes specify base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
@@ -200,10 +204,10 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
     ]
     # No code requires a base shear below the bound. Isolators yield early; a base without a height
     # is not part of a building; a strength below the bound of the stories is reported already.
-    at_base = float(strength[0] / weight[0])
-    judged_at_base = math.isfinite(building.heights[0]) and STRENGTH.holds(at_base)
-    if judged_at_base and not BASE_STRENGTH.holds(at_base):
-        warnings.append(BASE_STRENGTH.warning(BASE_STRENGTH.text(at_base)))
+    base_strength_ratio = float(strength[0] / weight[0])
+    is_base_checked = math.isfinite(building.heights[0]) and STRENGTH.contains(base_strength_ratio)
+    if is_base_checked and not BASE_STRENGTH.contains(base_strength_ratio):
+        warnings.append(BASE_STRENGTH.warning(BASE_STRENGTH.text(base_strength_ratio)))
     return warnings
 
 
@@ -214,7 +218,7 @@ def _unusual_floors(building: Building, period: float) -> list[str]:
     not reveal this error. Models without story heights are skipped, because they may represent a
     laboratory test or a textbook example.
     """
-    if not PERIOD.holds(period):
+    if not PERIOD.contains(period):
         return []
     usual = building.heights >= HEIGHT.low
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
@@ -240,8 +244,10 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     """
     period = 2.0 * math.pi / building.approximate_first_mode[0]
     step = dt or interval
-    of_record = interval is not None and step is not None and step <= interval
-    if step is None or STEP.holds(period / step) or (of_record and period / step >= _SAMPLES):
+    if step is None or STEP.contains(period / step):
+        return []
+    # Time steps up to the sampling interval need fewer steps in the period.
+    if interval is not None and step <= interval and period / step >= _SAMPLES:
         return []
     return [
         f"time step {step:.4g} s: {STEP.text(period / step)} steps in the fundamental period, "
@@ -249,7 +255,7 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     ]
 
 
-def on_plausibility(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]:
+def study_plausibility_warnings(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]:
     """Return the warnings on the buildings of a study, each with its model file.
 
     The same warning on several models is one line; of many lines the first ones are returned.
@@ -261,7 +267,7 @@ def on_plausibility(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]
     """
     sources: dict[str, list[str]] = {}
     for model, building in models:
-        for text in doubts(model, building, shaken=True):
+        for text in plausibility_warnings(model, building, has_motion=True):
             sources.setdefault(text, []).append(model.source)
     lines = []
     for text, named in sources.items():
@@ -287,7 +293,7 @@ def suppression_reason(model: Model) -> list[str]:
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
     """Return a warning on the stories with unusual values; empty if all values are usual."""
     numbers = np.asarray(values, dtype=float).tolist()
-    if all(map(bound.holds, numbers)):
+    if all(map(bound.contains, numbers)):
         return []
     return unusual(bound, {f"story {number}": value for number, value in enumerate(numbers, 1)})
 
@@ -298,6 +304,8 @@ def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
     `values` contains the values by the name of the story or ground motion.
     """
     listed = [
-        f"{bound.text(value)} in {name}" for name, value in values.items() if not bound.holds(value)
+        f"{bound.text(value)} in {name}"
+        for name, value in values.items()
+        if not bound.contains(value)
     ]
     return [bound.warning(abbreviate(listed, _MAX_LISTED))] if listed else []

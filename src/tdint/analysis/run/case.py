@@ -51,8 +51,8 @@ from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
 from tdint.model.plausibility import (
     DUCTILITY,
-    doubts,
     long_step,
+    plausibility_warnings,
     suppression_reason,
     unusual_stories,
 )
@@ -344,7 +344,9 @@ class Case:
         # The warnings of the record are reported when it is read; do not repeat them.
         reported = self.record.warnings if self.record else ()
         pga = self.record.pga if self.record else math.nan
-        unusual = doubts(self.model, self.building, pga, shaken=self.record is not None)
+        unusual = plausibility_warnings(
+            self.model, self.building, pga, has_motion=self.record is not None
+        )
         return tuple(text for text in unusual if text not in reported)
 
     def _long_step(self, steps: Steps) -> list[str]:

@@ -191,7 +191,7 @@ class Runs(Tabular):
                 np.array([story.height or math.nan for story in building.stories]),
                 [self.records[record].name for record in self.record[standing]],
                 name=building.name,
-                lost=standing.size < runs.size,
+                has_failure=standing.size < runs.size,
             )
         return checks
 

@@ -672,7 +672,7 @@ class Response(Tabular):
             stories.height,
             [self.record.name if self.record else ""],
             name=self.model.name,
-            lost=self.collapse is not None,
+            has_failure=self.collapse is not None,
         )
 
     @property

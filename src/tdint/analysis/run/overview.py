@@ -15,7 +15,7 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_with_checks
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
-from tdint.model.plausibility import doubts, long_step
+from tdint.model.plausibility import long_step, plausibility_warnings
 from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 
@@ -124,7 +124,7 @@ def overview(source: str | Path) -> Overview:
         pga, interval = record.pga, record.dt
     period = 2.0 * math.pi / omega
     warnings = (
-        *doubts(model, building, pga, shaken=source_of_record is not None),
+        *plausibility_warnings(model, building, pga, has_motion=source_of_record is not None),
         *long_step(building, model.analysis.dt, interval),
     )
     return Overview(

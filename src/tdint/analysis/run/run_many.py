@@ -55,7 +55,7 @@ from tdint.kernels.building.sources import CODE
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import draw_buildings
 from tdint.model.definition import changes_of, check_parameter, check_value, damped_by
-from tdint.model.plausibility import on_plausibility
+from tdint.model.plausibility import study_plausibility_warnings
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, ResultList, import_optional, progress_reporter
 
@@ -586,7 +586,7 @@ def _empty_result(
         varied={name: values[[run.draw for run in plan]] for name, values in work.vary.items()},
         errors=StoryErrors(**errors) if work.check else None,
         corrected=StoryPeaks(height=peaks["height"], **corrected) if work.check else None,
-        warnings=on_plausibility(
+        warnings=study_plausibility_warnings(
             (subject.model, subject.prepared.building) for subject in work.subjects
         ),
     )

@@ -33,8 +33,8 @@ from tdint.ground_motion.record import (
     UNITS_BY_LOCATION,
     Input,
     Record,
-    doubt_of_peak,
     masked_samples,
+    peak_warnings,
     station_of,
 )
 from tdint.number_parsing import pluralize
@@ -157,7 +157,7 @@ def _joined(channel: _Channel) -> Any:
     return whole
 
 
-def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
+def sample_notes(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
     """Return notes about an acceleration (m/s^2, shape (samples,)) that is unusual for a ground
     motion: only zeros, or a zero offset."""
     peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
@@ -458,7 +458,7 @@ def read_signal(
         start=float(trace.stats.starttime.timestamp) if start else None,
         clock="UTC" if start else "",
         notes=(*part.contents.notes, *motion.notes),
-        warnings=(*motion.warnings, *doubt_of_peak(peak, "peak acceleration")),
+        warnings=(*motion.warnings, *peak_warnings(peak, "peak acceleration")),
         input=input_file,
     )
 
@@ -606,7 +606,7 @@ def _to_record(
     check_possible(motion.samples, label)
     warnings = (
         *motion.warnings,
-        *doubt_of_peak(float(np.max(np.abs(motion.samples), initial=0.0))),
+        *peak_warnings(float(np.max(np.abs(motion.samples), initial=0.0))),
     )
     for warning in warnings:
         _LOGGER.warning("%s: %s", label, warning)
@@ -617,7 +617,7 @@ def _to_record(
         id=channel.id,
         component=channel.code,
         source=channel.source,
-        notes=(*contents.notes, *motion.notes, *doubts(motion.samples)),
+        notes=(*contents.notes, *motion.notes, *sample_notes(motion.samples)),
         warnings=warnings,
         units=motion.units,
         units_from=motion.units_from,
