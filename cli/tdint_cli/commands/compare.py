@@ -210,7 +210,7 @@ def _write(
     units : OutputUnits
         Units of the files.
     """
-    from tdint.model.config.model_file import rewritten
+    from tdint.model.config.model_file import rewrite_model
     from tdint.output.summary import comparison_summary
     from tdint.output.tables.buildings import (
         comparison_spectra_table,
@@ -236,7 +236,7 @@ def _write(
         spectra = comparison_spectra_table(comparisons, periods, request.damping)
         files[request.file(SPECTRA)] = spectra.in_units(units).csv()
         if fitted:
-            if text := rewritten(model, fitted.model, request.file(FITTED)):
+            if text := rewrite_model(model, fitted.model, request.file(FITTED)):
                 recorded = comparisons[0].event.recording.source
                 origin = f"{model.source} with {','.join(request.fit or ())} fitted to {recorded}"
                 files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()

@@ -48,7 +48,7 @@ from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
-from tdint.model.config.model_file import model_within, record_within
+from tdint.model.config.model_file import model_from_mapping, record_from_value
 from tdint.model.damage_states import DONE
 from tdint.model.definition import Model, RecordSource
 from tdint.model.keys.document import SourceText, read_document
@@ -765,7 +765,7 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
             records_value.named("a mapping from names to ground motions") if records_value else None
         )
         for name, motion in (motions or {}).items():
-            if (source_of_motion := record_within(motion)) is not None:
+            if (source_of_motion := record_from_value(motion)) is not None:
                 sources[name] = source_of_motion
         for item in (
             problems_value.items("a list of problems", "is empty; add at least one problem")
@@ -826,7 +826,7 @@ def _read_problem(
     if model_value is not None:
         model_origin = replace(origin, name=label or origin.name)
         model = (
-            model_within(model_value, model_origin)
+            model_from_mapping(model_value, model_origin)
             if model_value.is_mapping
             else model_value.file()
         )

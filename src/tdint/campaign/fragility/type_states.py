@@ -133,7 +133,7 @@ def read_damage_request(value: Value | None, rules: str | None) -> DamageRequest
     losses = section.get("losses")
     demand = section.read("demand", "drift_ratio")
     if losses is None or losses.is_mapping:
-        states = damage.states_of(section, demand or "", thresholds)
+        states = damage.read_damage_states(section, demand or "", thresholds)
         return DamageRequest(states.demand, states.states, states) if states else None
     losses.fault("must be a mapping by state, because the thresholds are a mapping")
     return None
@@ -246,7 +246,7 @@ def read_class_damage(request: DamageRequest | None) -> ClassDamage:
                     f"{request.loss_file}: class {name}: the loss ratio {column} must be a number "
                     f"from 0 to 1, got {value:g}"
                 )
-    losses = {name: damage.losses_of(values, request.states) for name, values in rows.items()}
+    losses = {name: damage.losses_in_order(values, request.states) for name, values in rows.items()}
     return ClassDamage(states, losses)
 
 

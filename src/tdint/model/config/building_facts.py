@@ -38,7 +38,7 @@ from tdint.model.mdof_lu import (
     DerivedBuilding,
 )
 
-_DAMPING = ("full", "mass-only")
+_DAMPING_TYPES = ("full", "mass-only")
 _RULES = Choice(tuple(rules for rules in RULES if rules != CAPACITY), "set of rules")
 BUILDING = Keys(
     (
@@ -62,7 +62,7 @@ BUILDING = Keys(
         Key("damping_ratio", RATIO, "viscous damping ratio; default: from the structure type"),
         Key(
             "damping",
-            Choice(_DAMPING, "type of damping"),
+            Choice(_DAMPING_TYPES, "type of damping"),
             "full, or mass-only without the stiffness-proportional part",
         ),
         Key(
@@ -80,12 +80,13 @@ BUILDING = Keys(
     ),
     one_of=(("rules", "capacity"),),
 )
-_OF_RULES = ("rules", "type", "year", "area", "zone", "design_level", "damping")
-_OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
+# Keys that cannot be used with a capacity curve, and keys that require a capacity curve.
+_KEYS_OF_RULES = ("rules", "type", "year", "area", "zone", "design_level", "damping")
+_KEYS_OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
 
 
 def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityBuilding | None:
-    """Return the building that the rules derive, or None after reporting an error.
+    """Return the building derived from rules or a capacity curve; None after reporting an error.
 
     Parameters
     ----------
@@ -98,25 +99,27 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     if section is None:
         return None
     if section.has("capacity"):
-        section.refuse(_OF_RULES, "cannot be used with a `capacity` curve")
+        section.refuse(_KEYS_OF_RULES, "cannot be used with a `capacity` curve")
         return _building_of_curve(section, unit)
-    section.refuse(_OF_CAPACITY, "requires a `capacity` curve")
+    section.refuse(_KEYS_OF_CAPACITY, "requires a `capacity` curve")
     # All entries are read before the function returns, so that all errors are reported.
-    needed = [
-        _needed(section, "rules"),
-        _needed(section, "type"),
-        _needed(section, "stories", f"give a whole number from 1 to {MOST_STORIES}"),
-        _needed(section, "year", "give the year of construction"),
+    required_values = [
+        _read_needed(section, "rules"),
+        _read_needed(section, "type"),
+        _read_needed(section, "stories", f"give a whole number from 1 to {MOST_STORIES}"),
+        _read_needed(section, "year", "give the year of construction"),
     ]
     area = section.number("area", scale=unit.factor(length=2))
     height = section.number("height", scale=unit.length, default=0.0)
     defaults = {"zone": "Z4", "design_level": "", "damping": "full"}
     zone, level, damping = (section.read(name, default) for name, default in defaults.items())
-    # A negative ratio, which no file can contain, represents a missing ratio.
-    ratio = section.number("damping_ratio", default=-1.0)
-    if None in (*needed, zone, level, damping) or any(map(math.isnan, (area, height, ratio))):
+    # The default -1 represents a missing ratio, because the reader rejects negative ratios and
+    # returns nan for invalid ratios. Likewise the height 0 represents a missing height.
+    damping_ratio = section.number("damping_ratio", default=-1.0)
+    has_nan = any(map(math.isnan, (area, height, damping_ratio)))
+    if has_nan or None in (*required_values, zone, level, damping):
         return None
-    rules, structure, stories, year = needed
+    rules, structure, stories, year = required_values
     facts = BuildingFacts(
         structure=structure,
         stories=stories,
@@ -125,13 +128,13 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
         height=height or None,
         zone=zone,
         design_level=level or None,
-        damping_ratio=None if ratio < 0.0 else ratio,
+        damping_ratio=None if damping_ratio < 0.0 else damping_ratio,
         mass_only=damping == "mass-only",
     )
     return RULES[rules](facts, None)
 
 
-def _needed(section: Section, name: str, advice: str = "") -> Any:
+def _read_needed(section: Section, name: str, advice: str = "") -> Any:
     """Return the converted value of a required entry, or None after reporting an error.
 
     Parameters
@@ -160,22 +163,24 @@ def _building_of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding |
     unit : ModelUnits
         Units of the model file.
     """
-    file = section.get("capacity")
-    path = file.file() if file else None
+    curve_entry = section.get("capacity")
+    path = curve_entry.file() if curve_entry else None
     curve = None
-    if file and path:
+    if curve_entry and path:
         # Errors in the file of the curve are reported at the key that names the file.
         try:
             curve = read_curve(path)
         except ModelError as error:
-            file.fault(str(error))
-    stories = _needed(section, "stories", f"give a whole number from 1 to {MOST_STORIES}")
+            curve_entry.fault(str(error))
+    stories = _read_needed(section, "stories", f"give a whole number from 1 to {MOST_STORIES}")
     height = section.number("height", scale=unit.length, default=0.0)
-    ratio = section.number("damping_ratio", default=DAMPING_RATIO)
+    damping_ratio = section.number("damping_ratio", default=DAMPING_RATIO)
     mass = section.number("mass", scale=unit.mass, default=UNIT_MASS)
-    soft, degrading, published = (section.read(name, False) for name in _OF_CAPACITY[1:])
-    if curve is None or stories is None or any(map(math.isnan, (height, ratio, mass))):
+    flags = {
+        name: section.read(name, False) for name in ("soft_story", "degradation", "as_published")
+    }
+    if curve is None or stories is None or any(map(math.isnan, (height, damping_ratio, mass))):
         return None
     return derive_capacity(
-        CapacityFacts(curve, stories, height or None, mass, soft, degrading, ratio, published)
+        CapacityFacts(curve, stories, height or None, mass, damping_ratio=damping_ratio, **flags)
     )

@@ -25,20 +25,21 @@ from tdint.units import parse_with_unit
 
 LOSS = Bounds(0.0, 1.0, ratio=True)
 COLLAPSE = "collapsed"
-_STATE = r"^[A-Za-z][A-Za-z0-9_-]*$"
-_UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "12 mm")}
+_STATE_NAME = r"^[A-Za-z][A-Za-z0-9_-]*$"
+_THRESHOLD_UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "12 mm")}
+"""Quantity of a threshold and an example for messages, by the SI unit of the demand."""
 
 
 @dataclass(frozen=True)
 class ByState:
-    """Mapping from the names of damage states, from the lightest, to values."""
+    """Mapping from the names of damage states, from the lightest, to values of one type."""
 
     type: ValueType
 
     def schema(self) -> Schema:
         return {
             "type": "object",
-            "patternProperties": {_STATE: self.type.schema()},
+            "patternProperties": {_STATE_NAME: self.type.schema()},
             "additionalProperties": False,
         }
 
@@ -69,15 +70,15 @@ DAMAGE = Keys(
 
 
 def read_damage(value: Value) -> DamageStates | None:
-    """Return the damage states of a model; None without damage states or after an error."""
+    """Return the damage states of the section `damage`, or None after reporting an error."""
     section = value.section(DAMAGE)
     thresholds = section.need("thresholds", "give the demand of each state") if section else None
     if section is None or thresholds is None:
         return None
-    return states_of(section, section.read("demand", "drift_ratio") or "", thresholds)
+    return read_damage_states(section, section.read("demand", "drift_ratio") or "", thresholds)
 
 
-def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates | None:
+def read_damage_states(section: Section, demand: str, thresholds: Value) -> DamageStates | None:
     """Return the damage states of a file, or None after reporting an error.
 
     Parameters
@@ -89,23 +90,25 @@ def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates 
     thresholds : Value
         Median demand of each state.
     """
-    values = _by_state(thresholds, "the demand of each state, such as {slight: 0.5%}")
-    if values is None or demand not in DEMANDS:
+    entries = _entries_by_state(thresholds, "the demand of each state, such as {slight: 0.5%}")
+    if entries is None or demand not in DEMANDS:
         return None
-    medians = tuple(threshold_of(entry, demand) for entry in values.values())
-    dispersion = section.need("dispersion", "give 0 for exact thresholds")
-    losses = read_losses(section.get("losses"), tuple(values))
-    beta = dispersion.number(DISPERSION.type) if dispersion else math.nan  # type: ignore[arg-type]
-    if losses is None or any(map(math.isnan, (*medians, beta))):
+    medians = tuple(read_threshold(entry, demand) for entry in entries.values())
+    dispersion_entry = section.need("dispersion", "give 0 for exact thresholds")
+    losses = read_losses(section.get("losses"), tuple(entries))
+    dispersion = math.nan
+    if dispersion_entry:
+        dispersion = dispersion_entry.number(DISPERSION.type)  # type: ignore[arg-type]
+    if losses is None or any(map(math.isnan, (*medians, dispersion))):
         return None
     try:
-        return DamageStates(demand, tuple(values), medians, beta, losses)
+        return DamageStates(demand, tuple(entries), medians, dispersion, losses)
     except UsageError as error:
         thresholds.fault(str(error))
         return None
 
 
-def threshold_of(value: Value, demand: str) -> float:
+def read_threshold(value: Value, demand: str) -> float:
     """Return a threshold in SI units, or nan after reporting an error.
 
     Parameters
@@ -118,13 +121,14 @@ def threshold_of(value: Value, demand: str) -> float:
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)
-    return value.parsed(lambda text: parse_with_unit(text, *_UNITS[unit])) or math.nan
+    return value.parsed(lambda text: parse_with_unit(text, *_THRESHOLD_UNITS[unit])) or math.nan
 
 
 def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...] | None:
-    """Return the loss ratios of all states and of collapse.
+    """Return the loss ratio (loss over replacement cost) of each state and of collapse.
 
-    The result is empty without losses, and None after reporting an error.
+    The ratios are in the order of the states, followed by the ratio of collapse. The result is
+    empty without losses, and None after reporting an error.
 
     Parameters
     ----------
@@ -135,13 +139,11 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
     """
     if value is None:
         return ()
-    values = _by_state(value, "the loss ratio of each state, such as {slight: 5%}")
-    if values is None:
+    entries = _entries_by_state(value, "the loss ratio of each state, such as {slight: 5%}")
+    if entries is None:
         return None
-    missing, unknown = (
-        [state for state in states if state not in values],
-        set(values) - {*states, COLLAPSE},
-    )
+    missing = [state for state in states if state not in entries]
+    unknown = set(entries) - {*states, COLLAPSE}
     if missing or unknown:
         problem = (
             f"no loss ratio of {', '.join(missing)}"
@@ -150,14 +152,14 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
         )
         value.fault(f"{problem}; the states are {', '.join(states)}, and optionally {COLLAPSE}")
         return None
-    losses = {name: entry.number(LOSS) for name, entry in values.items()}
-    return None if any(map(math.isnan, losses.values())) else losses_of(losses, states)
+    losses = {name: entry.number(LOSS) for name, entry in entries.items()}
+    return None if any(map(math.isnan, losses.values())) else losses_in_order(losses, states)
 
 
-def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float, ...]:
+def losses_in_order(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float, ...]:
     """Return the loss ratios in the order of the states, followed by the ratio of collapse.
 
-    The default for collapse is the loss ratio of the last state.
+    If `losses` contains no ratio of collapse, the ratio of the last state is used.
 
     Parameters
     ----------
@@ -169,8 +171,8 @@ def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float
     return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 
 
-def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
-    """Return the entries by the names of states, or None after reporting an error.
+def _entries_by_state(value: Value, expected: str) -> dict[str, Value] | None:
+    """Return the entry of each damage state by its name, or None after reporting an error.
 
     Parameters
     ----------
@@ -188,5 +190,8 @@ def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
 
 
 def is_state(name: str) -> bool:
-    """Return True if a text is a valid name of a damage state."""
+    """Return True if a text is a valid name of a damage state.
+
+    A name starts with a letter and consists of ASCII letters, digits, _ and -.
+    """
     return name.isascii() and name.replace("_", "").replace("-", "").isalnum() and name[0].isalpha()

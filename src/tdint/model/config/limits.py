@@ -31,13 +31,13 @@ from tdint.model.limits import ACCELERATION, DRIFT_RATIO, ISOLATOR, RESIDUAL, Li
 from tdint.units import parse_with_unit
 
 OTHERS = "others"
-_NUMBERS = re.compile(r"([1-9]\d*)(?:-([1-9]\d*))?")
-_PLACES = r"^([1-9][0-9]*(-[1-9][0-9]*)?|[a-z][a-z0-9-]*)$"
-_BY_PLACE = f"a mapping such as {{1: ..., 2-5: ..., bilinear: ..., {OTHERS}: ...}}"
+_STORY_NUMBERS = re.compile(r"([1-9]\d*)(?:-([1-9]\d*))?")
+_STORY_KEYS = r"^([1-9][0-9]*(-[1-9][0-9]*)?|[a-z][a-z0-9-]*)$"
+_STORY_MAPPING = f"a mapping such as {{1: ..., 2-5: ..., bilinear: ..., {OTHERS}: ...}}"
 
 
 @dataclass(frozen=True)
-class _ByPlace:
+class _ByStory:
     """One value for all stories, or a mapping from stories or types of laws to values."""
 
     type: ValueType
@@ -49,7 +49,7 @@ class _ByPlace:
                 value,
                 {
                     "type": "object",
-                    "patternProperties": {_PLACES: value},
+                    "patternProperties": {_STORY_KEYS: value},
                     "additionalProperties": False,
                     "minProperties": 1,
                 },
@@ -59,21 +59,21 @@ class _ByPlace:
 
 _LENGTH = Either((POSITIVE, Words()))
 _LIMITS = (
-    Key(DRIFT_RATIO, _ByPlace(POSITIVE_RATIO), "drift ratio of the stories: 2% or 0.02"),
+    Key(DRIFT_RATIO, _ByStory(POSITIVE_RATIO), "drift ratio of the stories: 2% or 0.02"),
     Key(
         RESIDUAL,
-        _ByPlace(POSITIVE_RATIO),
+        _ByStory(POSITIVE_RATIO),
         "absolute drift ratio of the stories at the end of the run",
     ),
     Key(
         ISOLATOR,
-        _ByPlace(_LENGTH),
+        _ByStory(_LENGTH),
         "displacement of the stories with `isolator: true`, in the unit of length of the file or "
         "with a unit: 500 mm",
     ),
     Key(
         ACCELERATION,
-        _ByPlace(_LENGTH),
+        _ByStory(_LENGTH),
         "absolute acceleration of the floors, in the unit of length of the file over s^2 or with "
         "a unit: 0.4 g",
     ),
@@ -82,7 +82,7 @@ _QUANTITIES = Keys(_LIMITS)
 
 
 @dataclass(frozen=True)
-class _Levels:
+class _LevelsType:
     """Mapping from the names of performance levels to their limits."""
 
     def schema(self) -> Schema:
@@ -90,18 +90,23 @@ class _Levels:
 
 
 LIMITS = Keys(
-    (*_LIMITS, Key("levels", _Levels(), "limits of performance levels, by the name of the level"))
+    (
+        *_LIMITS,
+        Key("levels", _LevelsType(), "limits of performance levels, by the name of the level"),
+    )
 )
 """Keys of the section `limits` of a model file."""
 
 
 def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tuple[Limit, ...]:
-    """Return the limits of a model; empty without limits.
+    """Return the limits of a model: limits without a level, followed by the limits of each level.
+
+    Limits with errors are reported and omitted.
 
     Parameters
     ----------
     value : Value
-        The section.
+        Value of the key `limits`.
     unit : ModelUnits
         Units of the file.
     stories : sequence of Story
@@ -110,38 +115,35 @@ def read_limits(value: Value, unit: ModelUnits, stories: Sequence[Story]) -> tup
     section = value.section(LIMITS)
     if section is None:
         return ()
-    limits = _of_level(section, "", unit, stories)
+    limits = _read_level(section, "", unit, stories)
     levels = section.get("levels")
-    named = (
-        levels.named(
-            "the limits of each performance level, such as {life safety: {drift_ratio: 2%}}",
-            "is empty; give the limits of each performance level, such as {life safety: "
-            "{drift_ratio: 2%}}",
-        )
-        if levels
-        else None
-    )
-    for name, entry in (named or {}).items():
+    expected = "the limits of each performance level, such as {life safety: {drift_ratio: 2%}}"
+    level_entries = levels.named(expected, f"is empty; give {expected}") if levels else None
+    for name, entry in (level_entries or {}).items():
+        # Names are printed in messages and tables.
         if not name.isprintable() or not name[:1].isalpha() or len(name) > 60:
-            entry.fault("the name of a performance level must start with a letter")
-        elif inner := entry.section(_QUANTITIES):
-            if not inner.mentions(*_QUANTITIES):
+            entry.fault(
+                "the name of a performance level must start with a letter and have at most 60 "
+                "printable characters"
+            )
+        elif level_section := entry.section(_QUANTITIES):
+            if not level_section.mentions(*_QUANTITIES):
                 entry.fault(f"is empty; give one of {', '.join(_QUANTITIES)}")
-            limits += _of_level(inner, name, unit, stories)
+            limits += _read_level(level_section, name, unit, stories)
     if not section.mentions(*LIMITS):
         value.fault(f"is empty; give one of {', '.join(LIMITS)}")
     return tuple(limits)
 
 
-def _of_level(
+def _read_level(
     section: Section, level: str, unit: ModelUnits, stories: Sequence[Story]
 ) -> list[Limit]:
-    """Return the limits of one performance level.
+    """Return the limits of one performance level, at most one for each quantity.
 
     Parameters
     ----------
     section : Section
-        Section with quantities as keys.
+        Section whose keys are the limited quantities.
     level : str
         Name of the level; empty for limits without a level.
     unit : ModelUnits
@@ -152,13 +154,14 @@ def _of_level(
     limits = []
     for quantity in _QUANTITIES:
         if entry := section.get(quantity):
-            values = _values(entry, quantity, unit, stories)
+            values = _read_values(entry, quantity, unit, stories)
+            # After an error in the value, no story has a limit.
             if values is not None and any(map(math.isfinite, values)):
                 limits.append(Limit(level, quantity, values))
     return limits
 
 
-def _values(
+def _read_values(
     entry: Value, quantity: str, unit: ModelUnits, stories: Sequence[Story]
 ) -> tuple[float, ...] | None:
     """Return the limit of each story, nan without a limit, or None after reporting an error.
@@ -174,36 +177,47 @@ def _values(
     stories : sequence of Story
         Stories of the model; empty after an error.
     """
-    read = _reader(quantity, unit)
-    applies = [_applies(quantity, story) for story in stories]
+    read_limit = _limit_reader(quantity, unit)
+    # For each story, True if the story has the quantity; an isolator, for example, has no drift
+    # ratio.
+    applies = [_has_quantity(quantity, story) for story in stories]
     if stories and not any(applies):
         entry.fault(_NOT_APPLICABLE[quantity])
         return None
     if not entry.is_mapping:
-        number = read(entry)
-        return tuple(number if applied else math.nan for applied in applies)
-    entries = entry.named(_BY_PLACE, f"is empty; give {_BY_PLACE}") or {}
-    values = [math.nan] * len(stories)
+        limit = read_limit(entry)
+        return tuple(limit if is_applicable else math.nan for is_applicable in applies)
+    entries = entry.named(_STORY_MAPPING, f"is empty; give {_STORY_MAPPING}") or {}
+    limits = [math.nan] * len(stories)
     # Apply the keys in the order of increasing priority.
-    for name, inner in sorted(entries.items(), key=lambda item: _priority(item[0])):
-        number = read(inner)
-        for i in _places(inner, name, quantity, stories, applies):
-            values[i] = number
-    return tuple(values)
+    for name, inner_entry in sorted(entries.items(), key=lambda item: _priority(item[0])):
+        limit = read_limit(inner_entry)
+        for story_index in _story_indices(inner_entry, name, quantity, stories, applies):
+            limits[story_index] = limit
+    return tuple(limits)
 
 
 def _priority(name: str) -> int:
-    """Return the priority of a key: `others`, then types of laws, then ranges, then numbers."""
+    """Return the priority of a key; a limit of higher priority replaces those of lower priority.
+
+    The priority is 0 for `others`, 1 for a type of law, 2 for a range of stories (`2-5`) and 3 for
+    the number of a story.
+    """
     if name == OTHERS:
         return 0
-    match = _NUMBERS.fullmatch(name)
-    return 1 if match is None else 2 if match[2] else 3
+    numbers = _STORY_NUMBERS.fullmatch(name)
+    if numbers is None:
+        return 1
+    is_range = numbers[2] is not None
+    return 2 if is_range else 3
 
 
-def _places(
+def _story_indices(
     entry: Value, name: str, quantity: str, stories: Sequence[Story], applies: Sequence[bool]
 ) -> list[int]:
-    """Return the indices of the stories of a key; empty after reporting an error.
+    """Return the indices (from 0) of the stories to which a key of a limit refers.
+
+    Stories without the quantity are omitted. The list is empty after reporting an error.
 
     Parameters
     ----------
@@ -220,36 +234,37 @@ def _places(
     """
     if not stories:
         return []
-    count, place = len(stories), "floor" if quantity == ACCELERATION else "story"
-    if match := _NUMBERS.fullmatch(name):
+    count = len(stories)
+    noun = "floor" if quantity == ACCELERATION else "story"
+    if match := _STORY_NUMBERS.fullmatch(name):
         first, last = int(match[1]), int(match[2] or match[1])
         if not first <= last <= count:
-            entry.fault(f"{place} {name} not found; {place} numbers are from 1 to {count}")
+            entry.fault(f"{noun} {name} not found; {noun} numbers are from 1 to {count}")
             return []
-        chosen = [i for i in range(first - 1, last) if applies[i]]
-        # Stories of a range to which the quantity does not apply, such as isolators for drift
-        # ratios, are skipped; the quantity must apply to a single story.
-        if not chosen:
-            entry.fault(f"{place} {name}: {_NOT_APPLICABLE[quantity]}")
-        return chosen
+        indices = [i for i in range(first - 1, last) if applies[i]]
+        # A range may include stories without the quantity, such as isolators for drift ratios; they
+        # are skipped. It is an error if no story of the range, or the single story, has it.
+        if not indices:
+            entry.fault(f"{noun} {name}: {_NOT_APPLICABLE[quantity]}")
+        return indices
     if name == OTHERS:
-        return [i for i, applied in enumerate(applies) if applied]
-    law_types = list(dict.fromkeys(story.law.name for story in stories))
-    chosen = [i for i, story in enumerate(stories) if story.law.name == name and applies[i]]
+        return [i for i, is_applicable in enumerate(applies) if is_applicable]
     if quantity == ACCELERATION:
         entry.fault(f"floors have no type; specify floor numbers from 1 to {count}, or {OTHERS}")
         return []
-    if not chosen:
+    law_types = list(dict.fromkeys(story.law.name for story in stories))
+    indices = [i for i, story in enumerate(stories) if story.law.name == name and applies[i]]
+    if not indices:
         hint = did_you_mean(name, [*law_types, OTHERS]) if name not in law_types else ""
         entry.fault(
             f"no story to which this limit applies has a law of the type {name!r}{hint}; specify "
             f"story numbers from 1 to {count}, types of laws ({', '.join(law_types)}), or {OTHERS}"
         )
-    return chosen
+    return indices
 
 
-def _applies(quantity: str, story: Story) -> bool:
-    """Return True if a story has a value of a quantity."""
+def _has_quantity(quantity: str, story: Story) -> bool:
+    """Return True if a quantity is defined for a story or the floor above it."""
     if quantity == ISOLATOR:
         return story.isolator
     return quantity == ACCELERATION or story.drift_height is not None
@@ -263,11 +278,11 @@ _NOT_APPLICABLE = {
 }
 """Messages if no story has a value of the quantity."""
 
-_UNITS = {ISOLATOR: ("displacement", "500 mm"), ACCELERATION: ("acceleration", "0.4 g")}
-"""Quantity and example for values with a unit."""
+_LIMIT_UNITS = {ISOLATOR: ("displacement", "500 mm"), ACCELERATION: ("acceleration", "0.4 g")}
+"""Quantity of a limit with a unit, and an example for messages."""
 
 
-def _reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
+def _limit_reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
     """Return the function that reads a limit in SI units, or nan after reporting an error.
 
     Parameters
@@ -279,18 +294,21 @@ def _reader(quantity: str, unit: ModelUnits) -> Callable[[Value], float]:
     """
     if quantity in (DRIFT_RATIO, RESIDUAL):
         return lambda value: value.number(POSITIVE_RATIO)
-    kind, example = _UNITS[quantity]
+    unit_quantity, example = _LIMIT_UNITS[quantity]
 
-    def with_unit(text: str) -> float:
-        number = parse_with_unit(text, kind, example)
+    def parse_positive(text: str) -> float:
+        """Return a number with a unit, such as `500 mm`, in SI units."""
+        number = parse_with_unit(text, unit_quantity, example)
         if not (math.isfinite(number) and number > 0.0):
             raise UsageError(f"must be positive, got {text!r}")
         return number
 
-    def read(value: Value) -> float:
-        # A number without a unit is in the units of the file.
-        if re.search(r"[A-Za-z%]", re.sub(r"[eE][+-]?\d", "", value.word)):
-            return value.parsed(with_unit) or math.nan
+    def read_limit(value: Value) -> float:
+        """Return a limit with a unit, or a number in the units of the file, in SI units."""
+        # A letter that is not the exponent of a number, such as in 1e3, belongs to a unit.
+        without_exponent = re.sub(r"[eE][+-]?\d", "", value.word)
+        if re.search(r"[A-Za-z%]", without_exponent):
+            return value.parsed(parse_positive) or math.nan
         return value.number(POSITIVE, unit.length)
 
-    return read
+    return read_limit

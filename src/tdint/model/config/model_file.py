@@ -8,7 +8,6 @@ file. The JSON schema for editors is generated from the same declarations.
 from __future__ import annotations
 
 import io
-import itertools
 import json
 import math
 import os
@@ -76,7 +75,7 @@ from tdint.model.keys.fields import (
 )
 from tdint.model.keys.nodes import Faults
 from tdint.number_parsing import parse_head
-from tdint.units import SI, parse_output_units
+from tdint.units import SI, OutputUnits, parse_output_units
 
 if TYPE_CHECKING:
     from tdint.model.damage_states import DamageStates
@@ -103,7 +102,7 @@ LAYOUT = (
 
 
 def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordChoice:
-    """Read how the entries of a section select and process a record.
+    """Return how a record is selected and processed, from the entries of a section.
 
     Parameters
     ----------
@@ -117,12 +116,11 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
     Returns
     -------
     RecordChoice
-        Choice with default layout (or processing) if an entry of the layout (or processing) is
-        invalid.
+        If an entry of the layout is invalid, the layout is the default; likewise the processing.
     """
-    layout, steps = (
-        section.read_present(*(key.name for key in keys)) for keys in (LAYOUT, PROCESSING)
-    )
+    layout = section.read_present(*(key.name for key in LAYOUT))
+    steps = section.read_present(*(key.name for key in PROCESSING))
+    # The value of an invalid entry is None. It has been reported.
     processing = Processing()
     if None not in steps.values():
         try:
@@ -170,7 +168,7 @@ EXCITATION = Keys(
 
 
 def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) -> Excitation:
-    """Read the record and the forces. `count` is the number of stories, None if unknown.
+    """Return the record and the forces of the section `excitation`.
 
     Parameters
     ----------
@@ -178,6 +176,8 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
         Value of the key `excitation`; None if it is missing.
     unit : ModelUnits
         Units of the model file.
+    count : int or None
+        Number of stories; None if it is unknown after an error.
     """
     section = value.section(EXCITATION) if value else None
     if section is None:
@@ -186,13 +186,16 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     # A building may have both a record and forces.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
-        record_within(record) if record else None,
+        record_from_value(record) if record else None,
         tuple(_read_force(item, unit, count) for item in items or ()),
     )
 
 
-def record_within(value: Value) -> RecordSource | None:
-    """Read the ground motion of `excitation: record`, or return None after an error."""
+def record_from_value(value: Value) -> RecordSource | None:
+    """Return the ground motion of `excitation: record`, or None after reporting an error.
+
+    The value is the path of the file, or a mapping with the key `file` and options.
+    """
     if not value.is_list and not value.is_mapping:
         file = value.file(stdin=True)
         return RecordSource(file) if file else None
@@ -210,14 +213,27 @@ def record_within(value: Value) -> RecordSource | None:
 
 
 def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
+    """Return the force amplitude * cos(omega t + phi), whose `phase` is phi, `cos` or `sin`.
+
+    Invalid values are reported and replaced by nan or 0.
+
+    Parameters
+    ----------
+    value : Value
+        Entry of the list of forces.
+    unit : ModelUnits
+        Units of the model file.
+    count : int or None
+        Number of stories, which is the highest floor; None if it is unknown after an error.
+    """
     section = value.section(_FORCE)
     if section is None:
         return Force(0, math.nan, math.nan, math.nan)
     floor = section.need("floor", "give the floor, counted from 1 at the bottom")
     amplitude = section.number("amplitude", scale=unit.force)
 
-    # Coefficients of cos(omega t) and sin(omega t): one of them is 1, or cos(omega t + phi) =
-    # cos(phi) cos(omega t) - sin(phi) sin(omega t).
+    # Coefficients of cos(omega t) and sin(omega t) for a unit amplitude. For an angle phi they
+    # follow from cos(omega t + phi) = cos(phi) cos(omega t) - sin(phi) sin(omega t).
     cosine, sine = 1.0, 0.0
     phase = section.get("phase")
     if phase and phase.is_word("sin"):
@@ -257,18 +273,27 @@ _ANALYSIS = Keys(
 
 
 def _suppression_reason(text: str) -> str:
-    """Return the reason in `off, test rig in the laboratory`."""
+    """Return the reason in the value of `plausibility`, such as `off, test rig in the laboratory`.
+
+    Raises
+    ------
+    UsageError
+        The text does not begin with `off,`, or contains no reason.
+    """
     state, _, reason = text.partition(",")
     if state.strip() != "off" or not reason.strip():
         raise UsageError("must be off and the reason, such as `off, test rig in the laboratory`")
     return reason.strip()
 
 
-_OFF, _HEAD = Words(_suppression_reason), Words(parse_head)
+_PLAUSIBILITY, _REPORT_HEAD = Words(_suppression_reason), Words(parse_head)
 
 
 def model_keys() -> Keys:
-    """Return the keys of a model file with the types of their values."""
+    """Return the keys of a model file with the types of their values.
+
+    In `_MODEL` the types of `building`, `damage` and `limits` are placeholders.
+    """
     # Imported here because it loads numpy, which is not needed to read most models.
     from tdint.model.config.building_facts import BUILDING
     from tdint.model.config.damage import DAMAGE
@@ -307,7 +332,7 @@ _MODEL = Keys(
         ),
         Key(
             "plausibility",
-            _OFF,
+            _PLAUSIBILITY,
             "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
         ),
         Key("damage", Keys(()), "damage states of the building"),
@@ -319,14 +344,14 @@ _MODEL = Keys(
         ),
         Key(
             "report",
-            _HEAD,
+            _REPORT_HEAD,
             "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'",
         ),
     ),
     one_of=(("stories", "building"),),
 )
-# Drift ratio. Codes and incremental dynamic analyses use this value as the collapse of a frame.
 _DEFAULT_COLLAPSE_DRIFT = 0.10
+"""Drift ratio. Codes and incremental dynamic analyses use it as collapse criterion of frames."""
 
 
 def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
@@ -370,11 +395,12 @@ def load_with_checks(
         with the line and column of the value.
     """
     origin, root = read_document(source)
-    model = model_within(root, origin)
+    model = model_from_mapping(root, origin)
     # This layer cannot check texts such as the name of a method; the caller provides the check.
-    for path, check in checks.items():
+    for full_key, check in checks.items():
+        # Find the value of the key in its nested mappings, None if a mapping does not contain it.
         value: Value | None = root
-        for name in path.split("."):
+        for name in full_key.split("."):
             value = value.peek(name) if value else None
         # Values that are not text have already been reported.
         if value is None or value.is_list or value.is_mapping or not value.word:
@@ -382,16 +408,16 @@ def load_with_checks(
         try:
             check(value.word, root.faults.folder)
         except UsageError as error:
-            Value(value.node, path, value.faults).fault(str(error))
+            Value(value.node, full_key, value.faults).fault(str(error))
     root.faults.raise_if_any()
     assert model is not None
     return model
 
 
-def model_within(value: Value, origin: SourceText) -> Model | None:
-    """Return the model of a mapping, or None after reporting an error.
+def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
+    """Return the model that a mapping defines, or None after reporting an error.
 
-    The mapping is a complete model file or a part of another file, `origin`.
+    The mapping is the content of a model file, or one value in a file of another type.
 
     Parameters
     ----------
@@ -419,30 +445,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
 
-    # Units of tables, and units of reports and figures. Without `output_units`, tables are in SI
-    # units, and reports in the units of the file.
-    output_units, page_units = SI, unit.named
-    stated = section.get("output_units")
-    items = () if stated is None else stated.items("units") if stated.is_list else (stated,)
-    text = ",".join(filter(None, (item.text() for item in items or ())))
-    if stated and text:
-        try:
-            output_units, page_units = (
-                parse_output_units(text),
-                parse_output_units(text, unit.named),
-            )
-        except UsageError as error:
-            stated.fault(str(error))
-
-    # Initial state: one number per story. The default is zero.
-    initial, states = section.inner("initial"), []
-    for name in _INITIAL:
-        entry = initial.get(name)
-        items = entry.items("a list with one number per story") if entry else None
-        if entry and items is not None and count is not None and len(items) != count:
-            entry.fault(f"must have one number per story ({count}), got {len(items)}")
-        values = tuple(item.number(scale=unit.length) for item in items or ())
-        states.append(values if entry else (0.0,) * (count or 0))
+    output_units, page_units = _read_output_units(section.get("output_units"), unit)
     model = Model(
         name=section.read("name") or origin.name,
         source=origin.label,
@@ -451,7 +454,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         damping=damping,
         p_delta=p_delta,
         excitation=read_excitation(excitation, unit, count),
-        initial=Initial(*states),
+        initial=_read_initial(section.inner("initial"), unit, count),
         analysis=Analysis(*map(section.inner("analysis").read, _ANALYSIS)),
         collapse_drift=section.number("collapse_drift", default=_DEFAULT_COLLAPSE_DRIFT),
         output_units=output_units,
@@ -461,11 +464,59 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         limits=_read_limits(section, unit, stories),
         plausibility_off=section.read("plausibility") or "",
     )
-    # A stream can be read once.
+    # Standard input can be read only once, so it cannot contain both the model and the record.
     record = model.excitation.record
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already contains the model; give the record as a file")
     return model
+
+
+def _read_output_units(value: Value | None, unit: ModelUnits) -> tuple[OutputUnits, OutputUnits]:
+    """Return the units of tables, and the units of reports and figures.
+
+    Without `output_units` in the file, tables are in SI units, and reports in the units of the
+    file.
+
+    Parameters
+    ----------
+    value : Value or None
+        Value of the key `output_units`, one text or a list of texts; None if it is missing.
+    unit : ModelUnits
+        Units of the model file.
+    """
+    if value is None:
+        return SI, unit.named
+    items = value.items("units") if value.is_list else (value,)
+    text = ",".join(filter(None, (item.text() for item in items or ())))
+    if text:
+        try:
+            return parse_output_units(text), parse_output_units(text, unit.named)
+        except UsageError as error:
+            value.fault(str(error))
+    return SI, unit.named
+
+
+def _read_initial(section: Section, unit: ModelUnits, count: int | None) -> Initial:
+    """Return the initial state of the floors, m and m/s. The default is zero.
+
+    Parameters
+    ----------
+    section : Section
+        Section with the keys of `_INITIAL`: lists with one number per story.
+    unit : ModelUnits
+        Units of the model file.
+    count : int or None
+        Number of stories; None if it is unknown after an error.
+    """
+    states: list[tuple[float, ...]] = []
+    for name in _INITIAL:
+        entry = section.get(name)
+        items = entry.items("a list with one number per story") if entry else None
+        if entry and items is not None and count is not None and len(items) != count:
+            entry.fault(f"must have one number per story ({count}), got {len(items)}")
+        values = tuple(item.number(scale=unit.length) for item in items or ())
+        states.append(values if entry else (0.0,) * (count or 0))
+    return Initial(*states)
 
 
 def _read_damage(value: Value | None) -> DamageStates | None:
@@ -506,6 +557,8 @@ def _read_stories(
 ) -> tuple[tuple[Story, ...], int | None, Damping]:
     """Return stories, number of stories and damping, from `stories` or derived from `building`.
 
+    The number of stories is None after an error.
+
     Parameters
     ----------
     section : Section
@@ -518,17 +571,17 @@ def _read_stories(
     building, damping = section.get("building"), section.get("damping")
     if building is None:
         advice = "give a list with one entry per story, or `building` instead"
-        entries = (
-            section.get("stories")
-            if section.mentions("building")
-            else section.need("stories", advice)
-        )
+        # If the key `building` is misspelled, missing `stories` are not another error.
+        if section.mentions("building"):
+            entries = section.get("stories")
+        else:
+            entries = section.need("stories", advice)
         stories, count = read_stories(entries, unit, p_delta)
         return stories, count, read_damping(damping, count)
     # Imported here because it loads numpy, which is not needed to read other models.
     from tdint.model.config.building_facts import read_building
 
-    # The rules include damping, which the file may replace.
+    # The rules determine the damping too, unless the file contains the key `damping`.
     derived = read_building(building, unit)
     if section.has("stories"):
         building.fault("cannot be used with `stories`; give one of the two")
@@ -557,130 +610,165 @@ def model_schema() -> Schema:
 # ---- Replace stiffnesses and damping in the text of a model file, and keep its comments
 
 
-def rewritten(before: Model, after: Model, place: Path) -> str | None:
+def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None:
     """Return the text of a model file with the stiffnesses and the damping of another model.
 
     All other text is kept, including comments. Entries with `repeat` are written separately if
-    their stories differ, and paths refer to the same files.
+    their stories differ. Relative paths are changed so that they refer to the same files from the
+    directory of the new file.
 
     Parameters
     ----------
-    before : Model
+    original : Model
         Model read from the file.
-    after : Model
+    changed : Model
         Same model with other stiffnesses and damping.
-    place : Path
-        Path of the new file, to which relative paths in the text refer.
+    new_path : Path
+        Path of the new file.
 
     Returns
     -------
     str or None
-        None if the new text would not define the model `after`, for example if the file contains
+        None if the new text would not define the model `changed`, for example if the file contains
         aliases.
     """
-    faults = Faults(before.source)
-    text = decode(before.text, faults)
+    text = decode(original.text, Faults(original.source))
     root = composed(text)
-    stories, damping = _entry(root, "stories"), _entry(root, "damping")
+    stories, damping = _find_node(root, "stories"), _find_node(root, "damping")
     edits: list[tuple[int, int, str]] = []
     if stories is None:
         return None
-    # An entry with `repeat` describes several stories.
-    first = 0
+    first_story = 0
     for entry in stories.value:
-        count = int(repeat.value) if (repeat := _entry(entry, "repeat")) else 1
-        pairs = list(zip(before.stories, after.stories, strict=True))[first : first + count]
-        first += count
+        # An entry with `repeat` describes several stories, whose new stiffnesses may differ.
+        repeat = _find_node(entry, "repeat")
+        end_story = first_story + (int(repeat.value) if repeat else 1)
+        factors = [
+            changed.stories[i].stiffness / original.stories[i].stiffness
+            for i in range(first_story, end_story)
+        ]
+        edits.append(_stiffness_edit(text, entry, factors, stories))
+        first_story = end_story
+    if damping is not None and changed.damping != original.damping:
         edits.append(
-            _with_stiffnesses(
-                text, entry, [new.stiffness / old.stiffness for old, new in pairs], stories
-            )
+            (damping.start_mark.index, _end_index(damping), _damping_text(changed.damping))
         )
-    if damping is not None and after.damping != before.damping:
-        edits.append((damping.start_mark.index, _end(damping), _damping_text(after.damping)))
-    # Relative paths refer to the directory of the file, which may have changed.
-    record = _entry(_entry(root, "excitation"), "record")
-    source = after.excitation.record
-    if record is not None and source is not None:
-        station_metadata = _entry(record, "inventory")
-        for node, file in (
-            (_entry(record, "file") or record, source.file),
-            (station_metadata, source.choice.inventory),
-        ):
-            if (
-                node is not None
-                and file not in (None, STDIN)
-                and not Path(node.value).is_absolute()
-            ):
-                path = os.path.relpath(str(file), place.parent)
-                edits.append(
-                    (node.start_mark.index, _end(node), json.dumps(path, ensure_ascii=False))
-                )
-    # Read the new text, and return it only if it defines the intended model. The separate context
-    # prevents that the text is recorded as an input file of the command.
-    text = _edited(text, edits)
+    edits += _path_edits(root, changed, new_path.parent)
+    new_text = _replace_parts(text, edits)
+    return new_text if _defines_model(new_text, changed) else None
+
+
+def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, str]]:
+    """Return the replacements of the relative paths in `excitation: record`.
+
+    Parameters
+    ----------
+    root : yaml.Node
+        Root of the file.
+    model : Model
+        Model with the paths of the record and of its station metadata, relative to the working
+        directory.
+    folder : Path
+        Directory of the new file, to which the new paths are relative.
+
+    Returns
+    -------
+    list of (int, int, str)
+        Start and end of each replaced part of the text, and its new text.
+    """
+    record = _find_node(_find_node(root, "excitation"), "record")
+    source = model.excitation.record
+    if record is None or source is None:
+        return []
+    # The value of `record` is a mapping with the key `file`, or the path itself.
+    file_node = _find_node(record, "file") or record
+    metadata_node = _find_node(record, "inventory")
+    edits = []
+    for node, file in ((file_node, source.file), (metadata_node, source.choice.inventory)):
+        if node is None or file in (None, STDIN) or Path(node.value).is_absolute():
+            continue
+        path = os.path.relpath(str(file), folder)
+        new_text = json.dumps(path, ensure_ascii=False)
+        edits.append((node.start_mark.index, _end_index(node), new_text))
+    return edits
+
+
+def _defines_model(text: str, model: Model) -> bool:
+    """Return True if a text is a model file with the stiffnesses and the damping of `model`."""
+    # The separate context prevents that the text is recorded as an input file of the command.
     context = copy_context()
     context.run(INPUT_DIGESTS.set, None)
     try:
         reread = context.run(load_model, io.StringIO(text))
     except ModelError:
-        return None
-
-    # Compare stiffnesses and the numbers of the damping.
-    numbers = []
-    for model in (reread, after):
-        damping_numbers = astuple(model.damping) if model.damping is not None else ()
-        listed = [value if isinstance(value, tuple) else (value,) for value in damping_numbers]
-        numbers.append(
-            [*(story.stiffness for story in model.stories), *itertools.chain.from_iterable(listed)]
+        return False
+    reread_numbers, numbers = _fitted_numbers(reread), _fitted_numbers(model)
+    return (
+        type(reread.damping) is type(model.damping)
+        and len(reread_numbers) == len(numbers)
+        and all(
+            math.isclose(reread_number, number, rel_tol=_WRITTEN_TOLERANCE)
+            for reread_number, number in zip(reread_numbers, numbers, strict=True)
         )
-    same = len(numbers[0]) == len(numbers[1]) and all(
-        math.isclose(value, other, rel_tol=_WRITTEN) for value, other in zip(*numbers, strict=True)
     )
-    return text if same and type(reread.damping) is type(after.damping) else None
 
 
-_WRITTEN = 1e-11
+def _fitted_numbers(model: Model) -> list[float]:
+    """Return the stiffnesses of the stories, followed by the numbers of the damping."""
+    numbers = [story.stiffness for story in model.stories]
+    for value in astuple(model.damping) if model.damping is not None else ():
+        numbers += value if isinstance(value, tuple) else (value,)
+    return numbers
+
+
+_WRITTEN_TOLERANCE = 1e-11
 """Relative tolerance of numbers that were written with twelve digits."""
 
 
-def _entry(node: Any, name: str) -> Any:
-    """Return the node of a key of a mapping, or None if the mapping does not contain the key."""
-    pairs = node.value if node is not None and isinstance(node.value, list) else ()
-    return next(
-        (pair[1] for pair in pairs if isinstance(pair, tuple) and pair[0].value == name), None
-    )
+def _find_node(node: Any, name: str) -> Any:
+    """Return the node of the value of a key, or None if `node` is no mapping with this key."""
+    # `node.value` is a list of pairs (key node, value node) for a mapping, a list of nodes for a
+    # list, and the text for a scalar.
+    entries = node.value if node is not None and isinstance(node.value, list) else ()
+    for entry in entries:
+        if isinstance(entry, tuple) and entry[0].value == name:
+            return entry[1]
+    return None
 
 
-def _end(node: Any) -> int:
+def _end_index(node: Any) -> int:
     """Return the index of the character after a node.
 
-    A block collection ends with its last scalar; PyYAML would include the comments after it.
+    The end mark of PyYAML includes the comments after a list or mapping that is written in lines.
+    Therefore such a node ends with its last scalar.
     """
-    if isinstance(node.value, str) or node.flow_style:
+    is_scalar = isinstance(node.value, str)
+    if is_scalar or node.flow_style:
         return int(node.end_mark.index)
-    last = node.value[-1]
-    return _end(last[1] if isinstance(last, tuple) else last)
+    last_entry = node.value[-1]
+    # An entry of a mapping is a pair (key node, value node).
+    return _end_index(last_entry[1] if isinstance(last_entry, tuple) else last_entry)
 
 
-def _edited(text: str, edits: Sequence[tuple[int, int, str]], first: int = 0) -> str:
-    """Return a text with replacements.
+def _replace_parts(text: str, edits: Sequence[tuple[int, int, str]], offset: int = 0) -> str:
+    """Return a text in which parts are replaced.
 
     Parameters
     ----------
     text : str
         Original text.
     edits : sequence of (int, int, str)
-        Start and end of each replaced part, and its new text.
-    first : int
+        Start and end of each replaced part, as indices in the file, and its new text.
+    offset : int
         Index of the first character of `text` in the file to which the indices refer.
     """
+    # Replace from the end to the start, because a replacement changes the indices after it.
     for start, end, replacement in sorted(edits, reverse=True):
-        text = text[: start - first] + replacement + text[end - first :]
+        text = text[: start - offset] + replacement + text[end - offset :]
     return text
 
 
-def _with_stiffnesses(
+def _stiffness_edit(
     text: str, entry: Any, factors: Sequence[float], stories: Any
 ) -> tuple[int, int, str]:
     """Return the replacement of an entry of `stories` with scaled stiffnesses.
@@ -690,24 +778,24 @@ def _with_stiffnesses(
     text : str
         Text of the file.
     entry, stories : yaml.Node
-        Entry, and the list that contains it.
+        Entry of the list `stories`, and this list.
     factors : sequence of float
         Factor on the stiffness of each story of the entry. If all are equal, the entry is written
         once, otherwise once per story.
     """
-    start, end = entry.start_mark.index, _end(entry)
+    start, end = entry.start_mark.index, _end_index(entry)
     is_uniform = all(factor == factors[0] for factor in factors)
-    stiffness, repeat = _entry(entry, "stiffness"), _entry(entry, "repeat")
+    stiffness, repeat = _find_node(entry, "stiffness"), _find_node(entry, "repeat")
     copies = []
     # If all factors are equal, the entry keeps its `repeat`.
     for factor in factors[:1] if is_uniform else factors:
-        edits = []
+        replacements = []
         if stiffness is not None and factor != 1.0:
             number = f"{float(stiffness.value) * factor:.12g}"
-            edits.append((stiffness.start_mark.index, stiffness.end_mark.index, number))
+            replacements.append((stiffness.start_mark.index, stiffness.end_mark.index, number))
         if not is_uniform:
-            edits.append((repeat.start_mark.index, repeat.end_mark.index, "1"))
-        copies.append(_edited(text[start:end], edits, start))
+            replacements.append((repeat.start_mark.index, repeat.end_mark.index, "1"))
+        copies.append(_replace_parts(text[start:end], replacements, start))
     # Copies are written in the style of the list, in brackets or with dashes.
     separator = ", " if stories.flow_style else "\n" + " " * stories.start_mark.column + "- "
     return start, end, separator.join(copies)
@@ -716,18 +804,17 @@ def _with_stiffnesses(
 def _damping_text(damping: Damping) -> str:
     """Return the value of `damping` as text of a model file."""
 
-    def numbers(values: Sequence[float]) -> str:
-        return (
-            f"[{', '.join(f'{value:.12g}' for value in values)}]"
-            if len(values) > 1
-            else f"{values[0]:.12g}"
-        )
+    def format_numbers(values: Sequence[float]) -> str:
+        """Return one number without brackets, or several numbers in brackets."""
+        texts = [f"{value:.12g}" for value in values]
+        return f"[{', '.join(texts)}]" if len(texts) > 1 else texts[0]
 
     match damping:
         case RayleighRatio(ratios, modes):
-            return f"{{rayleigh: {{ratio: {numbers(ratios)}, modes: {numbers(modes)}}}}}"
+            values = f"ratio: {format_numbers(ratios)}, modes: {format_numbers(modes)}"
+            return f"{{rayleigh: {{{values}}}}}"
         case RayleighCoefficients(mass, stiffness):
             return f"{{rayleigh: {{mass: {mass:.12g}, stiffness: {stiffness:.12g}}}}}"
         case ModalDamping(ratios):
-            return f"{{modal: {numbers(ratios)}}}"
+            return f"{{modal: {format_numbers(ratios)}}}"
     return "none"

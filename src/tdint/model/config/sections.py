@@ -26,12 +26,14 @@ from tdint.model.keys.fields import (
 
 # ---- The section `units` of a model file, and the units of the samples of a record
 
-_WEIGHT = (
+_MASS_ADVICE = (
     "give the `weight` of the stories instead of the mass, or divide by the acceleration of "
     "gravity, mass = W/g, in kip*s^2/in or kip*s^2/ft"
 )
 
-_OPEN = tuple(unit for unit in (*units.LENGTH, *units.FORCE) if unit not in ("m", "N"))
+_UNITS_WITHOUT_MASS = tuple(
+    unit for unit in (*units.LENGTH, *units.FORCE) if unit not in ("m", "N")
+)
 """Units of length and force that do not determine the unit of mass: with kN it is usually t, with
 mm it can be any unit."""
 
@@ -50,14 +52,14 @@ UNITS = Keys(
 
 @dataclass(frozen=True)
 class ModelUnits:
-    """Factors from the units of the file to SI units, and the units of reports.
+    """Factors from the units of the file to SI units, and the names of these units.
 
     Attributes
     ----------
     length, force, mass : float
         Factors to m, N and kg.
     named : OutputUnits
-        Units of reports.
+        Names of the units of the file, in which reports are written by default.
     mass_is_open : bool
         True if lengths are not in m or forces are not in N, and the unit of mass is not specified:
         kg would be a guess.
@@ -70,7 +72,10 @@ class ModelUnits:
     mass_is_open: bool = False
 
     def factor(self, force: int = 0, length: float = 0) -> float:
-        """Return the factor of the dimension force^`force` length^`length`; inf on overflow."""
+        """Return the factor to SI units for a quantity with the unit force^`force` length^`length`.
+
+        A stiffness, for example, has force=1 and length=-1. The factor is inf on overflow.
+        """
         try:
             return float(self.force**force * self.length**length)
         except OverflowError:
@@ -78,44 +83,49 @@ class ModelUnits:
 
 
 def read_units(section: Section) -> ModelUnits:
-    """Return the units of the file. Default: SI units."""
+    """Return the units of the file. Default: m, N and kg."""
 
-    # A unit of force for a mass gets its own message, which explains the conversion.
-    def named(name: str, factors: Mapping[str, float], usual: str) -> str:
+    def read_unit(name: str, factors: Mapping[str, float], default: str) -> str:
+        """Return the unit at the key `name`, or `default` if it is missing or invalid."""
         entry = section.get(name)
+        # A unit of force for a mass gets its own message, which explains the conversion.
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
-            entry.fault(f"{entry.node.text} is a unit of force; {_WEIGHT}")  # type: ignore[union-attr]
-            return usual
-        return (entry.choice(factors, f"{name} unit") if entry else None) or usual
+            entry.fault(f"{entry.node.text} is a unit of force; {_MASS_ADVICE}")  # type: ignore[union-attr]
+            return default
+        return (entry.choice(factors, f"{name} unit") if entry else None) or default
 
-    length, force = named("length", units.LENGTH, "m"), named("force", units.FORCE, "N")
-    mass, mass_is_said = named("mass", units.MASS, "kg"), section.mentions("mass")
-    # With other units than m and N a mass is rarely in kg, so its unit is required.
+    length, force = read_unit("length", units.LENGTH, "m"), read_unit("force", units.FORCE, "N")
+    mass, has_mass_unit = read_unit("mass", units.MASS, "kg"), section.mentions("mass")
+    # If the file uses other units than m and N, its masses are rarely in kg. `_read_mass` of the
+    # stories then requires the unit of mass.
     entries = [entry for name in ("length", "force") if (entry := section.get(name))]
-    foreign = any(entry.is_word(unit) for entry in entries for unit in _OPEN)
+    is_mass_ambiguous = any(
+        entry.is_word(unit) for entry in entries for unit in _UNITS_WITHOUT_MASS
+    )
     return ModelUnits(
         units.LENGTH[length],
         units.FORCE[force],
         units.MASS[mass],
         units.OutputUnits(
-            length, force, mass if mass_is_said else units.matching_mass_unit(force, length)
+            length, force, mass if has_mass_unit else units.matching_mass_unit(force, length)
         ),
-        mass_is_open=foreign and not mass_is_said,
+        mass_is_open=is_mass_ambiguous and not has_mass_unit,
     )
 
 
 def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
     """Return the units of samples as text, or None after reporting an error with its line.
 
-    `quantity` is the required quantity if the file specifies it elsewhere.
+    None is also returned if `value` is None. `quantity` is the required quantity, for example
+    acceleration, if another key of the file specifies it.
     """
     parsed = value.parsed(units.parse_units) if value else None
     if value is None or parsed is None:
         return None
     if quantity and parsed.quantity != quantity:
-        fitting = ", ".join(units.GROUND_MOTION[quantity])
+        allowed = ", ".join(units.GROUND_MOTION[quantity])
         value.fault(
-            f"units of {parsed.quantity} do not fit the quantity {quantity}; give one of {fitting}"
+            f"units of {parsed.quantity} do not fit the quantity {quantity}; give one of {allowed}"
         )
     return value.word
 
@@ -123,7 +133,7 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
 def read_file_units(value: Value | None) -> SampleUnits | None:
     """Return the units of several records: one unit, units by file, or a table of units.
 
-    An error is reported with the line of the value.
+    None is returned if `value` is None, or after reporting an error with the line of the value.
     """
     if value is None:
         return None
@@ -136,21 +146,23 @@ def read_file_units(value: Value | None) -> SampleUnits | None:
     return value.parsed(checked)
 
 
-# ---- The section `damping` of a model file. The declaration also reads the values.
+# ---- The section `damping` of a model file. The declared types also convert the values (`make`).
 
-_ONE_STORY = (
+_ONE_STORY_ERROR = (
     "a one-story model has one mode, and the form with ratio and modes requires two; write "
     "damping: 5%, {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
 )
-_SHORT = "a list must contain at least two damping ratios; write a single ratio without brackets"
-_LAST_MODE = 3
+_SHORT_LIST_ERROR = (
+    "a list must contain at least two damping ratios; write a single ratio without brackets"
+)
+_SECOND_MODE = 3
 """Second mode with the damping ratio of `damping: 5%`, if the building has three modes."""
 
 
-def _declared(count: int | None) -> Either:
-    """Return the declaration of `damping` for a building with `count` stories."""
+def _damping_type(count: int | None) -> Either:
+    """Return the type of the key `damping` for a building with `count` stories, None if unknown."""
     mode = numbered(count)
-    two = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT)
+    two_ratios = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT_LIST_ERROR)
     modes = EntriesOf(
         mode, 2, 2, "a list of two modes", distinct="" if count == 1 else "two different modes"
     )
@@ -158,9 +170,9 @@ def _declared(count: int | None) -> Either:
         (
             Key(
                 "ratio",
-                Either((RATIO, two)),
+                Either((RATIO, two_ratios)),
                 "damping ratio in both modes, or in each",
-                advice=f"give {two.what}",
+                advice=f"give {two_ratios.what}",
             ),
             Key(
                 "modes",
@@ -175,27 +187,28 @@ def _declared(count: int | None) -> Either:
         what="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
         make=lambda value, **entries: _rayleigh(value, count, **entries),
     )
-    first = Keys(
+    first_modes = Keys(
         (
             Key("ratio", RATIO, "damping ratio", True),
             Key("modes", mode, "number of modes", True, "give the number of damped modes"),
         ),
-        # A tuple with one ratio means all modes. If only the first mode is damped, the tuple also
-        # contains the zero ratio of the second mode.
+        # `ModalDamping` applies a single ratio to all modes. Therefore the result has a second
+        # ratio of zero if only the first of several modes is damped.
         make=lambda _, ratio, modes: (
             (ratio, 0.0) if modes == 1 and count != 1 else (ratio,) * modes
         ),
     )
-    many = f"a list of at most {count} damping ratios (one per mode)"
-    ratios = Either((RATIO, EntriesOf(RATIO, 2, count, many, _SHORT), first))
-    both = Keys(
+    list_text = f"a list of at most {count} damping ratios (one per mode)"
+    ratio_list = EntriesOf(RATIO, 2, count, list_text, _SHORT_LIST_ERROR)
+    modal = Either((RATIO, ratio_list, first_modes))
+    forms = Keys(
         (
             Key(
                 "rayleigh",
                 rayleigh,
                 "C = a0 M + a1 K, through the damping ratios of two modes or by coefficients",
             ),
-            Key("modal", ratios, "damping ratios of modes"),
+            Key("modal", modal, "damping ratios of modes"),
         ),
         one_of=(("rayleigh", "modal"),),
         ways=(("rayleigh",), ("modal",)),
@@ -204,25 +217,44 @@ def _declared(count: int | None) -> Either:
             rayleigh or ModalDamping(modal if isinstance(modal, tuple) else (modal,))
         ),
     )
-    return Either((Choice(("none",)), RATIO, both), both.what)
+    return Either((Choice(("none",)), RATIO, forms), forms.what)
 
 
 def _rayleigh(
     value: Value, count: int | None, ratio: Any, modes: Any, mass: Any, stiffness: Any
 ) -> Damping:
+    """Return the Rayleigh damping of the key `rayleigh`.
+
+    Parameters
+    ----------
+    value : Value
+        Value of the key `rayleigh`, to which an error refers.
+    count : int or None
+        Number of stories; None if unknown. Ratio and modes are an error for one story.
+    ratio : float, tuple of two floats or None
+        Damping ratio in both modes, or in each mode.
+    modes : tuple of two int or None
+        Numbers of the modes with these ratios, from 1.
+    mass, stiffness : float or None
+        Coefficients of the mass and stiffness matrix, 1/s and s; None if ratio and modes are given.
+    """
     if mass is not None:
         return RayleighCoefficients(mass, stiffness)
     if count == 1:
-        value.fault(_ONE_STORY)
+        value.fault(_ONE_STORY_ERROR)
     return RayleighRatio(ratio if isinstance(ratio, tuple) else (ratio, ratio), modes)
 
 
-DAMPING = _declared(None)
+DAMPING = _damping_type(None)
 
 
 def read_damping(value: Value | None, count: int | None) -> Damping:
-    """Return the damping. `count` is the number of stories, None if unknown after an error."""
-    damping = replace(value, type=_declared(count)).read() if value else None
+    """Return the damping; None without damping or after reporting an error.
+
+    A single ratio is Rayleigh damping in modes 1 and 3, or in modes 1 and `count` for fewer than
+    three stories. `count` is the number of stories, None if unknown after an error.
+    """
+    damping = replace(value, type=_damping_type(count)).read() if value else None
     if isinstance(damping, float):
-        return RayleighRatio((damping, damping), (1, min(count or 1, _LAST_MODE)))
+        return RayleighRatio((damping, damping), (1, min(count or 1, _SECOND_MODE)))
     return None if damping == "none" else damping

@@ -41,61 +41,84 @@ from tdint.model.keys.fields import (
 from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None
-"""Values of a group of parameters: a section, one number in SI units for all of them, or None if
-the group is omitted."""
+"""Values of a group of parameters: a section with one entry per parameter, one number in SI units
+for all parameters, or None if the file omits the group."""
 
-Earlier = Mapping[str, tuple[float, ...]]
+EarlierParameters = Mapping[str, tuple[float, ...]]
 """Parameters that have already been read, by name."""
 
-_LIST = "a list of numbers"
-_POINTS = "two to four points [drift, force]"
+_NUMBER_LIST = "a list of numbers"
+_POINT_LIST = "two to four points [drift, force]"
 
 
-def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
-    """Return the keys in the mapping of a law, or in one of its groups."""
+def _law_keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
+    """Return the keys of the mapping of a law, or of the mapping of one of its groups.
+
+    A parameter with `group` "pinching.force" is a key of the mapping `force`, which is the value of
+    a key of the mapping `pinching`, which is the value of a key of the law.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        Law that declares the parameters.
+    group : str
+        Names of the nested groups, separated by dots; "" for the mapping of the law itself.
+    """
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
-        # A parameter is optional if it has a default, or a value for the case without its group.
-        needed = parameter.default is None and parameter.without is None
-        inner, bounds = _inner(parameter, group), _bounds(parameter)
+        # A parameter is optional if it has a default, or a value (`without`) that applies if the
+        # file omits its group.
+        is_needed = parameter.default is None and parameter.without is None
+        inner_group, bounds = _inner_group(parameter, group), _bounds(parameter)
         if parameter.group == group:
             value_type: ValueType = EntriesOf(bounds, least=1) if parameter.many else bounds
             if parameter.points:
                 value_type = EntriesOf(EntriesOf(bounds, least=2, most=2), least=2, most=4)
-            keys[parameter.name] = Key(parameter.name, value_type, needed=needed)
-        elif inner and inner not in keys:
-            mapping: ValueType = Keys(_keys(law, f"{group}.{inner}" if group else inner))
-            whole = (bounds, mapping, Choice(("none",)))
-            keys[inner] = Key(inner, Either(whole) if parameter.shared else mapping, needed=needed)
+            keys[parameter.name] = Key(parameter.name, value_type, needed=is_needed)
+        elif inner_group and inner_group not in keys:
+            mapping: ValueType = Keys(
+                _law_keys(law, f"{group}.{inner_group}" if group else inner_group)
+            )
+            forms = (bounds, mapping, Choice(("none",)))
+            keys[inner_group] = Key(
+                inner_group, Either(forms) if parameter.shared else mapping, needed=is_needed
+            )
     return tuple(keys.values())
 
 
-def _inner(parameter: LawParameter, group: str) -> str:
-    """Return the key in `group` of the inner group of a parameter, or an empty string."""
-    start = f"{group}." if group else ""
-    return parameter.group[len(start) :].split(".")[0] if parameter.group.startswith(start) else ""
+def _inner_group(parameter: LawParameter, group: str) -> str:
+    """Return the key of the mapping of `group` that contains a parameter of an inner group.
+
+    For the parameter group "a.b.c" the result is "b" in the group "a", and "a" in the group "" (the
+    mapping of the law). The result is empty if the parameter is not in an inner group.
+    """
+    prefix = f"{group}." if group else ""
+    return (
+        parameter.group[len(prefix) :].split(".")[0] if parameter.group.startswith(prefix) else ""
+    )
 
 
 @dataclass(frozen=True)
-class _LawKind:
-    """Name of a law, or mapping with its type and parameters."""
+class _LawType:
+    """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
 
     def schema(self) -> Schema:
-        bare = [name for name, law in laws().items() if not law.parameters]
+        names_without_parameters = [name for name, law in laws().items() if not law.parameters]
         mappings = [
-            Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law)))
+            Keys((Key("type", Choice((law.name,)), law.formula, True), *_law_keys(law)))
             for law in laws().values()
         ]
-        return Either((Choice(tuple(bare)), *mappings)).schema()
+        return Either((Choice(tuple(names_without_parameters)), *mappings)).schema()
 
 
-LAW = _LawKind()
+LAW = _LawType()
 
 
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
-    """Read a law and the initial stiffness that follows from its parameters, N/m.
+    """Return a law, and its initial stiffness (N/m) if the parameters of the law determine it.
 
-    The stiffness is None if the story specifies it, and nan after an error.
+    The stiffness is None if the parameters do not determine it, so that the key `stiffness` of the
+    story is required. It is nan after an error.
 
     Parameters
     ----------
@@ -106,59 +129,64 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     """
     if value is None:
         return LINEAR, None
-    law, section = _read_type(value)
+    law, section = _read_law_type(value)
     if law is None:
         return LINEAR, math.nan
     parameters = _read_parameters(section, law, unit) if section else ()
-    read = Law(law.name, parameters)
+    result = Law(law.name, parameters)
     if law.initial_stiffness is None:
-        return read, None
+        return result, None
 
     # The initial stiffness follows from the parameters. It may be invalid although each parameter
     # is valid.
     stiffness = law.initial_stiffness(parameters) if parameters else math.nan
     if stiffness <= 0.0 or stiffness == math.inf:
-        shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
+        stiffness_text = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
         value.fault(
-            f"the initial stiffness of the {law.name} law must be a positive number, got {shown}"
+            f"the initial stiffness of the {law.name} law must be a positive number, got "
+            f"{stiffness_text}"
         )
-        return read, math.nan
-    return read, stiffness
+        return result, math.nan
+    return result, stiffness
 
 
-def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
+def _read_law_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     """Return the law and the section with its parameters.
 
-    The law is None after an error. The section is None if the value is the name of the law only.
+    The law is None after an error. The section is None if the value is not a mapping, but only the
+    name of the law.
     """
-    # A name without parameters is sufficient only if the law has no parameters.
+    # The name alone is valid only if the law has no parameters.
     if not value.is_mapping:
-        name = value.choice(_known(value), "law")
+        name = value.choice(_candidate_laws(value), "law")
         if name and LAWS[name].parameters:
-            needed = (
+            required_names = (
                 item.name
                 for item in LAWS[name].parameters
                 if item.default is None and item.without is None
             )
-            names = ", ".join(f"{item}: ..." for item in needed)
+            names = ", ".join(f"{item}: ..." for item in required_names)
             value.fault(f"the {name} law requires parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
     law_type = value.peek("type")
-    name = law_type.choice(_known(law_type), "law") if law_type else None
-    # After an error in the name, the keys of all laws are allowed, so that it causes no more
-    # errors.
-    possible = [LAWS[name]] if name else LAWS.values()
-    admitted = dict.fromkeys(
-        ["type", *(_inner(item, "") or item.name for law in possible for item in law.parameters)]
-    )
-    section = value.section(list(admitted))
+    name = law_type.choice(_candidate_laws(law_type), "law") if law_type else None
+    # After an error in the name, the keys of all laws are allowed, so that no correct key is
+    # reported as unknown.
+    possible_laws = [LAWS[name]] if name else LAWS.values()
+    allowed_keys = ["type"]
+    for law in possible_laws:
+        allowed_keys += [_inner_group(item, "") or item.name for item in law.parameters]
+    section = value.section(list(dict.fromkeys(allowed_keys)))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
     return (LAWS[name] if name else None), section
 
 
-def _known(name: Value) -> Mapping[str, DriftLaw]:
-    """Return the laws by name. Installed packages are searched only if the name is not built in."""
+def _candidate_laws(name: Value) -> Mapping[str, DriftLaw]:
+    """Return the laws by name: the built-in laws if `name` is one of them, otherwise all laws.
+
+    All laws include those of installed packages. Packages are searched only if necessary.
+    """
     return LAWS if any(map(name.is_word, LAWS)) else laws()
 
 
@@ -174,9 +202,10 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     unit : ModelUnits
         Units of the model file.
     """
-    # Outer groups are read before inner groups, because they contain them.
+    # Sort the groups by depth: an outer group must be read before its inner groups.
     names = sorted(
-        dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count(".")
+        dict.fromkeys(parameter.group for parameter in law.parameters),
+        key=lambda name: name.count("."),
     )
     groups: dict[str, Group] = {"": section}
     for name in names:
@@ -185,20 +214,24 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     earlier: dict[str, tuple[float, ...]] = {}
     for parameter in law.parameters:
         if parameter.many:
-            entry = section.need(parameter.name, f"give {_LIST}")
-            items = entry.items(_LIST, "must contain at least one number") if entry else None
-            bounds, numbers = _bounds(parameter), enumerate(items or (), start=1)
+            entry = section.need(parameter.name, f"give {_NUMBER_LIST}")
+            items = entry.items(_NUMBER_LIST, "must contain at least one number") if entry else None
+            bounds = _bounds(parameter)
             # The unit of the j-th number is force divided by length to the power j.
-            read = tuple(
-                item.number(bounds, unit.factor(force=1, length=-j)) for j, item in numbers
-            ) or (math.nan,)
+            numbers = tuple(
+                item.number(bounds, unit.factor(force=1, length=-j))
+                for j, item in enumerate(items or (), start=1)
+            )
+            if not numbers:
+                numbers = (math.nan,)
         elif parameter.points:
-            read = _read_points(groups[parameter.group], parameter, unit, earlier)
+            numbers = _read_points(groups[parameter.group], parameter, unit, earlier)
         else:
-            read = (_read_number(groups[parameter.group], parameter, unit, earlier),)
-        values += read
-        # The default of a parameter may be an earlier parameter.
-        earlier.setdefault(parameter.name, read)
+            numbers = (_read_number(groups[parameter.group], parameter, unit, earlier),)
+        values += numbers
+        # The default of a parameter may be an earlier parameter. If parameters of several groups
+        # have the same name, the first of them is the default.
+        earlier.setdefault(parameter.name, numbers)
     return tuple(values)
 
 
@@ -224,40 +257,42 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
         group or its outer group is omitted.
     """
     outer, _, name = group.rpartition(".")
-    around = groups.get(outer)
-    if not group or not isinstance(around, Section):
-        return around
-    members = [parameter for parameter in law.parameters if parameter.group == group]
-    # A group is required if its parameters have no default.
-    if members[0].default is None and members[0].without is None:
-        value = around.need(
+    outer_values = groups.get(outer)
+    # If the outer group is omitted or one number, so are its inner groups.
+    if not group or not isinstance(outer_values, Section):
+        return outer_values
+    parameters = [parameter for parameter in law.parameters if parameter.group == group]
+    # A group is required if its parameters have no default. The declarations of all parameters of a
+    # group agree in this respect, so the first parameter represents the group.
+    if parameters[0].default is None and parameters[0].without is None:
+        value = outer_values.need(
             name,
-            f"give a mapping with the keys {', '.join(parameter.name for parameter in members)}",
+            f"give a mapping with the keys {', '.join(parameter.name for parameter in parameters)}",
         )
         if value is None:
             return math.nan
-    value = around.get(name)
-    if value is None or (members[0].shared and value.is_word("none")):
+    value = outer_values.get(name)
+    if value is None or (parameters[0].shared and value.is_word("none")):
         return None
-    names = [key.name for key in _keys(law, group)]
+    keys = [key.name for key in _law_keys(law, group)]
     # A single number sets all parameters of a shared group.
-    if members[0].shared and not value.is_mapping:
+    if parameters[0].shared and not value.is_mapping:
         expected = (
-            f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
+            f"{_bounds(parameters[0])} for all of {', '.join(keys)}, a mapping of them, or none"
         )
         return value.number(
-            _bounds(members[0]), unit.factor(members[0].force, members[0].length), expected
+            _bounds(parameters[0]), unit.factor(parameters[0].force, parameters[0].length), expected
         )
-    return value.section(names) or math.nan
+    return value.section(keys) or math.nan
 
 
 def _read_points(
-    group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
+    group: Group, parameter: LawParameter, unit: ModelUnits, earlier: EarlierParameters
 ) -> tuple[float, ...]:
-    """Return four points [drift (m), force (N)] as eight numbers.
+    """Return four points as eight numbers: drift (m) and force (N) of each point.
 
-    If the file contains two or three points, `four_points` adds points on the line before the last
-    point.
+    The file contains two to four points; `four_points` adds points on the last line to obtain four.
+    All eight numbers are nan after reporting an error.
 
     Parameters
     ----------
@@ -270,33 +305,37 @@ def _read_points(
     earlier : mapping of str to tuple of float
         Parameters that have already been read, in SI units.
     """
-    nothing = (math.nan,) * 8
+    invalid_points = (math.nan,) * 8
     if isinstance(group, float):
-        return nothing
-    # The default of the negative direction is the positive direction.
+        return invalid_points
+    # If the file omits the points of the negative direction, `default` is the name of the points of
+    # the positive direction, which then apply to both.
     if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
         return earlier[parameter.default]
-    value = group.need(parameter.name, f"give {_POINTS}") if group else None
-    items = value.items(_POINTS) if value else None
+    value = group.need(parameter.name, f"give {_POINT_LIST}") if group else None
+    items = value.items(_POINT_LIST) if value else None
     if value is None or items is None:
-        return nothing
+        return invalid_points
     # All points are read before their number is checked, so that all errors are reported.
     pairs = [item.items("a point [drift, force]") for item in items]
     if not 2 <= len(pairs) <= 4 or any(pair is not None and len(pair) != 2 for pair in pairs):
-        value.fault(f"must be {_POINTS}")
-        return nothing
+        value.fault(f"must be {_POINT_LIST}")
+        return invalid_points
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
     points = [
-        [coordinate.number(bounds, f) for coordinate, f in zip(pair or (), factors, strict=False)]
+        [
+            coordinate.number(bounds, factor)
+            for coordinate, factor in zip(pair or (), factors, strict=False)
+        ]
         for pair in pairs
     ]
-    return four_points(points) if all(points) else nothing
+    return four_points(points) if all(points) else invalid_points
 
 
 def _read_number(
-    group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
+    group: Group, parameter: LawParameter, unit: ModelUnits, earlier: EarlierParameters
 ) -> float:
-    """Return a parameter in SI units, or its default if it is omitted.
+    """Return a parameter in SI units, its default if it is omitted, or nan after an error.
 
     Parameters
     ----------
@@ -313,29 +352,31 @@ def _read_number(
     default = (
         earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
     )
+    # One number for all parameters of the group.
     if isinstance(group, float):
         return group
+    # The file omits the group: `without` has priority over the default.
     if group is None:
-        return (
-            parameter.without
-            if parameter.without is not None
-            else default
-            if default is not None
-            else math.nan
-        )
+        if parameter.without is not None:
+            return parameter.without
+        return math.nan if default is None else default
     if default is not None and not group.has(parameter.name):
         return default
     return group.number(parameter.name, bounds, factor)
 
 
 def _bounds(parameter: LawParameter) -> Bounds:
+    """Return the allowed range of a parameter.
+
+    A parameter without a unit and with an upper bound of at most 1 can be written as a percentage.
+    """
     ratio = not parameter.force and not parameter.length and parameter.high <= 1.0
     return Bounds(
         parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio
     )
 
 
-_DAMPED = "rayleigh"
+_RAYLEIGH = "rayleigh"
 _EXPONENT = Bounds(0.0, 2.0, low_allowed=False)
 _DASHPOT = Keys(
     (
@@ -358,7 +399,7 @@ _STORY = Keys(
         ),
         Key(
             "isolator",
-            Either((Flag(), Choice((_DAMPED,)))),
+            Either((Flag(), Choice((_RAYLEIGH,)))),
             "true for an isolator: its displacement is reported instead of a drift ratio; "
             "`rayleigh` for an isolator with Rayleigh damping",
         ),
@@ -367,7 +408,8 @@ _STORY = Keys(
     one_of=(("mass", "weight"),),
 )
 STORIES = EntriesOf(_STORY, least=1)
-_AGREEMENT = 1e-9  # relative; a stiffness that is specified twice may differ by rounding only
+_STIFFNESS_TOLERANCE = 1e-9
+"""Relative difference. A stiffness that is specified twice may differ by rounding only."""
 
 
 def read_stories(
@@ -388,10 +430,11 @@ def read_stories(
     if entries is None:
         return (), None
     stories: list[Story] = []
-    count: int | None = 0
+    count: int | None = 0  # number of stories; None after an error in `repeat`
     for entry in entries:
         story, repeat = _read_entry(entry, unit, p_delta)
-        # Checked before the stories are created: a `repeat` of a billion would fill the memory.
+        # Check the number before the stories are created, because a `repeat` of a billion would
+        # fill the memory. An invalid `repeat` (None) counts as one story.
         if len(stories) + (repeat or 1) > MAX_STORIES:
             entry.fault(f"the model has more than {MAX_STORIES} stories; check `repeat`")
             return (), None
@@ -415,57 +458,77 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
-    stated_law = section.get("law")
-    law, stiffness_of_law = read_law(stated_law, unit)
+    law_entry = section.get("law")
+    law, stiffness_of_law = read_law(law_entry, unit)
     dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
-    height = (
-        section.need("height", "p_delta needs the height of every story")
-        if p_delta
-        else section.get("height")
-    )
-    mass, story_height = (
-        _read_mass(section, unit),
-        height.number(scale=unit.length) if height else None,
-    )
-
-    # If the law defines the initial stiffness, the key `stiffness` must agree with it.
-    factor, entry_stiffness = unit.factor(force=1, length=-1), section.get("stiffness")
-    if stiffness_of_law is None:
-        stiffness = section.number("stiffness", scale=factor)
+    if p_delta:
+        height_entry = section.need("height", "p_delta needs the height of every story")
     else:
-        stated = entry_stiffness.number(scale=factor) if entry_stiffness else stiffness_of_law
-        if entry_stiffness and abs(stated - stiffness_of_law) > _AGREEMENT * stiffness_of_law:
-            initial = (
-                f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law.name} law"
-            )
-            entry_stiffness.fault(
-                f"must agree with {initial}, got {stated / factor:.10g}; correct it or omit it"
-            )
-        stiffness = stiffness_of_law
-    # The damping of the building does not apply to isolators unless the file requests it.
-    isolator = section.get("isolator")
-    is_damped = bool(isolator and isolator.is_word(_DAMPED))
-    isolates = is_damped or bool(isolator and isolator.boolean())
+        height_entry = section.get("height")
+    mass = _read_mass(section, unit)
+    height = height_entry.number(scale=unit.length) if height_entry else None
+    stiffness = _read_stiffness(section, law.name, stiffness_of_law, unit)
+
+    # The value of `isolator` is true, false or `rayleigh`. The Rayleigh damping of the building
+    # does not apply to an isolator unless the value is `rayleigh`.
+    isolator_entry = section.get("isolator")
+    is_damped_isolator = bool(isolator_entry and isolator_entry.is_word(_RAYLEIGH))
+    is_isolator = is_damped_isolator or bool(isolator_entry and isolator_entry.boolean())
+    has_rayleigh_damping = is_damped_isolator or not is_isolator
     story = Story(
         mass,
-        story_height,
+        height,
         stiffness,
         law,
         dashpot,
         power_dashpot,
-        isolates,
-        is_damped or not isolates,
+        is_isolator,
+        has_rayleigh_damping,
     )
-    # Errors of the combination of parameters and stiffness, each of which is valid.
+
+    # Parameters and stiffness can be valid separately, but their combination invalid.
     is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
-    if (
-        stated_law
-        and law.parameters
-        and is_known
-        and (fault := LAWS[law.name].fault(stiffness, law.parameters))
-    ):
-        stated_law.fault(fault)
+    if law_entry and law.parameters and is_known:
+        fault = LAWS[law.name].fault(stiffness, law.parameters)
+        if fault:
+            law_entry.fault(fault)
     return story, section.read("repeat", 1)
+
+
+def _read_stiffness(
+    section: Section, law_name: str, stiffness_of_law: float | None, unit: ModelUnits
+) -> float:
+    """Return the initial stiffness of a story, N/m, or nan after reporting an error.
+
+    If the parameters of the law determine the initial stiffness, the key `stiffness` is optional,
+    and a different value is an error.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the story.
+    law_name : str
+        Name of the law, for the message.
+    stiffness_of_law : float or None
+        Initial stiffness that follows from the parameters of the law, N/m; None if the law does not
+        determine it.
+    unit : ModelUnits
+        Units of the model file.
+    """
+    factor = unit.factor(force=1, length=-1)
+    if stiffness_of_law is None:
+        return section.number("stiffness", scale=factor)
+    entry = section.get("stiffness")
+    if entry:
+        stiffness = entry.number(scale=factor)
+        if abs(stiffness - stiffness_of_law) > _STIFFNESS_TOLERANCE * stiffness_of_law:
+            initial = (
+                f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law_name} law"
+            )
+            entry.fault(
+                f"must agree with {initial}, got {stiffness / factor:.10g}; correct it or omit it"
+            )
+    return stiffness_of_law
 
 
 def _read_mass(section: Section, unit: ModelUnits) -> float:
@@ -496,9 +559,10 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
 
 
 def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None]:
-    """Return the coefficient of a linear dashpot, N s/m, and the power-law dashpot, if any.
+    """Return the coefficient of a linear dashpot, N s/m, and the power-law dashpot or None.
 
-    A number is the coefficient of a linear dashpot; a mapping defines a power-law dashpot.
+    A number in the file is the coefficient of a linear dashpot, a mapping defines a power-law
+    dashpot (whose linear coefficient is 0). The coefficient is nan after an error.
 
     Parameters
     ----------
@@ -515,15 +579,16 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     if section is None:
         return math.nan, None
     exponent = section.number("exponent")
-    # For exponents below 1 the tangent damping is infinite at zero velocity.
+    # For exponents below 1 the tangent damping is infinite at zero velocity. The dashpot must then
+    # be linear below a positive drift rate.
     needs_linear_part = exponent < 1.0
     if needs_linear_part and not section.mentions("linear_below"):
         section.need(
             "linear_below",
             "an exponent below 1 requires the drift rate below which the dashpot is linear",
         )
-    below = section.number(
+    linear_below = section.number(
         "linear_below", POSITIVE if needs_linear_part else NOT_NEGATIVE, unit.length, default=0.0
     )
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
-    return 0.0, PowerDashpot(coefficient, exponent, below)
+    return 0.0, PowerDashpot(coefficient, exponent, linear_below)
