@@ -227,7 +227,7 @@ class _Assets:
             )
 
     def _column(self, table: CsvTable, field_name: str) -> int | None:
-        """Return the index of the column of a field, or None if the file does not contain it."""
+        """Return the index of the column of a field; None if the file does not contain it."""
         # The XML file may assign a column to the field.
         assigned = self._model.fields.get(field_name)
         if assigned is not None:

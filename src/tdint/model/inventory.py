@@ -513,7 +513,7 @@ class _Row:
         self._faults.append(ModelFault(source, self._line, index + 1, name, message))
 
     def building(self) -> InventoryRow | None:
-        """Return the building, or None after reporting an error."""
+        """Return the building; None after reporting an error."""
         classes, cell = self._table.classes, self._cell
         facts = self._facts() if classes is None else self._facts_of_class(classes)
         name = self._cell("id")
@@ -525,7 +525,7 @@ class _Row:
         return InventoryRow(name, facts, latitude, longitude)
 
     def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
-        """Return the properties of a building of a class, or None after reporting an error."""
+        """Return the properties of a building of a class; None after reporting an error."""
         cell, name = self._cell, self._cell("class")
         if name not in classes:
             names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)

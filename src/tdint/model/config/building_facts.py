@@ -114,7 +114,7 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     defaults = {"zone": "Z4", "design_level": "", "damping": "full"}
     zone, level, damping = (section.read(name, default) for name, default in defaults.items())
     # The default -1 represents a missing ratio, because the reader rejects negative ratios and
-    # returns nan for invalid ratios. Likewise the height 0 represents a missing height.
+    # returns nan for invalid ratios. The height 0 represents a missing height.
     damping_ratio = section.number("damping_ratio", default=-1.0)
     has_nan = any(map(math.isnan, (area, height, damping_ratio)))
     if has_nan or None in (*required_values, zone, level, damping):
@@ -135,7 +135,7 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
 
 
 def _read_needed(section: Section, name: str, advice: str = "") -> Any:
-    """Return the converted value of a required entry, or None after reporting an error.
+    """Return the converted value of a required entry; None after reporting an error.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def _read_needed(section: Section, name: str, advice: str = "") -> Any:
 
 
 def _building_of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
-    """Return the building of a capacity curve, or None after reporting an error.
+    """Return the building of a capacity curve; None after reporting an error.
 
     Parameters
     ----------

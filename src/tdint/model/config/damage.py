@@ -32,7 +32,7 @@ _THRESHOLD_UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "1
 
 @dataclass(frozen=True)
 class ByState:
-    """Mapping from the names of damage states, from the lightest, to values of one type."""
+    """Mapping from the names of damage states, from the lightest, to values."""
 
     type: ValueType
 
@@ -70,7 +70,7 @@ DAMAGE = Keys(
 
 
 def read_damage(value: Value) -> DamageStates | None:
-    """Return the damage states of the section `damage`, or None after reporting an error."""
+    """Return the damage states of the section `damage`; None after reporting an error."""
     section = value.section(DAMAGE)
     thresholds = section.need("thresholds", "give the demand of each state") if section else None
     if section is None or thresholds is None:
@@ -79,7 +79,7 @@ def read_damage(value: Value) -> DamageStates | None:
 
 
 def read_damage_states(section: Section, demand: str, thresholds: Value) -> DamageStates | None:
-    """Return the damage states of a file, or None after reporting an error.
+    """Return the damage states of a file; None after reporting an error.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def losses_in_order(losses: Mapping[str, float], states: Sequence[str]) -> tuple
 
 
 def _entries_by_state(value: Value, expected: str) -> dict[str, Value] | None:
-    """Return the entry of each damage state by its name, or None after reporting an error.
+    """Return the entry of each damage state by its name; None after reporting an error.
 
     Parameters
     ----------
@@ -192,6 +192,6 @@ def _entries_by_state(value: Value, expected: str) -> dict[str, Value] | None:
 def is_state(name: str) -> bool:
     """Return True if a text is a valid name of a damage state.
 
-    A name starts with a letter and consists of ASCII letters, digits, _ and -.
+    A name consists of ASCII letters, digits, _ and -, and starts with a letter.
     """
     return name.isascii() and name.replace("_", "").replace("-", "").isalnum() and name[0].isalpha()

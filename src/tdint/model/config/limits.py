@@ -143,7 +143,7 @@ def _read_level(
     Parameters
     ----------
     section : Section
-        Section whose keys are the limited quantities.
+        Section with a key for each limited quantity.
     level : str
         Name of the level; empty for limits without a level.
     unit : ModelUnits
@@ -164,7 +164,7 @@ def _read_level(
 def _read_values(
     entry: Value, quantity: str, unit: ModelUnits, stories: Sequence[Story]
 ) -> tuple[float, ...] | None:
-    """Return the limit of each story, nan without a limit, or None after reporting an error.
+    """Return the limit of each story, nan without a limit; None after reporting an error.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _read_values(
 
 
 def _priority(name: str) -> int:
-    """Return the priority of a key; a limit of higher priority replaces those of lower priority.
+    """Return the priority of a key; a key of higher priority overrides the others.
 
     The priority is 0 for `others`, 1 for a type of law, 2 for a range of stories (`2-5`) and 3 for
     the number of a story.
@@ -215,7 +215,7 @@ def _priority(name: str) -> int:
 def _story_indices(
     entry: Value, name: str, quantity: str, stories: Sequence[Story], applies: Sequence[bool]
 ) -> list[int]:
-    """Return the indices (from 0) of the stories to which a key of a limit refers.
+    """Return the indices (from 0) of the stories that a key of a limit selects.
 
     Stories without the quantity are omitted. The list is empty after reporting an error.
 

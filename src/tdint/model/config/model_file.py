@@ -116,11 +116,12 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
     Returns
     -------
     RecordChoice
-        If an entry of the layout is invalid, the layout is the default; likewise the processing.
+        The layout is the default if an entry of the layout is invalid. The same applies to the
+        processing.
     """
     layout = section.read_present(*(key.name for key in LAYOUT))
     steps = section.read_present(*(key.name for key in PROCESSING))
-    # The value of an invalid entry is None. It has been reported.
+    # An invalid entry has the value None. The error has been reported.
     processing = Processing()
     if None not in steps.values():
         try:
@@ -192,7 +193,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
 
 
 def record_from_value(value: Value) -> RecordSource | None:
-    """Return the ground motion of `excitation: record`, or None after reporting an error.
+    """Return the ground motion of `excitation: record`; None after reporting an error.
 
     The value is the path of the file, or a mapping with the key `file` and options.
     """
@@ -213,7 +214,7 @@ def record_from_value(value: Value) -> RecordSource | None:
 
 
 def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
-    """Return the force amplitude * cos(omega t + phi), whose `phase` is phi, `cos` or `sin`.
+    """Return the force amplitude * cos(omega t + phi); `phase` is phi, `cos` or `sin`.
 
     Invalid values are reported and replaced by nan or 0.
 
@@ -278,7 +279,7 @@ def _suppression_reason(text: str) -> str:
     Raises
     ------
     UsageError
-        The text does not begin with `off,`, or contains no reason.
+        The text does not start with `off,`, or contains no reason.
     """
     state, _, reason = text.partition(",")
     if state.strip() != "off" or not reason.strip():
@@ -398,7 +399,7 @@ def load_with_checks(
     model = model_from_mapping(root, origin)
     # This layer cannot check texts such as the name of a method; the caller provides the check.
     for full_key, check in checks.items():
-        # Find the value of the key in its nested mappings, None if a mapping does not contain it.
+        # Search the nested mappings for the key; None if a mapping does not contain the name.
         value: Value | None = root
         for name in full_key.split("."):
             value = value.peek(name) if value else None
@@ -415,9 +416,9 @@ def load_with_checks(
 
 
 def model_from_mapping(value: Value, origin: SourceText) -> Model | None:
-    """Return the model that a mapping defines, or None after reporting an error.
+    """Return the model that a mapping defines; None after reporting an error.
 
-    The mapping is the content of a model file, or one value in a file of another type.
+    The mapping is the content of a model file, or a part of a file of another type.
 
     Parameters
     ----------
@@ -464,7 +465,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         limits=_read_limits(section, unit, stories),
         plausibility_off=section.read("plausibility") or "",
     )
-    # Standard input can be read only once, so it cannot contain both the model and the record.
+    # Standard input can be read only one time: it cannot contain both the model and the record.
     record = model.excitation.record
     if origin.label == "-" and record and record.file == "-" and excitation:
         excitation.fault("standard input already contains the model; give the record as a file")
@@ -581,7 +582,7 @@ def _read_stories(
     # Imported here because it loads numpy, which is not needed to read other models.
     from tdint.model.config.building_facts import read_building
 
-    # The rules determine the damping too, unless the file contains the key `damping`.
+    # The rules also determine the damping, unless the file contains the key `damping`.
     derived = read_building(building, unit)
     if section.has("stories"):
         building.fault("cannot be used with `stories`; give one of the two")
@@ -640,7 +641,7 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
         return None
     first_story = 0
     for entry in stories.value:
-        # An entry with `repeat` describes several stories, whose new stiffnesses may differ.
+        # An entry with `repeat` describes several stories. Their new stiffnesses may differ.
         repeat = _find_node(entry, "repeat")
         end_story = first_story + (int(repeat.value) if repeat else 1)
         factors = [
@@ -669,7 +670,7 @@ def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, s
         Model with the paths of the record and of its station metadata, relative to the working
         directory.
     folder : Path
-        Directory of the new file, to which the new paths are relative.
+        Directory of the new file. The new paths are relative to it.
 
     Returns
     -------
@@ -680,7 +681,7 @@ def _path_edits(root: Any, model: Model, folder: Path) -> list[tuple[int, int, s
     source = model.excitation.record
     if record is None or source is None:
         return []
-    # The value of `record` is a mapping with the key `file`, or the path itself.
+    # The value of `record` is a mapping with the key `file`, or only the path.
     file_node = _find_node(record, "file") or record
     metadata_node = _find_node(record, "inventory")
     edits = []
@@ -714,7 +715,7 @@ def _defines_model(text: str, model: Model) -> bool:
 
 
 def _fitted_numbers(model: Model) -> list[float]:
-    """Return the stiffnesses of the stories, followed by the numbers of the damping."""
+    """Return the stiffnesses of the stories, followed by the parameters of the damping."""
     numbers = [story.stiffness for story in model.stories]
     for value in astuple(model.damping) if model.damping is not None else ():
         numbers += value if isinstance(value, tuple) else (value,)
@@ -726,7 +727,7 @@ _WRITTEN_TOLERANCE = 1e-11
 
 
 def _find_node(node: Any, name: str) -> Any:
-    """Return the node of the value of a key, or None if `node` is no mapping with this key."""
+    """Return the node of the value of a key; None if `node` does not contain the key."""
     # `node.value` is a list of pairs (key node, value node) for a mapping, a list of nodes for a
     # list, and the text for a scalar.
     entries = node.value if node is not None and isinstance(node.value, list) else ()
@@ -751,7 +752,7 @@ def _end_index(node: Any) -> int:
 
 
 def _replace_parts(text: str, edits: Sequence[tuple[int, int, str]], offset: int = 0) -> str:
-    """Return a text in which parts are replaced.
+    """Return a text with replaced parts.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class ModelUnits:
     length, force, mass : float
         Factors to m, N and kg.
     named : OutputUnits
-        Names of the units of the file, in which reports are written by default.
+        Names of the units of the file. They are the default units of reports.
     mass_is_open : bool
         True if lengths are not in m or forces are not in N, and the unit of mass is not specified:
         kg would be a guess.
@@ -88,7 +88,7 @@ def read_units(section: Section) -> ModelUnits:
     def read_unit(name: str, factors: Mapping[str, float], default: str) -> str:
         """Return the unit at the key `name`, or `default` if it is missing or invalid."""
         entry = section.get(name)
-        # A unit of force for a mass gets its own message, which explains the conversion.
+        # A unit of force for a mass has a separate message that explains the conversion.
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
             entry.fault(f"{entry.node.text} is a unit of force; {_MASS_ADVICE}")  # type: ignore[union-attr]
             return default
@@ -114,9 +114,9 @@ def read_units(section: Section) -> ModelUnits:
 
 
 def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
-    """Return the units of samples as text, or None after reporting an error with its line.
+    """Return the units of samples as text; None after reporting an error with its line.
 
-    None is also returned if `value` is None. `quantity` is the required quantity, for example
+    A missing value also gives None. `quantity` is the required quantity, for example
     acceleration, if another key of the file specifies it.
     """
     parsed = value.parsed(units.parse_units) if value else None
@@ -133,7 +133,7 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
 def read_file_units(value: Value | None) -> SampleUnits | None:
     """Return the units of several records: one unit, units by file, or a table of units.
 
-    None is returned if `value` is None, or after reporting an error with the line of the value.
+    The result is None if the value is missing, or after reporting an error with its line.
     """
     if value is None:
         return None
@@ -228,7 +228,7 @@ def _rayleigh(
     Parameters
     ----------
     value : Value
-        Value of the key `rayleigh`, to which an error refers.
+        Value of the key `rayleigh`, for errors.
     count : int or None
         Number of stories; None if unknown. Ratio and modes are an error for one story.
     ratio : float, tuple of two floats or None

@@ -42,7 +42,7 @@ from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None
 """Values of a group of parameters: a section with one entry per parameter, one number in SI units
-for all parameters, or None if the file omits the group."""
+for all parameters; None if the file omits the group."""
 
 EarlierParameters = Mapping[str, tuple[float, ...]]
 """Parameters that have already been read, by name."""
@@ -62,7 +62,7 @@ def _law_keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
     law : DriftLaw
         Law that declares the parameters.
     group : str
-        Names of the nested groups, separated by dots; "" for the mapping of the law itself.
+        Names of the nested groups, separated by dots; "" for the mapping of the law.
     """
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
@@ -153,10 +153,10 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
 def _read_law_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     """Return the law and the section with its parameters.
 
-    The law is None after an error. The section is None if the value is not a mapping, but only the
+    The law is None after an error. The section is None if the value is only the
     name of the law.
     """
-    # The name alone is valid only if the law has no parameters.
+    # The name without parameters is valid only if the law has no parameters.
     if not value.is_mapping:
         name = value.choice(_candidate_laws(value), "law")
         if name and LAWS[name].parameters:
@@ -183,9 +183,9 @@ def _read_law_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
 
 
 def _candidate_laws(name: Value) -> Mapping[str, DriftLaw]:
-    """Return the laws by name: the built-in laws if `name` is one of them, otherwise all laws.
+    """Return the laws by name: the built-in laws if they include `name`, otherwise all laws.
 
-    All laws include those of installed packages. Packages are searched only if necessary.
+    This avoids a search of the installed packages, which may contain more laws.
     """
     return LAWS if any(map(name.is_word, LAWS)) else laws()
 
@@ -253,7 +253,7 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
     Returns
     -------
     Section, float or None
-        Section of the group, one number for all parameters, nan after an error, or None if the
+        Section of the group, one number for all parameters, nan after an error; None if the
         group or its outer group is omitted.
     """
     outer, _, name = group.rpartition(".")
@@ -559,10 +559,10 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
 
 
 def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None]:
-    """Return the coefficient of a linear dashpot, N s/m, and the power-law dashpot or None.
+    """Return the coefficient of a linear dashpot, N s/m, and the power-law dashpot.
 
     A number in the file is the coefficient of a linear dashpot, a mapping defines a power-law
-    dashpot (whose linear coefficient is 0). The coefficient is nan after an error.
+    dashpot. The other value is 0 or None. The coefficient is nan after an error.
 
     Parameters
     ----------
@@ -579,8 +579,8 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     if section is None:
         return math.nan, None
     exponent = section.number("exponent")
-    # For exponents below 1 the tangent damping is infinite at zero velocity. The dashpot must then
-    # be linear below a positive drift rate.
+    # For exponents below 1 the tangent damping is infinite at zero velocity. Such a dashpot
+    # must be linear below a positive drift rate.
     needs_linear_part = exponent < 1.0
     if needs_linear_part and not section.mentions("linear_below"):
         section.need(

@@ -99,7 +99,7 @@ class Whole:
 def numbered(count: int | None) -> Whole:
     """Return the declaration of a floor or mode number.
 
-    `count` is the number of stories of the model, or None if it is unknown because of an error.
+    `count` is the number of stories of the model; None if it is unknown because of an error.
     """
     return Whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
 
@@ -393,7 +393,7 @@ class Value:
         return converted
 
     def whole(self, bounds: Whole) -> int | None:
-        """Return the whole number, or None after reporting an error."""
+        """Return the whole number; None after reporting an error."""
         text, low, high = self._plain_text(), bounds.low, bounds.high
         if _WHOLE.fullmatch(text) and low <= int(text) <= high:
             return int(text)
@@ -408,7 +408,7 @@ class Value:
         return self._plain_text() == "true"
 
     def text(self) -> str | None:
-        """Return one line of text, or None after reporting an error."""
+        """Return one line of text; None after reporting an error."""
         if (
             not isinstance(self.node, ScalarNode)
             or not self.node.text.strip()
@@ -422,7 +422,7 @@ class Value:
         return self.node.text
 
     def file(self, *, stdin: bool = False) -> str | None:
-        """Return the path of a file relative to the working directory, or None after an error.
+        """Return the path of a file relative to the working directory; None after an error.
 
         In the model file, the path is relative to the directory of the model file. With `stdin`,
         `-` is returned unchanged.
@@ -433,7 +433,7 @@ class Value:
         )
 
     def read(self) -> Any:
-        """Return the value converted to its declared type, or None after reporting an error."""
+        """Return the value converted to its declared type; None after reporting an error."""
         match self.type:
             case Bounds():
                 number = self.number()
@@ -543,7 +543,7 @@ class Value:
         return keys.make(self, **values) if keys.make and complete else None
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
-        """Return the result of `parse` for the text, or None after reporting an error.
+        """Return the result of `parse` for the text; None after reporting an error.
 
         A UsageError that `parse` raises is reported as an error of this value.
         """
@@ -557,7 +557,7 @@ class Value:
             return None
 
     def choice(self, names: Collection[str], noun: str) -> str | None:
-        """Return the name if it is in `names`, or None after reporting an error.
+        """Return the name if it is in `names`; None after reporting an error.
 
         `noun` is the noun for the names in messages.
         """
@@ -570,7 +570,7 @@ class Value:
         return None
 
     def items(self, expected: str, empty: str = "") -> tuple[Value, ...] | None:
-        """Return the entries of a list, or None after reporting an error.
+        """Return the entries of a list; None after reporting an error.
 
         Parameters
         ----------
@@ -591,7 +591,7 @@ class Value:
         )
 
     def section(self, keys: Collection[str] | None = None, expected: str = "") -> Section | None:
-        """Return the entries of a mapping, or None after reporting an error.
+        """Return the entries of a mapping; None after reporting an error.
 
         Parameters
         ----------
@@ -628,7 +628,7 @@ class Value:
         return [key.text for key, _ in entries if isinstance(key, ScalarNode)]
 
     def named(self, expected: str, empty: str = "") -> dict[str, Value] | None:
-        """Return the entries of a mapping with user-defined names, or None after an error.
+        """Return the entries of a mapping with user-defined names; None after an error.
 
         Parameters
         ----------
@@ -749,7 +749,7 @@ class Section:
         return f"{self.value.key}.{shown}" if self.value.key else shown
 
     def get(self, name: str) -> Value | None:
-        """Return the entry, or None if the section does not contain it."""
+        """Return the entry; None if the section does not contain it."""
         return self._entries.get(name)
 
     def need(self, name: str, advice: str = "") -> Value | None:
@@ -818,7 +818,7 @@ class Section:
                 entry.fault(reason)
 
     def file(self, name: str, *, stdin: bool = False) -> str | None:
-        """Return the path of the entry (see `Value.file`), or None if it is missing or invalid."""
+        """Return the path of the entry (see `Value.file`); None if it is missing or invalid."""
         value = self.get(name)
         return value.file(stdin=stdin) if value else None
 
