@@ -539,7 +539,7 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         forget()
         with pytest.raises(
             UsageError,
-            match=f"the object requires the plug-in {file}, which has changed: load the",
+            match=f"the object requires the plug-in {file}, which has changed; first load the",
         ):
             tdint.run_case(pickle.loads((tmp_path / "kept").read_bytes())[0], dt=0.005)
         file.write_text(text)

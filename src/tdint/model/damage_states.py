@@ -1,5 +1,4 @@
-"""Damage states: the demands that define them, and the medians, dispersion and losses of a building
-type."""
+"""Damage states of buildings: demands, and medians, dispersion and losses of a building type."""
 
 from __future__ import annotations
 
@@ -13,8 +12,10 @@ STATES = ("slight", "moderate", "extensive", "complete")
 """Damage states of Hazus; the toolkits of GEM use the same states."""
 
 NONE = "none"
+"""Outcome of a building without damage."""
+
 DONE = "done"
-"""Statuses of runs in which the building survives."""
+"""Status of a run without collapse of the building."""
 
 FALLEN = ("collapsed", "failed-story")
 """Statuses of runs in which the building collapses; they are reported in addition to the damage
@@ -103,8 +104,10 @@ class DamageStates:
                 f"{len(self.states)} damage states require the same number of thresholds, got "
                 f"{len(self.medians)}"
             )
+        # The lightest state is compared with zero, each other state with the state before.
+        previous_medians = (0.0, *self.medians)
         for state, median, previous in zip(
-            self.states, self.medians, (0.0, *self.medians), strict=False
+            self.states, self.medians, previous_medians, strict=False
         ):
             if not median > previous:
                 raise UsageError(
@@ -125,5 +128,8 @@ class DamageStates:
 
     @property
     def outcome_losses(self) -> tuple[float, ...]:
-        """Loss ratio of each outcome; empty without losses."""
-        return (0.0, *self.losses, *self.losses[-1:] * (len(FALLEN) - 1)) if self.losses else ()
+        """Loss ratio of each outcome, in the order of `outcomes`; empty without losses."""
+        if not self.losses:
+            return ()
+        # The last loss ratio is the ratio of collapse. It applies to all types of collapse.
+        return (0.0, *self.losses[:-1], *[self.losses[-1]] * len(FALLEN))

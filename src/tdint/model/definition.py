@@ -63,9 +63,9 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     """Register a hysteretic law, so that models can use it.
 
     The law is compiled into the time loops of the models that contain it, regardless of its
-    attribute `compiled_separately`. Its functions must be defined in a module with a file, and
-    the module must
-    contain the law as a variable or in a tuple, so that the compiling process can import it.
+    attribute `compiled_separately`. Its functions must be defined in a module with a file. The
+    module must contain the law as a variable or in a tuple, so that the compiling process can
+    import the law.
 
     Parameters
     ----------
@@ -73,10 +73,6 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
         See `tdint.kernels.laws.law`.
     where : str or Origin
         Origin of the law for messages. Default: its name.
-
-    Returns
-    -------
-    None
 
     Raises
     ------
@@ -91,8 +87,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     origin = where if isinstance(where, Origin) else Origin(where or f"law {law.name!r}")
     where = origin.where
     check_name(law.name, LAWS, "law", where)
-    home = law.functions.__module__
-    if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
+    module_name = law.functions.__module__
+    if module_name == "__main__" or getattr(sys.modules.get(module_name), "__file__", None) is None:
         raise UsageError(
             f"{where}: the law must be defined in a module file, so that other processes can "
             "import it"
@@ -104,10 +100,12 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     with faults_of(where):
         verify_declaration(law, where)
 
-    together = replace(law, compiled_separately=False)
-    OUTSIDE[law.name] = home
+    # The compiling process imports the law from the module in `OUTSIDE`. The number of the
+    # law is its index in `_LAWS`.
+    compiled_with_building = replace(law, compiled_separately=False)
+    OUTSIDE[law.name] = module_name
     CODES[law.name] = len(_LAWS)
-    _LAWS.append(together)
+    _LAWS.append(compiled_with_building)
     origin.keep_code("law", law)
 
 
@@ -146,15 +144,21 @@ class Law:
         return dict(zip(names, self.parameters, strict=True))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        home = home_of(self.name, "LAWS")
-        return (
-            (_law_again, (self.name, self.parameters, CODES[self.name], *home))
-            if home
-            else (Law, tuple(astuple(self)))
-        )
+        """Return the function that restores the pickled law in another process, and its arguments.
+
+        A law of a plug-in is pickled with the path and the SHA-256 of the plug-in, so that the
+        other process can load it.
+        """
+        plugin = home_of(self.name, "LAWS")
+        if plugin:
+            path, digest = plugin
+            return _restore_law, (self.name, self.parameters, CODES[self.name], path, digest)
+        return Law, tuple(astuple(self))
 
 
-def _law_again(name: str, parameters: tuple[float, ...], code: int, file: str, digest: str) -> Law:
+def _restore_law(
+    name: str, parameters: tuple[float, ...], code: int, file: str, digest: str
+) -> Law:
     """Restore a law of a plug-in in another process, and load the plug-in if necessary.
 
     Parameters
@@ -189,16 +193,23 @@ LINEAR = Law("linear", ())
 
 
 def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """Return two to four points as four points, flattened.
+    """Return two to four points (drift, force) as four points, flattened to eight numbers.
 
-    Two points are completed by points at one and two thirds between them, three points by the
-    midpoint of the last two, as in the vulnerability toolkit of GEM.
+    The points of a backbone curve are completed without changing the curve, as in the vulnerability
+    toolkit of GEM: two points by points at 1/3 and 2/3 between the two, three points by the
+    midpoint of the last two.
     """
-    (*first, before, last) = points
-    missing = 4 - len(points)
-    parts = [j / (missing + 1) for j in range(1, missing + 1)]
-    between = [[a + part * (b - a) for a, b in zip(before, last, strict=True)] for part in parts]
-    return tuple(number for point in (*first, before, *between, last) for number in point)
+    (*first_points, second_last, last) = points
+    added_count = 4 - len(points)
+    fractions = [j / (added_count + 1) for j in range(1, added_count + 1)]
+    # Interpolate drift and force linearly between the last two points.
+    added_points = [
+        [a + fraction * (b - a) for a, b in zip(second_last, last, strict=True)]
+        for fraction in fractions
+    ]
+    return tuple(
+        number for point in (*first_points, second_last, *added_points, last) for number in point
+    )
 
 
 # ---- Definition
@@ -501,7 +512,9 @@ class Model:
         """
         # Changes are applied in order; factors multiply values that were set before.
         table = [list(story_numbers(story)) for story in self.stories]
-        damping, touched = self.damping, dict[int, bool]()
+        damping = self.damping
+        # Indices of the changed stories. The value is True if a parameter of the law is changed.
+        changed_stories: dict[int, bool] = {}
         for name, value in numbers.items():
             check_value(name, value)
             if name == "damping":
@@ -510,37 +523,51 @@ class Model:
                 change.check(name, value)
                 row = table[change.story]
                 row[change.column] = row[change.column] * value if change.factor else value
-                touched[change.story] = touched.get(change.story, False) or change.of_law
+                earlier_law_change = changed_stories.get(change.story, False)
+                changed_stories[change.story] = earlier_law_change or change.of_law
         # Only changed stories are built again and checked by their laws, as in a file.
         stories = list(self.stories)
-        for i, law_set in touched.items():
-            story, row = stories[i], table[i]
-            law, stiffness_of = (
-                Law(story.law.name, tuple(row[OF_LAW:])),
-                LAWS[story.law.name].initial_stiffness,
-            )
-            stories[i] = replace(
-                story,
-                mass=row[MASS],
-                height=None if story.height is None else row[HEIGHT],
-                # If the law defines the stiffness, a change of the law changes the stiffness.
-                stiffness=stiffness_of(law.parameters)
-                if law_set and stiffness_of
-                else row[STIFFNESS],
-                law=law,
-                dashpot=row[DASHPOT],
-                power_dashpot=PowerDashpot(*row[POWER]) if story.power_dashpot else None,
-            )
-            if fault := LAWS[stories[i].law.name].fault(
-                stories[i].stiffness, stories[i].law.parameters
-            ):
+        for i, is_law_changed in changed_stories.items():
+            stories[i] = _story_with_numbers(stories[i], table[i], is_law_changed)
+            fault = LAWS[stories[i].law.name].fault(stories[i].stiffness, stories[i].law.parameters)
+            if fault:
                 raise UsageError(f"{self.name}: invalid variation of story {i + 1}: {fault}")
+        # A parameter that has been changed before keeps its position and gets the new value.
         varied = tuple({**dict(self.varied_parameters), **numbers}.items())
         return replace(self, stories=tuple(stories), damping=damping, varied_parameters=varied)
 
     def __repr__(self) -> str:
         count = len(self.stories)
         return f"<Model {self.name!r}: {pluralize(count, 'story')}>"
+
+
+def _story_with_numbers(story: Story, numbers: Sequence[float], is_law_changed: bool) -> Story:
+    """Return a story with other numbers.
+
+    Parameters
+    ----------
+    story : Story
+        Story with the name of the law; keys that it does not have remain absent.
+    numbers : sequence of float
+        Numbers in the order of `story_numbers`.
+    is_law_changed : bool
+        True if a parameter of the law has been changed. If the law defines the initial stiffness,
+        the stiffness is then computed from the parameters.
+    """
+    law = Law(story.law.name, tuple(numbers[OF_LAW:]))
+    compute_stiffness = LAWS[story.law.name].initial_stiffness
+    stiffness = numbers[STIFFNESS]
+    if is_law_changed and compute_stiffness:
+        stiffness = compute_stiffness(law.parameters)
+    return replace(
+        story,
+        mass=numbers[MASS],
+        height=None if story.height is None else numbers[HEIGHT],
+        stiffness=stiffness,
+        law=law,
+        dashpot=numbers[DASHPOT],
+        power_dashpot=PowerDashpot(*numbers[POWER]) if story.power_dashpot else None,
+    )
 
 
 def simple_story(
@@ -560,9 +587,9 @@ def simple_story(
         Coefficient of the dashpot, N s/m.
     """
     if stiffness is None:
-        stiffness_of = LAWS[law.name].initial_stiffness
-        assert stiffness_of is not None, f"the law {law.name} does not define a stiffness"
-        stiffness = stiffness_of(law.parameters)
+        compute_stiffness = LAWS[law.name].initial_stiffness
+        assert compute_stiffness is not None, f"the law {law.name} does not define a stiffness"
+        stiffness = compute_stiffness(law.parameters)
     return Story(mass=mass, height=None, stiffness=stiffness, law=law, dashpot=dashpot)
 
 
@@ -604,7 +631,7 @@ def simple_model(
 
 # ---- Parameters of a building that can be changed by name, in a model or in arrays of many models
 
-_PLAIN = (
+_STORY_KEYS = (
     "mass",
     "height",
     "stiffness",
@@ -613,13 +640,15 @@ _PLAIN = (
     "dashpot.exponent",
     "dashpot.linear_below",
 )
-"""Keys of the first numbers of a story (`story_numbers`). Numbers of the law follow."""
+"""Keys of the values of a story in the order of `story_numbers`. Parameters of the law follow."""
 
-MASS, HEIGHT, STIFFNESS, DASHPOT, POWER, OF_LAW = 0, 1, 2, 3, slice(4, 7), len(_PLAIN)
-"""Indices of these numbers; `OF_LAW` is the index of the first number of the law."""
+MASS, HEIGHT, STIFFNESS, DASHPOT, POWER, OF_LAW = 0, 1, 2, 3, slice(4, 7), len(_STORY_KEYS)
+"""Indices of the values in `story_numbers`. `POWER` selects the values of the power-law dashpot,
+`OF_LAW` is the index of the first parameter of the law."""
 
-_FACTORS = ("mass_factor", "stiffness_factor", "strength_factor")
-_NAME = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
+_FACTOR_NAMES = ("mass_factor", "stiffness_factor", "strength_factor")
+# Number of the story, as `stories[3]` or as `story 3`, and key of the parameter.
+_STORY_PARAMETER = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
 _POINT_DIMENSIONS = {"drift": (0, 1), "force": (1, 0)}  # exponents of force and length
 
 
@@ -647,20 +676,24 @@ class Change(NamedTuple):
         return self.column >= OF_LAW and not self.factor
 
     def check(self, name: str, *values: float) -> None:
-        """Raise UsageError if a value is outside the bounds of the law."""
+        """Raise UsageError if a value is outside the bounds of the law; `name` is the parameter."""
+        if self.bounds:
+            low, high = self.bounds.low, self.bounds.high
+            low_allowed, high_allowed = self.bounds.low_allowed, self.bounds.high_allowed
+        else:
+            low, high, low_allowed, high_allowed = -math.inf, math.inf, True, True
         for value in values:
-            low, high = (
-                (self.bounds.low, self.bounds.high) if self.bounds else (-math.inf, math.inf)
-            )
-            inside = low <= value <= high and (
-                value > low or self.bounds is None or self.bounds.low_allowed
-            )
-            if not inside or (self.bounds and value == high and not self.bounds.high_allowed):
-                raise UsageError(f"{name} must lie between {low:g} and {high:g}, got {value:.6g}")
+            is_inside = low < value < high
+            is_allowed_bound = (value == low and low_allowed) or (value == high and high_allowed)
+            if not (is_inside or is_allowed_bound):
+                raise UsageError(f"{name} must be between {low:g} and {high:g}, got {value:.6g}")
 
 
 def story_numbers(story: Story) -> tuple[float, ...]:
-    """Return the numbers of a story with the parameters of its law at the end; nan if missing."""
+    """Return the values of a story, SI units: first `_STORY_KEYS`, then the parameters of its law.
+
+    The values of a missing height or power-law dashpot are nan.
+    """
     power = story.power_dashpot
     dashpot = (power.coefficient, power.exponent, power.linear_below) if power else (math.nan,) * 3
     height = math.nan if story.height is None else story.height
@@ -668,7 +701,11 @@ def story_numbers(story: Story) -> tuple[float, ...]:
 
 
 def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
-    """Return the name, the exponents of force and length, and the declaration of each number."""
+    """Return name, exponents of force and length, and declaration of each parameter of a law.
+
+    The list has one item for each number in `law.parameters`. The unit of a number is
+    force^exponent length^exponent. Numbers of a list or of points have an index in the name.
+    """
     numbers: list[tuple[str, int, int, LawParameter]] = []
     for parameter in LAWS[law.name].parameters:
         path = parameter.path
@@ -686,40 +723,42 @@ def _named_parameters(law: Law) -> list[tuple[str, int, int, LawParameter]]:
     return numbers
 
 
-def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
-    """Return the changes of a story by the name of the parameter.
+def _changes_by_parameter(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
+    """Return the values of a story that each parameter changes, by the name of the parameter.
 
-    Each change is an index in `story_numbers`, a flag for factors, and the bounds. If a law defines
-    the stiffness, a factor on the stiffness multiplies all forces of the law.
+    Each tuple contains the index in `story_numbers`, True if the value of the parameter is a factor
+    on the number, and the declaration with the bounds. The list is empty for a parameter that
+    cannot be changed. If a law defines the stiffness, a factor on the stiffness multiplies all
+    forces of the law.
     """
     has_stiffness = LAWS[story.law.name].initial_stiffness is not None
-    law = [
-        (i, (f"law.{name}", force, length, parameter))
-        for i, (name, force, length, parameter) in enumerate(
-            _named_parameters(story.law), start=OF_LAW
-        )
-    ]
-    # Factors apply to all numbers with the dimension of a stiffness or of a strength.
-    stiffnesses = [
-        i for i, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)
-    ]
-    strengths = [i for i, (_, force, length, _) in law if (force, length) == (1, 0)]
-    columns: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
+    stiffness_indices, strength_indices = [STIFFNESS], []
+    set_law: dict[str, list[tuple[int, bool, LawParameter | None]]] = {}
+    for i, named in enumerate(_named_parameters(story.law), start=OF_LAW):
+        name, force, length, declaration = named
+        set_law[f"law.{name}"] = [(i, False, declaration)]
+        # Factors apply to all numbers with the dimension of a stiffness or of a strength (force).
+        if force == 1 and (has_stiffness or length == -1):
+            stiffness_indices.append(i)
+        if (force, length) == (1, 0):
+            strength_indices.append(i)
+    changes: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
         "mass_factor": [(MASS, True, None)],
-        "stiffness_factor": [(i, True, None) for i in (STIFFNESS, *stiffnesses)],
-        "strength_factor": [(i, True, None) for i in strengths],
+        "stiffness_factor": [(i, True, None) for i in stiffness_indices],
+        "strength_factor": [(i, True, None) for i in strength_indices],
         "mass": [(MASS, False, None)],
         "height": [] if story.height is None else [(HEIGHT, False, None)],
         "stiffness": [] if has_stiffness else [(STIFFNESS, False, None)],
         "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
     }
-    power = range(POWER.start, POWER.stop) if story.power_dashpot else ()
-    columns |= {_PLAIN[i]: [(i, False, None)] for i in power}
-    return columns | {key: [(i, False, bounds)] for i, (key, _, _, bounds) in law}
+    if story.power_dashpot:
+        for i in range(POWER.start, POWER.stop):
+            changes[_STORY_KEYS[i]] = [(i, False, None)]
+    return changes | set_law
 
 
 def changes_of(model: Model, name: str) -> list[Change]:
-    """Return the changes of the stories of a model by a parameter; empty for `damping`.
+    """Return the changes of the values of stories that a parameter causes; empty for `damping`.
 
     Raises
     ------
@@ -729,37 +768,39 @@ def changes_of(model: Model, name: str) -> list[Change]:
     check_parameter(name)
     if name == "damping":
         return []
-    # `stories[3]`, as in model files, and `story 3`, as in messages, are equivalent.
-    match = _NAME.fullmatch(name)
-    number, key = (match[1] or match[2], match[3]) if match else (None, name)
+    # `stories[3]`, as in model files, and `story 3`, as in messages, are equivalent. Without a
+    # number, the parameter applies to all stories.
+    story_match = _STORY_PARAMETER.fullmatch(name)
+    number, key = None, name
+    if story_match:
+        number, key = story_match[1] or story_match[2], story_match[3]
     if number and not 1 <= int(number) <= len(model.stories):
-        counted = "" if int(number) else "; counting starts at 1"
-        raise UsageError(
-            f"{name}: {model.name} has {pluralize(len(model.stories), 'story')}{counted}"
-        )
+        hint = "" if int(number) else "; counting starts at 1"
+        raise UsageError(f"{name}: {model.name} has {pluralize(len(model.stories), 'story')}{hint}")
     indices = [int(number) - 1] if number else range(len(model.stories))
     # The index of a number depends on the law of the story.
-    columns = {i: _columns(model.stories[i]) for i in indices}
-    changes = [Change(i, *column) for i in indices for column in columns[i].get(key, ())]
-    if not changes and key == "strength_factor":
+    changes_by_story = {i: _changes_by_parameter(model.stories[i]) for i in indices}
+    changes = [Change(i, *change) for i in indices for change in changes_by_story[i].get(key, ())]
+    if changes:
+        return changes
+    if key == "strength_factor":
         raise UsageError(
             f"{name} has no effect, because no such story of {model.name} has a strength"
         )
-    if not changes:
-        names = list(
-            dict.fromkeys(
-                available
-                for changes_by_name in columns.values()
-                for available, story_changes in changes_by_name.items()
-                if story_changes
-            )
+    # List the parameters that can be changed in at least one of the stories.
+    available: dict[str, None] = {}
+    for story_changes in changes_by_story.values():
+        available |= dict.fromkeys(
+            parameter for parameter, numbers in story_changes.items() if numbers
         )
-        where = f"story {number}" if number else "no story"
-        raise UsageError(
-            f"{name}: {where} of {model.name} has {'no' if number else 'a'} {key!r} that can be "
-            f"set{did_you_mean(key, names)} (there are {', '.join(names)})"
-        )
-    return changes
+    names = list(available)
+    missing = (
+        f"story {number} of {model.name} has no" if number else f"no story of {model.name} has a"
+    )
+    raise UsageError(
+        f"{name}: {missing} {key!r} that can be set{did_you_mean(key, names)} "
+        f"(there are {', '.join(names)})"
+    )
 
 
 PARAMETERS = {
@@ -774,21 +815,26 @@ PARAMETERS = {
 
 
 def parameter_meaning(name: str) -> str:
-    """Return the description of a parameter."""
-    match = _NAME.fullmatch(name)
-    key = match[3] if match else name
+    """Return the description of a parameter of the building or of its stories."""
+    story_match = _STORY_PARAMETER.fullmatch(name)
+    key = story_match[3] if story_match else name
     return PARAMETERS.get(key, f"{key} of the model file, in SI units")
 
 
 def check_parameter(name: str) -> None:
-    """Raise UsageError if a name is not a parameter of `Model.replace` for any model."""
-    match = _NAME.fullmatch(name)
-    key = match[3] if match else ""
-    if name in PARAMETERS or key in _PLAIN or key in _FACTORS or key.startswith("law."):
+    """Raise UsageError if a name cannot be a parameter of `Model.replace` for any model.
+
+    The names of the parameters of a law are not checked.
+    """
+    story_match = _STORY_PARAMETER.fullmatch(name)
+    key = story_match[3] if story_match else ""
+    if name in PARAMETERS or key in _STORY_KEYS or key in _FACTOR_NAMES or key.startswith("law."):
         return
-    near = nearest(key, (*_PLAIN, *_FACTORS)) if match else None
+    similar_key = nearest(key, (*_STORY_KEYS, *_FACTOR_NAMES)) if story_match else None
     hint = (
-        f"; did you mean {name[: -len(key)] + near!r}?" if near else did_you_mean(name, PARAMETERS)
+        f"; did you mean {name[: -len(key)] + similar_key!r}?"
+        if similar_key
+        else did_you_mean(name, PARAMETERS)
     )
     names = ", ".join(PARAMETERS)
     raise UsageError(
@@ -815,7 +861,7 @@ def check_value(name: str, value: float) -> None:
 
 
 def damped_by(model: Model, ratio: float) -> Damping:
-    """Return the damping of a model with another ratio.
+    """Return the damping of a model with another damping ratio in all its modes.
 
     Raises
     ------
@@ -825,7 +871,7 @@ def damped_by(model: Model, ratio: float) -> Damping:
     match model.damping:
         case RayleighRatio(_, modes):
             return RayleighRatio((ratio, ratio), modes)
-        case ModalDamping(ratios):
-            return ModalDamping((ratio,) * len(ratios))
+        case ModalDamping(old_ratios):
+            return ModalDamping((ratio,) * len(old_ratios))
     reason = "is undamped" if model.damping is None else "specifies damping by coefficients"
     raise UsageError(f"damping ratio cannot be changed: {model.name} {reason}")

@@ -26,10 +26,10 @@ from tdint.tabular import declared_homes
 LOG = logging.getLogger("tdint")
 
 NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
-"""Allowed names of methods and laws, which are used in specifications, labels and file names."""
-
+"""Allowed names of methods and laws. They are used in specifications, labels and file names."""
 
 _PREFIX = "tdint_plugin_"
+"""Prefix of the names of plug-in modules in `sys.modules`."""
 
 
 @dataclass(frozen=True)
@@ -50,23 +50,32 @@ class Origin:
     module: str = ""
     package: str = ""
 
-    def keep_code(self, kind: str, of: Any) -> None:
-        """Store the digests of the files of a law or method as executed (`sources.CODE`)."""
+    def keep_code(self, noun: str, registered: Any) -> None:
+        """Store the SHA-256 of all files that define a law or method, in `sources.CODE`.
+
+        Parameters
+        ----------
+        noun : str
+            `law` or `method`.
+        registered : dataclass
+            The law or method.
+        """
         # Imported here, because most commands do not need the digests.
         from tdint.kernels.building.sources import CODE, files_of
 
         package = f"{self.package}: " if self.package else ""
-        CODE[f"{kind} {of.name}"] = files_of([self.module, *_modules(of)], package)
+        CODE[f"{noun} {registered.name}"] = files_of([self.module, *_modules(registered)], package)
 
 
-def _modules(of: Any) -> Iterator[str]:
-    """Yield the modules of the functions in a dataclass and in the dataclasses that it contains."""
-    for field in fields(of):
-        value = getattr(of, field.name)
-        if is_dataclass(value):
-            yield from _modules(value)
-        elif callable(value := getattr(value, "function", value)):
-            yield getattr(value, "__module__", None) or ""
+def _modules(registered: Any) -> Iterator[str]:
+    """Yield the name of the module of each function in a dataclass and its inner dataclasses."""
+    for field in fields(registered):
+        attribute = getattr(registered, field.name)
+        if is_dataclass(attribute):
+            yield from _modules(attribute)
+        # Some attributes are wrappers; their attribute `function` is the function of the plug-in.
+        elif callable(attribute := getattr(attribute, "function", attribute)):
+            yield getattr(attribute, "__module__", None) or ""
 
 
 def _module_name(path: Path) -> str:
@@ -99,24 +108,26 @@ def module_of(file: str) -> ModuleType:
                 f"{file}: the file has changed since this process executed it; restart Python"
             )
         return loaded
-    specification = importlib.util.spec_from_file_location(name, path.resolve())
-    assert specification is not None and specification.loader is not None
-    module = importlib.util.module_from_spec(specification)
+    spec = importlib.util.spec_from_file_location(name, path.resolve())
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
     # The module is in `sys.modules` before it is executed, as in Python's own import, and is
     # removed if it fails.
     sys.modules[name] = module
     vars(module)["__digest__"] = digest_of(path)
     try:
         with faults_of(file):
-            specification.loader.exec_module(module)
+            spec.loader.exec_module(module)
     except TdintError as error:
         del sys.modules[name]
-        place, _, reason = str(error).partition(": ")
+        location, _, reason = str(error).partition(": ")
+        # If the import of a private module of tdint failed, add the public import as a remedy.
         if reason.startswith(("ModuleNotFoundError: ", "ImportError: ")):
-            hint = next(
-                (text for text in private_imports(file) if text.startswith(f"{place}: ")), ""
-            )
-            raise UsageError(str(error) + hint.replace(place, "").replace(":", ";", 1)) from None
+            for message in private_imports(file):
+                if message.startswith(f"{location}: "):
+                    hint = message.removeprefix(f"{location}: ")
+                    raise UsageError(f"{error}; {hint}") from None
+            raise UsageError(str(error)) from None
         raise
     return module
 
@@ -126,40 +137,50 @@ def private_imports(file: str) -> list[str]:
 
     Each message states the line and the import to write instead.
     """
-    # The source is read, because the module imports from layers above this one.
+    # Parse the source of `tdint.plugin` instead of importing it, because it imports modules of
+    # higher layers.
     public_names = {"rows", *declared_homes(str(Path(__file__).parents[1] / "plugin.py"))}
     messages = []
     for node in ast.walk(ast.parse(Path(file).read_bytes())):
-        module = getattr(node, "module", None) or ""
-        if (
+        module_name = getattr(node, "module", None) or ""
+        is_private_import = (
             isinstance(node, ast.ImportFrom)
-            and module.startswith("tdint.")
-            and module != "tdint.plugin"
-        ):
+            and module_name.startswith("tdint.")
+            and module_name != "tdint.plugin"
+        )
+        if isinstance(node, ast.ImportFrom) and is_private_import:
+            # The public name of the module `layout` is `rows`.
             names = ["rows" if alias.name == "layout" else alias.name for alias in node.names]
             public = ", ".join(name for name in names if name in public_names)
-            write = (
+            advice = (
                 f"write from tdint.plugin import {public}"
                 if public
                 else "see the names of tdint.plugin"
             )
-            messages.append(f"{file}:{node.lineno}: {module} may change without notice; {write}")
+            messages.append(
+                f"{file}:{node.lineno}: {module_name} may change without notice; {advice}"
+            )
     return messages
 
 
 def home_of(name: str, attribute: str) -> tuple[str, str] | None:
-    """Return path and SHA-256 of the plug-in that lists a method or law, or None.
+    """Return path and SHA-256 of the plug-in that defines a method or law; None if it is built in.
 
-    `attribute` is the tuple of the plug-in to search, for example `LAWS`.
+    Parameters
+    ----------
+    name : str
+        Name of the method or law.
+    attribute : str
+        Name of the variable of plug-ins that lists these objects, for example `LAWS`.
     """
     for module_name, module in list(sys.modules.items()):
-        if module_name.startswith(_PREFIX) and module.__file__:
-            listed = getattr(module, attribute, ())
-            if name in [
-                getattr(item, "name", None)
-                for item in (listed if isinstance(listed, Iterable) else (listed,))
-            ]:
-                return module.__file__, digest_of(Path(module.__file__))
+        if not (module_name.startswith(_PREFIX) and module.__file__):
+            continue
+        # The value is a tuple or a single object.
+        listed = getattr(module, attribute, ())
+        objects = listed if isinstance(listed, Iterable) else (listed,)
+        if name in [getattr(method_or_law, "name", None) for method_or_law in objects]:
+            return module.__file__, digest_of(Path(module.__file__))
     return None
 
 
@@ -174,17 +195,17 @@ def same_file(file: str, digest: str) -> str:
     try:
         if digest_of(Path(file)) == digest:
             return file
-        reason = "which has changed"
+        reason = "has changed"
     except TdintError:
-        reason = "which does not exist"
+        reason = "does not exist"
     raise UsageError(
-        f"the object requires the plug-in {file}, {reason}: load the original version with "
-        "tdint.load_plugin first"
+        f"the object requires the plug-in {file}, which {reason}; first load the original version "
+        "with tdint.load_plugin"
     )
 
 
 def files_to_send() -> tuple[tuple[str, bytes], ...]:
-    """Return names and contents of the executed plug-ins, for processes that cannot read them."""
+    """Return file name and content of each executed plug-in, for processes without these files."""
     files = [module.__file__ for name, module in sys.modules.items() if name.startswith(_PREFIX)]
     return tuple((Path(file).name, Path(file).read_bytes()) for file in files if file)
 
@@ -202,9 +223,9 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
     """
     files = []
     for name, content in sent:
-        loaded = getattr(sys.modules.get(_module_name(Path(name))), "__file__", None)
-        file = Path(loaded) if loaded else _folder() / name
-        if not loaded:
+        loaded_path = getattr(sys.modules.get(_module_name(Path(name))), "__file__", None)
+        file = Path(loaded_path) if loaded_path else _folder() / name
+        if not loaded_path:
             file.write_bytes(content)
         elif file.read_bytes() != content:
             raise UsageError(
@@ -220,29 +241,29 @@ def peers() -> list[tuple[str, str, Callable[[Any], Any]]]:
     Returns
     -------
     list of (str, str, callable)
-        Name of the plug-in, name of the program, and a function of the problem.
+        Name of the plug-in, name of the program, and a function that solves a problem.
 
     Raises
     ------
     UsageError
         PEERS contains other objects.
     """
-    peers_of = []
+    programs = []
     for module in [module for name, module in sys.modules.items() if name.startswith(_PREFIX)]:
-        for peer in getattr(module, "PEERS", ()):
+        for program in getattr(module, "PEERS", ()):
             if not (
-                isinstance(peer, tuple)
-                and len(peer) == 2
-                and isinstance(peer[0], str)
-                and callable(peer[1])
+                isinstance(program, tuple)
+                and len(program) == 2
+                and isinstance(program[0], str)
+                and callable(program[1])
             ):
                 raise UsageError(
                     f"{module.__file__}: PEERS must contain pairs of a name and a function, not "
-                    f"{peer!r}"
+                    f"{program!r}"
                 )
-            check_name(peer[0].partition(":")[0], (), "peer", str(module.__file__))
-            peers_of.append((Path(str(module.__file__)).stem, *peer))
-    return peers_of
+            check_name(program[0].partition(":")[0], (), "peer", str(module.__file__))
+            programs.append((Path(str(module.__file__)).stem, *program))
+    return programs
 
 
 @cache
@@ -255,28 +276,35 @@ def _folder() -> Path:
 
 @contextmanager
 def faults_of(where: str) -> Iterator[None]:
-    """Convert any exception to a one-line UsageError that starts with `where` and the line."""
+    """Convert any exception to a UsageError of one line, which starts with `where`.
+
+    If `where` is a path, the line of the exception in this file follows. Errors of tdint are not
+    converted.
+    """
     try:
         yield
     except (TdintError, KeyboardInterrupt):
         raise
-    except BaseException as error:  # code of other people may raise any exception
-        file = Path(where).name
-        lines = [
+    except BaseException as error:  # the code of a plug-in may raise any exception
+        file_name = Path(where).name
+        lines_in_plugin = [
             frame.lineno
             for frame in traceback.extract_tb(error.__traceback__)
-            if Path(frame.filename).name == file
+            if Path(frame.filename).name == file_name
         ]
-        line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
+        line = lines_in_plugin[-1] if lines_in_plugin else None
+        if isinstance(error, SyntaxError):
+            line = error.lineno
         try:
-            text = " ".join((error.msg if isinstance(error, SyntaxError) else str(error)).split())
-        except Exception:  # also in its method __str__
-            text = "without a readable message"
-        place = f"{where}:{line}" if line else where
-        raise UsageError(f"{place}: {type(error).__name__}: {text}") from None
+            text = error.msg if isinstance(error, SyntaxError) else str(error)
+            message = " ".join(text.split())
+        except Exception:  # the method __str__ of the exception may also fail
+            message = "without a readable message"
+        location = f"{where}:{line}" if line else where
+        raise UsageError(f"{location}: {type(error).__name__}: {message}") from None
 
 
-def installed(group: str, take: Callable[[Any, Origin], object]) -> None:
+def installed(group: str, register: Callable[[Any, Origin], object]) -> None:
     """Pass the objects of all entry points of a group to a function.
 
     An invalid entry point causes a warning and is skipped.
@@ -285,50 +313,53 @@ def installed(group: str, take: Callable[[Any, Origin], object]) -> None:
     ----------
     group : str
         Group of entry points.
-    take : callable
+    register : callable
         Receives the object and its `Origin`; raises UsageError if the object is invalid.
     """
     from importlib.metadata import entry_points  # imported here, because it takes 20 ms
 
-    for point in sorted(entry_points(group=group), key=lambda point: point.name):
-        package = f"{point.dist.name} {point.dist.version}" if point.dist else ""
-        place = f"entry point {point.name} of {point.group} ({point.value})"
-        origin = Origin(", ".join(filter(None, (package, place))), point.module, package)
+    for entry_point in sorted(entry_points(group=group), key=lambda entry_point: entry_point.name):
+        package = f"{entry_point.dist.name} {entry_point.dist.version}" if entry_point.dist else ""
+        description = f"entry point {entry_point.name} of {entry_point.group} ({entry_point.value})"
+        origin = Origin(
+            ", ".join(filter(None, (package, description))), entry_point.module, package
+        )
         try:
             with faults_of(origin.where):
-                take(point.load(), origin)
+                register(entry_point.load(), origin)
         except TdintError as error:
             LOG.warning("plug-in skipped: %s", error)
 
 
-def declared(plugin: Any, attribute: str, kind: type, where: str) -> Iterator[Any]:
-    """Yield the objects of a type that an entry point or a file provides.
+def declared(plugin: Any, attribute: str, expected_type: type, where: str) -> Iterator[Any]:
+    """Yield the laws, methods or measures of a plug-in.
 
     Parameters
     ----------
     plugin : object
-        Object of the entry point: an object of the type, several, or a module.
+        Module of a file, or the object of an entry point: a module, a single law, method or
+        measure, or a sequence.
     attribute : str
-        Name of the tuple in a module.
-    kind : type
-        Type of the objects.
+        Name of the variable in a module: `LAWS`, `METHODS` or `MEASURES`.
+    expected_type : type
+        Required type of the objects.
     where : str
         Origin for messages.
     """
-    listed = getattr(plugin, attribute, ()) if isinstance(plugin, ModuleType) else plugin
-    for item in (listed,) if isinstance(listed, kind) else listed:
-        if not isinstance(item, kind):
+    objects = getattr(plugin, attribute, ()) if isinstance(plugin, ModuleType) else plugin
+    for listed in (objects,) if isinstance(objects, expected_type) else objects:
+        if not isinstance(listed, expected_type):
             raise UsageError(
-                f"{where}: {attribute} must contain {kind.__name__} objects, not "
-                f"{type(item).__name__}"
+                f"{where}: {attribute} must contain {expected_type.__name__} objects, not "
+                f"{type(listed).__name__}"
             )
-        yield item
+        yield listed
 
 
-def check_name(name: str, names: Any, kind: str, where: str) -> None:
+def check_name(name: str, names: Any, noun: str, where: str) -> None:
     """Raise UsageError if a name is invalid or in use.
 
-    Built-in names cannot be hidden, and plug-ins cannot hide each other.
+    Names must be unique in the built-in objects and all plug-ins.
 
     Parameters
     ----------
@@ -336,7 +367,7 @@ def check_name(name: str, names: Any, kind: str, where: str) -> None:
         Name of the law, method or reference program.
     names : collection of str
         Names in use.
-    kind : str
+    noun : str
         Noun for messages.
     where : str
         Origin for messages.
@@ -347,6 +378,6 @@ def check_name(name: str, names: Any, kind: str, where: str) -> None:
         The name is invalid or in use.
     """
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise UsageError(f"{where}: invalid name of a {kind}: {name!r}; use a-z, 0-9 and hyphens")
+        raise UsageError(f"{where}: invalid name of a {noun}: {name!r}; use a-z, 0-9 and hyphens")
     if name in names:
-        raise UsageError(f"{where}: a {kind} {name!r} already exists; choose another name")
+        raise UsageError(f"{where}: a {noun} {name!r} already exists; choose another name")

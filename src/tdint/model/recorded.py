@@ -115,19 +115,23 @@ _SENSOR = Keys(
         Key("sign", Whole(-1, 1, " (a direction)"), "-1 for a sensor with the opposite direction"),
     ),
     what="a file or a mapping with the key file",
-    make=lambda value, **given: _sensor(value, **given),
+    make=lambda value, **entries: _make_sensor(value, **entries),
 )
-_ONE = Either((PathOf(), _SENSOR), _SENSOR.what)
-_PLACE = Either(
-    (*_ONE.types, EntriesOf(_ONE, 1, None, "a list of files", "must name at least one file")),
-    _ONE.what,
+# A sensor is the name of a file or a mapping; a location may have several sensors.
+_SENSOR_FORMS = Either((PathOf(), _SENSOR), _SENSOR.what)
+_SENSORS = Either(
+    (
+        *_SENSOR_FORMS.types,
+        EntriesOf(_SENSOR_FORMS, 1, None, "a list of files", "must name at least one file"),
+    ),
+    _SENSOR_FORMS.what,
 )
 _BAND = EntriesOf(
     POSITIVE, 2, 2, "a list of two frequencies (Hz) in increasing order", growing=True
 )
 _WINDOW = EntriesOf(NOT_NEGATIVE, 2, 2, "a list of two times (s) in increasing order", growing=True)
 _FLOORS = ByName(
-    _PLACE,
+    _SENSORS,
     f"a mapping from floors (numbers from 1, or {ROOF}) to their files",
     "must name at least one floor",
     make=lambda value, floors: floors,
@@ -137,7 +141,7 @@ RECORDING = Keys(
         Key("name", Words(), "name of the event; by default the name of the file"),
         Key(
             "base",
-            _PLACE,
+            _SENSORS,
             "sensors at the base of the building",
             True,
             "specify the file with the recorded ground motion",
@@ -157,7 +161,7 @@ RECORDING = Keys(
             "time shift that is added to the times of the floors, s",
         ),
     ),
-    make=lambda _, **given: given,
+    make=lambda _, **entries: entries,
 )
 
 
@@ -178,48 +182,62 @@ def load_recording(source: str | Path, stories: int) -> Recording:
         file order.
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
-    given = replace(root, type=RECORDING).read()
+    entries = replace(root, type=RECORDING).read()
 
     # Sort floors by number from the ground up; the roof is the last floor.
     floors: dict[int, tuple[Sensor, ...]] = {}
-    for name, (entry, sensors) in given["floors"].items() if given else ():
-        floor = (
-            stories
-            if name == ROOF
-            else int(name)
-            if name.isascii() and name.isdecimal() and len(name) < 9
-            else 0
-        )
+    for name, (entry, sensors) in entries["floors"].items() if entries else ():
+        if name == ROOF:
+            floor = stories
+        elif name.isascii() and name.isdecimal() and len(name) < 9:
+            floor = int(name)
+        else:
+            floor = 0  # not a number: invalid
         if not 1 <= floor <= stories:
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
         elif floor in floors:
             entry.fault(f"floor {floor} is specified twice")
-        floors[floor] = _tuple(sensors)
+        floors[floor] = _sensor_tuple(sensors)
     root.faults.raise_if_any()
     by_number = tuple(sorted(floors.items()))
-    given |= {
-        "name": given["name"] or origin.name,
-        "base": _tuple(given["base"]),
+    entries |= {
+        "name": entries["name"] or origin.name,
+        "base": _sensor_tuple(entries["base"]),
         "floors": by_number,
     }
-    return Recording(
-        source=origin.label, text=origin.data, **{**given, "shift": given["shift"] or 0.0}
-    )
+    # Without the key `shift`, the floors and the base have the same clock.
+    entries["shift"] = entries["shift"] or 0.0
+    return Recording(source=origin.label, text=origin.data, **entries)
 
 
-def _tuple(sensors: Any) -> tuple[Sensor, ...]:
-    """Return the sensors as a tuple; convert a file name to a sensor."""
-    each = sensors if isinstance(sensors, tuple) else (sensors,)
-    return tuple(Sensor(sensor) if isinstance(sensor, str) else sensor for sensor in each)
+def _sensor_tuple(sensors: Any) -> tuple[Sensor, ...]:
+    """Return one or several sensors as a tuple, with file names converted to sensors."""
+    listed = sensors if isinstance(sensors, tuple) else (sensors,)
+    return tuple(Sensor(sensor) if isinstance(sensor, str) else sensor for sensor in listed)
 
 
-def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> Sensor | None:
-    # `column` selects the series of a table, `component` that of a record: they exclude each other.
+def _make_sensor(
+    value: Value, units: str | None, sign: int | None, **entries: Any
+) -> Sensor | None:
+    """Return the sensor of a mapping, and report errors in the combination of its entries.
+
+    Parameters
+    ----------
+    value : Value
+        The mapping.
+    units : str or None
+        Text of the key `units`; it is read again together with the quantity.
+    sign : int or None
+        Value of the key `sign`; None if it is missing.
+    **entries
+        Values of the other keys.
+    """
+    # `column` selects a series in a table, `component` a series in a record.
     column, sign_entry = value.peek("column"), value.peek("sign")
-    if column and given["column"] and given["component"]:
+    if column and entries["column"] and entries["component"]:
         column.fault("`column` applies to tables and `component` to records; omit one of them")
     if sign_entry and sign == 0:
         sign_entry.fault("must be 1 or -1")
     return Sensor(
-        units=read_sample_units(value.peek("units"), given["quantity"]), sign=sign or 1, **given
+        units=read_sample_units(value.peek("units"), entries["quantity"]), sign=sign or 1, **entries
     )
