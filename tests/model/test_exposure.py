@@ -166,7 +166,7 @@ def test_rules_by_structural_type_and_a_model_without_costs() -> None:
     [
         (
             in_xml().replace("CR/H:3", "CR/H:9"),
-            "add rows for 1 of the taxonomies of e.xml: 'CR/H:9'",
+            "1 taxonomy of e.xml not found; add rows for 'CR/H:9'",
         ),
         (in_xml().replace('number="5"', 'number="-5"'), "e.xml:14:1: number: must be zero or a"),
         (in_xml().replace('number="5"', ""), "e.xml:14:1: number: is missing; give zero or a"),

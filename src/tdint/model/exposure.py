@@ -23,7 +23,8 @@ from tdint.number_parsing import pluralize
 TAXONOMY = "taxonomy"
 """Column of the taxonomy in the mapping table, and in the inventory that is read."""
 
-_STRUCTURAL = "structural"  # the cost type that becomes the cost of an inventory
+_STRUCTURAL = "structural"
+"""Cost type in exposure models. The structural cost becomes the column `cost` of the inventory."""
 _AGGREGATED, _PER_ASSET, _PER_AREA = "aggregated", "per_asset", "per_area"
 _COST_TYPES = (_AGGREGATED, _PER_ASSET, _PER_AREA)
 _AREA_TYPES = (_AGGREGATED, _PER_ASSET)
@@ -36,11 +37,11 @@ _OTHER_NAMES: Mapping[str, tuple[str, ...]] = {
 }
 """Names of columns in CSV files if the XML file does not assign them (exposureFields)."""
 
-_MAPPING_NEEDS = (
+_MAPPING_REQUIREMENTS = (
     f"a mapping table is a CSV file with the column {TAXONOMY} and, for each taxonomy, the columns "
     "of an inventory that the rules need (class and NumberOfStories for the rules capacity)"
 )
-_NEEDS = (
+_REQUIRED = (
     "an exposure model of OpenQuake is an XML file (NRML), or a CSV file with the columns "
     f"{', '.join(_FIELDS[:5])}"
 )
@@ -49,7 +50,7 @@ _MAX_LISTED = 10
 
 
 @dataclass
-class _Model:
+class _ExposureModel:
     """Contents of the XML file of an exposure model.
 
     Attributes
@@ -83,15 +84,15 @@ def read_mapping(source: str) -> CsvTable:
     ModelError
         The table cannot be read, or contains a taxonomy twice.
     """
-    table = read_table(source, _MAPPING_NEEDS)
+    table = read_table(source, _MAPPING_REQUIREMENTS)
     lines: dict[str, int] = {}
-    for line, text in table.lines(TAXONOMY, empty=False):
-        if text in lines:
+    for line, taxonomy in table.lines(TAXONOMY, empty=False):
+        if taxonomy in lines:
             raise ModelError(
-                f"{source}:{line}: taxonomy {text[:60]!r} is already on line {lines[text]}; "
-                "keep only one of these rows"
+                f"{source}:{line}: taxonomy {taxonomy[:60]!r} is already on line "
+                f"{lines[taxonomy]}; keep only one of these rows"
             )
-        lines[text] = line
+        lines[taxonomy] = line
     return table
 
 
@@ -132,7 +133,7 @@ def stream_exposure(
                 f"it contains {'both' if files else 'neither'}"
             )
     else:
-        model, files = _Model(), [source]
+        model, files = _ExposureModel(), [source]
     assets = _Assets(source, model, mapping, reserved)
     for name in files:
         assets.read_csv(name)
@@ -144,7 +145,7 @@ def stream_exposure(
         assets.titles,
         1,
         (),
-        _NEEDS,
+        _REQUIRED,
         ModelError,
     )
     return table, iter(assets.rows)
@@ -154,10 +155,10 @@ class _Assets:
     """Assets of an exposure model, converted to rows of an inventory, and their errors."""
 
     def __init__(
-        self, source: str, model: _Model, mapping: CsvTable, reserved: Collection[str]
+        self, source: str, model: _ExposureModel, mapping: CsvTable, reserved: Collection[str]
     ) -> None:
         self._source, self._model, self._mapping = source, model, mapping
-        # Cells of the mapping table for each taxonomy: the columns that have a title.
+        # Store the cells of the mapping table for each taxonomy, from the columns with a title.
         taxonomy_column = mapping.header.index(TAXONOMY)
         columns = [
             index
@@ -165,9 +166,9 @@ class _Assets:
             if title and index != taxonomy_column
         ]
         mapped_titles = [mapping.titles[index] for index in columns]
-        self._classes = {
-            text: [cells[index].strip() if index < len(cells) else "" for index in columns]
-            for text, (_, cells) in zip(mapping.texts(TAXONOMY), mapping.rows, strict=True)
+        self._mapped_cells = {
+            taxonomy: [cells[index].strip() if index < len(cells) else "" for index in columns]
+            for taxonomy, (_, cells) in zip(mapping.texts(TAXONOMY), mapping.rows, strict=True)
         }
         self.has_cost = bool(model.cost_type)
         cost_titles = [COST] if self.has_cost else []
@@ -187,46 +188,69 @@ class _Assets:
         tags = [f"tag_{tag}" if tag.lower() in reserved_names else tag for tag in self._tags]
         self.titles = (*own_titles, *tags)
         self.rows: list[tuple[int, list[str]]] = []
-        self._faults: list[ModelFault] = []
-        self._count = 0
+        self._faults: list[ModelFault] = []  # the first `_MAX_LISTED` errors
+        self._fault_count = 0
+        # Number of assets for each taxonomy without a row in the mapping table
         self._unmapped: Counter[str] = Counter()
 
-    def read_csv(self, name: str) -> None:
+    def read_csv(self, file_name: str) -> None:
         """Read the assets of a CSV file."""
-        table, rows = stream_table(name, _NEEDS, columns=(), read_first=True)
-        fields = {name: self._column(table, name) for name in _FIELDS}
-        missing = [name for name in _FIELDS[:5] if fields[name] is None]
-        if self._model.cost_type:
-            missing += [_STRUCTURAL] * (fields[_STRUCTURAL] is None)
-            missing += ["area"] * (self._model.cost_type == _PER_AREA and fields["area"] is None)
-        elif fields[_STRUCTURAL] is not None and name == self._source:
+        table, rows = stream_table(file_name, _REQUIRED, columns=(), read_first=True)
+        field_columns = {name: self._column_index(table, name) for name in _FIELDS}
+        self._check_fields(file_name, table, field_columns)
+        column_indices = {
+            tag: table.header.index(tag.lower()) for tag in self._tags if table.has(tag)
+        }
+        for name, index in field_columns.items():
+            if index is not None:
+                column_indices[name] = index
+        for line, cells in rows:
+            if len(cells) > len(table.header) and table.overfull(cells):
+                raise ModelError(
+                    f"{file_name}:{line}: the row has {pluralize(len(cells), 'cell')}, but "
+                    f"the header has {pluralize(len(table.header), 'column')}"
+                )
+            # A row may have fewer cells than the header.
+            values = {
+                name: cells[index].strip()
+                for name, index in column_indices.items()
+                if index < len(cells)
+            }
+            self._add_asset(file_name, line, values)
+
+    def _check_fields(
+        self, file_name: str, table: CsvTable, field_columns: Mapping[str, int | None]
+    ) -> None:
+        """Raise ModelError if a CSV file lacks a column, or has a cost without a cost type.
+
+        Parameters
+        ----------
+        file_name : str
+            Name of the CSV file.
+        table : CsvTable
+            Header of the CSV file.
+        field_columns : mapping of str to int or None
+            Index of the column of each field of `_FIELDS`; None without a column.
+        """
+        missing = [name for name in _FIELDS[:5] if field_columns[name] is None]
+        cost_type, cost_column = self._model.cost_type, field_columns[_STRUCTURAL]
+        if cost_type:
+            if cost_column is None:
+                missing.append(_STRUCTURAL)
+            if cost_type == _PER_AREA and field_columns["area"] is None:
+                missing.append("area")
+        elif cost_column is not None and file_name == self._source:
+            # The CSV file was specified without an XML file, which would state the cost type.
             raise ModelError(
-                f"{name}:{table.header_line}: column {table.titles[fields[_STRUCTURAL] or 0]} can "
+                f"{file_name}:{table.header_line}: column {table.titles[cost_column]} can "
                 "be the cost of one building or of all buildings of an asset; specify the XML file "
                 "of the exposure model instead of this CSV file, because its element costType "
                 f"states the meaning (type={_AGGREGATED!r} or {_PER_ASSET!r})"
             )
         if missing:
             table.need(*missing)
-        tags = {tag: table.header.index(tag.lower()) for tag in self._tags if table.has(tag)}
-        columns = {name: index for name, index in {**tags, **fields}.items() if index is not None}
-        for line, cells in rows:
-            if len(cells) > len(table.header) and table.overfull(cells):
-                raise ModelError(
-                    f"{name}:{line}: the row has {pluralize(len(cells), 'cell')}, but "
-                    f"the header has {pluralize(len(table.header), 'column')}"
-                )
-            self._add(
-                name,
-                line,
-                {
-                    name: cells[index].strip()
-                    for name, index in columns.items()
-                    if index < len(cells)
-                },
-            )
 
-    def _column(self, table: CsvTable, field_name: str) -> int | None:
+    def _column_index(self, table: CsvTable, field_name: str) -> int | None:
         """Return the index of the column of a field; None if the file does not contain it."""
         # The XML file may assign a column to the field.
         assigned = self._model.fields.get(field_name)
@@ -241,10 +265,10 @@ class _Assets:
     def read_elements(self, source: str) -> None:
         """Add the assets of the XML file itself."""
         for line, values in self._model.assets:
-            self._add(source, line, values)
+            self._add_asset(source, line, values)
         self._model.assets.clear()
 
-    def _add(self, source: str, line: int, values: Mapping[str, str]) -> None:
+    def _add_asset(self, source: str, line: int, values: Mapping[str, str]) -> None:
         """Convert an asset to a row of the inventory, or report its errors.
 
         Parameters
@@ -256,11 +280,11 @@ class _Assets:
         values : mapping of str to str
             Text of each field of the asset.
         """
-        earlier_errors = self._count
+        earlier_fault_count = self._fault_count
 
         def fault(name: str, message: str) -> None:
             """Count an error of a field; keep the message of the first errors only."""
-            self._count += 1
+            self._fault_count += 1
             if len(self._faults) < _MAX_LISTED:
                 self._faults.append(ModelFault(source, line, 1, name, message))
 
@@ -270,27 +294,34 @@ class _Assets:
             value = number(text)
             if not value >= 0.0:
                 expected = "zero or a positive number"
-                fault(
-                    name, number_error(text, expected) if text else f"is missing; give {expected}"
-                )
+                message = f"is missing; give {expected}"
+                fault(name, number_error(text, expected) if text else message)
             return value
 
         name, taxonomy = values.get("id", ""), values.get(TAXONOMY, "")
         if not name:
             fault("id", "is missing")
-        for degrees in ("lon", "lat"):
-            if not values.get(degrees):
-                fault(degrees, "is missing; give degrees")
-        count = nonnegative(NUMBER)
-        cost = [repr(self._cost(count, nonnegative, fault))] if self.has_cost else []
-        classes = self._classes.get(taxonomy)
-        if classes is None:
+        for coordinate in ("lon", "lat"):
+            if not values.get(coordinate):
+                fault(coordinate, "is missing; give degrees")
+        building_count = nonnegative(NUMBER)
+        cost_cells = [repr(self._cost(building_count, nonnegative, fault))] if self.has_cost else []
+        mapped_cells = self._mapped_cells.get(taxonomy)
+        if mapped_cells is None:
             self._unmapped[taxonomy] += 1
             return
-        if self._count == earlier_errors:
+        if self._fault_count == earlier_fault_count:
             location = [values["lon"], values["lat"]]
-            tags = [values.get(tag, "") for tag in self._tags]
-            cells = [name, taxonomy, *classes, values[NUMBER], *cost, *location, *tags]
+            tag_cells = [values.get(tag, "") for tag in self._tags]
+            cells = [
+                name,
+                taxonomy,
+                *mapped_cells,
+                values[NUMBER],
+                *cost_cells,
+                *location,
+                *tag_cells,
+            ]
             self.rows.append((line, cells))
 
     def _cost(
@@ -323,26 +354,30 @@ class _Assets:
         return value
 
     def check(self) -> None:
-        """Raise ModelError if an asset has an error, or taxonomies are not in the table."""
-        if self._count:
-            more = self._count - len(self._faults)
-            lines = [*map(str, self._faults), *([f"and {more} more errors"] if more > 0 else [])]
+        """Raise ModelError if an asset has an error, or the mapping table lacks a taxonomy."""
+        if self._fault_count:
+            unlisted = self._fault_count - len(self._faults)
+            lines = [str(fault) for fault in self._faults]
+            if unlisted > 0:
+                lines.append(f"and {unlisted} more errors")
             raise ModelError("\n".join(lines))
         if self._unmapped:
             listed = ", ".join(
                 f"{name[:60]!r} ({pluralize(count, 'asset')})"
                 for name, count in self._unmapped.most_common(_MAX_LISTED)
             )
+            if len(self._unmapped) > _MAX_LISTED:
+                listed += ", ..."
             raise ModelError(
-                f"{self._mapping.source}: add rows for {len(self._unmapped)} of the taxonomies of "
-                f"{self._source}: {listed}{', ...' * (len(self._unmapped) > _MAX_LISTED)}"
+                f"{self._mapping.source}: {pluralize(len(self._unmapped), 'taxonomy')} of "
+                f"{self._source} not found; add rows for {listed}"
             )
 
 
 # ---- XML
 
 
-def _parse(source: str, data: bytes) -> _Model:
+def _parse(source: str, data: bytes) -> _ExposureModel:
     """Return the contents of an XML file.
 
     Parameters
@@ -358,9 +393,9 @@ def _parse(source: str, data: bytes) -> _Model:
         The file is not valid XML, contains a document type definition (which could reference
         other files), or is not an exposure model.
     """
-    parser, model = expat.ParserCreate(namespace_separator=" "), _Model()
+    parser, model = expat.ParserCreate(namespace_separator=" "), _ExposureModel()
     path: list[str] = []  # names of the open elements, from the outermost
-    texts: list[str] = []  # parts of the text after the last tag
+    texts: list[str] = []  # parts of the text after the last tag, which expat passes separately
 
     def refuse(*_: object) -> None:
         """Refuse a document type definition, which could reference other files."""
@@ -375,9 +410,9 @@ def _parse(source: str, data: bytes) -> _Model:
         texts.clear()
         if len(path) == 2 and path != ["nrml", "exposureModel"]:
             raise ModelError(
-                f"{source}: must contain an exposureModel, got {'/'.join(path)[:60]}; {_NEEDS}"
+                f"{source}: must contain an exposureModel, got {'/'.join(path)[:60]}; {_REQUIRED}"
             )
-        _element(source, parser.CurrentLineNumber, path, attributes, model)
+        _store_element(source, parser.CurrentLineNumber, path, attributes, model)
 
     def end(_: str) -> None:
         """Store the text of an element when its end tag is read."""
@@ -406,10 +441,14 @@ def _parse(source: str, data: bytes) -> _Model:
     return model
 
 
-def _element(
-    source: str, line: int, path: Sequence[str], attributes: Mapping[str, str], model: _Model
+def _store_element(
+    source: str,
+    line: int,
+    path: Sequence[str],
+    attributes: Mapping[str, str],
+    model: _ExposureModel,
 ) -> None:
-    """Store the attributes of an element of an exposure model.
+    """Store the attributes of an element of an exposure model in `model`.
 
     Parameters
     ----------
@@ -425,25 +464,26 @@ def _element(
         Changed by this function.
     """
     name, parent = path[-1], path[-2] if len(path) > 1 else ""
-    asset = model.assets[-1][1] if model.assets else {}
+    last_asset = model.assets[-1][1] if model.assets else {}
     if name == "costType" and attributes.get("name") == _STRUCTURAL:
         model.cost_type = _choice(source, line, attributes.get("type", ""), _COST_TYPES)
     elif name == "area" and parent == "conversions":
         model.area_type = _choice(source, line, attributes.get("type", ""), _AREA_TYPES)
     elif name == "field":
-        # The cost types of OpenQuake share the field `value`; the type of the cost tells them
-        # apart.
+        # All cost types of OpenQuake use the field `value`. The attribute `type` is the cost type,
+        # which is stored as the name of the field.
         field_name = attributes.get("oq", "")
         field_name = attributes.get("type", "") if field_name == "value" else field_name
         model.fields[field_name] = attributes.get("input", "")
     elif name == "asset":
         model.assets.append((line, dict(attributes)))
     elif name == "location" and parent == "asset":
-        asset |= {name: attributes.get(name, "") for name in ("lon", "lat")}
+        last_asset |= {name: attributes.get(name, "") for name in ("lon", "lat")}
     elif name == "cost" and attributes.get("type") == _STRUCTURAL:
-        asset[_STRUCTURAL] = attributes.get("value", "")
+        last_asset[_STRUCTURAL] = attributes.get("value", "")
     elif name == "tags":
-        asset.update({tag: text for tag, text in attributes.items() if tag not in _FIELDS})
+        # Tags must not overwrite fields of the asset.
+        last_asset.update({tag: text for tag, text in attributes.items() if tag not in _FIELDS})
 
 
 def _choice(source: str, line: int, text: str, allowed: Sequence[str]) -> str:

@@ -57,8 +57,15 @@ from tdint.units import LENGTH
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
 _COLUMNS = (*NEEDED, *OPTIONAL)
-OF_CLASSES = ("id", "class", "NumberOfStories")
-_CLASS_COLUMNS = (*OF_CLASSES, "height", "mass_kg", "DampingRatio", "Latitude", "Longitude")
+NEEDED_WITH_CLASSES = ("id", "class", "NumberOfStories")
+_CLASS_COLUMNS = (
+    *NEEDED_WITH_CLASSES,
+    "height",
+    "mass_kg",
+    "DampingRatio",
+    "Latitude",
+    "Longitude",
+)
 _NUMBERS = {
     "PlanArea": POSITIVE,
     "height": POSITIVE,
@@ -70,7 +77,9 @@ _NUMBERS = {
 """Allowed range of the columns in which every building may have a different number. The other
 columns contain few distinct texts, which are checked once each."""
 
-_NEEDS = f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
+_REQUIREMENTS = (
+    f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
+)
 _DESIGN_LEVELS = (
     {level: level for level in LEVELS}
     | {f"{level}-code": level for level in LEVELS}
@@ -150,11 +159,13 @@ def read_inventory(
     ModelError
         The file cannot be read, or a required column is missing.
     """
-    columns, needed = (_COLUMNS, NEEDED) if classes is None else (_CLASS_COLUMNS, OF_CLASSES)
+    columns, needed = (
+        (_COLUMNS, NEEDED) if classes is None else (_CLASS_COLUMNS, NEEDED_WITH_CLASSES)
+    )
     arguments = (length, mass_only, classes, as_published)
     if mapping is None:
-        needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
-        table, rows = stream_table(source, needs, columns=columns, read_first=True)
+        requirements = _REQUIREMENTS.replace(", ".join(NEEDED), ", ".join(needed))
+        table, rows = stream_table(source, requirements, columns=columns, read_first=True)
     else:
         taxonomies = read_mapping(mapping)
         taxonomies.need(*needed[1:])
@@ -166,13 +177,18 @@ def read_inventory(
     return _checked(inventory_table)
 
 
-def _check_mapping(mapping: _Table) -> None:
-    """Raise ModelError if a row of a mapping table does not define a building."""
-    # Read the mapping table as an inventory in which the taxonomies are the ids.
-    header = tuple("id" if name == TAXONOMY else name for name in mapping.table.header)
-    mapping = replace(mapping, table=replace(mapping.table, header=header, titles=header))
-    mapping.read(iter(mapping.table.rows))
-    if faults := _checked(mapping)[1]:
+def _check_mapping(mapping_table: _Table) -> None:
+    """Raise ModelError if a row of a mapping table does not define a building.
+
+    A mapping table contains the columns of an inventory for each taxonomy.
+    """
+    # Read the mapping table as an inventory: rename the column `taxonomy` to `id`.
+    header = tuple("id" if name == TAXONOMY else name for name in mapping_table.table.header)
+    mapping_table = replace(
+        mapping_table, table=replace(mapping_table.table, header=header, titles=header)
+    )
+    mapping_table.read(iter(mapping_table.table.rows))
+    if faults := _checked(mapping_table)[1]:
         raise ModelError(faults)
 
 
@@ -180,10 +196,12 @@ def _checked(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:
     """Return the valid rows of a table, and the errors of the other rows."""
     faults: list[ModelFault] = []
     # In a table of a million rows almost all rows are valid. Only the other rows are read cell by
-    # cell, which takes much longer, to list their errors.
-    valid, first_lines = table.valid_rows(), dict[str, int]()
+    # cell, which is much slower, to list their errors.
+    valid = table.valid_rows()
+    width = len(table.table.header)
+    first_lines: dict[str, int] = {}  # line of the first building with each id
     for index in np.flatnonzero(~valid).tolist():
-        row, width = _Row(table, index, faults), len(table.table.header)
+        row = _Row(table, index, faults)
         # A surplus cell shifts the cells after it, so no cell of the row can be trusted.
         if index in table.overfull:
             row.fault(
@@ -194,7 +212,8 @@ def _checked(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:
             )
             continue
         building = row.building()
-        # Tables refer to a building by its id, and the id determines its random samples.
+        # The id must be unique, because tables refer to a building by its id, and the id determines
+        # its random samples.
         if building and building.id in first_lines:
             row.fault(
                 table.column_indices["id"],
@@ -203,6 +222,7 @@ def _checked(table: _Table) -> tuple[InventoryRows, list[ModelFault]]:
                 "id for each building",
             )
         elif building:
+            # The first row with an id is valid, only further rows with this id are not.
             first_lines[building.id] = table.lines[index]
             valid[index] = True
     return InventoryRows(table, np.flatnonzero(valid)), sorted(
@@ -214,7 +234,7 @@ Item = TypeVar("Item")
 
 
 class LazySequence(Sequence[Item]):
-    """Sequence of items that are created on access. None of millions of items is stored."""
+    """Sequence of items that are created on access, because millions of items need much memory."""
 
     @abstractmethod
     def make(self, number: int) -> Item:
@@ -225,12 +245,11 @@ class LazySequence(Sequence[Item]):
     @overload
     def __getitem__(self, index: slice) -> list[Item]: ...
     def __getitem__(self, index: int | slice) -> Item | list[Item]:
-        numbers = range(len(self))[index]
-        return (
-            self.make(numbers)
-            if isinstance(numbers, int)
-            else [self.make(number) for number in numbers]
-        )
+        # The range converts negative indices and slices.
+        selected = range(len(self))[index]
+        if isinstance(selected, int):
+            return self.make(selected)
+        return [self.make(number) for number in selected]
 
 
 @dataclass(frozen=True)
@@ -257,7 +276,10 @@ class _Table:
     overfull: dict[int, int] = field(default_factory=dict)
 
     def read(self, rows: Iterator[tuple[int, list[str]]]) -> None:
-        """Read all rows and fill `columns`, `lines` and `overfull`."""
+        """Read all rows and fill `columns`, `lines` and `overfull`.
+
+        `rows` yields the line number and the cells of each row.
+        """
         width = len(self.table.header)
         self.columns.extend(TextColumn() for _ in range(width))
         while block := list(islice(rows, BLOCK)):
@@ -265,12 +287,14 @@ class _Table:
                 self.lines.append(line)
                 if len(cells) > width and self.table.overfull(cells):
                     self.overfull[index] = len(cells)
+            # Transpose the block: one tuple of texts for each column. Missing cells at the end of a
+            # row are empty, surplus cells are omitted.
             texts = [
                 tuple(map(str.strip, column_cells))
                 for column_cells in zip_longest(*(cells for _, cells in block), fillvalue="")
             ]
-            # Missing cells at the end of rows are empty.
-            texts = texts[:width] + [("",) * len(block)] * (width - len(texts))
+            empty_column = ("",) * len(block)
+            texts = texts[:width] + [empty_column] * (width - len(texts))
             for column, column_texts in zip(self.columns, texts, strict=True):
                 column.add(column_texts)
 
@@ -290,16 +314,17 @@ class _Table:
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """Numeric columns by name; nan for cells without a number."""
-        named = (name for name in ("NumberOfStories", *_NUMBERS) if name in self.column_indices)
-        return {name: self.columns[self.column_indices[name]].numbers() for name in named}
+        """Values of the numeric columns by name; nan for cells without a number."""
+        names = (name for name in ("NumberOfStories", *_NUMBERS) if name in self.column_indices)
+        return {name: self.columns[self.column_indices[name]].numbers() for name in names}
 
     def valid_rows(self) -> NDArray[np.bool_]:
         """Return a mask of the rows that contain no error."""
         ids = self.columns[self.column_indices["id"]]
         valid = np.ones(len(ids), dtype=bool)
-        # Ids with different hashes are different. An array of hashes requires an eighth of the
-        # memory of a set of ids; therefore ids are counted only if two hashes are equal.
+        # Ids must be unique and not empty. Ids with different hashes are different. An array of
+        # hashes requires an eighth of the memory of a set of ids, so the ids are counted only if
+        # two hashes are equal.
         hashes = np.sort(np.fromiter(map(hash, ids), np.int64, len(ids)))
         if (np.diff(hashes) == 0).any() or "" in ids:
             count = Counter(ids)
@@ -313,8 +338,8 @@ class _Table:
                     [not text for text in self.columns[self.column_indices[name]]]
                 )
             valid &= is_allowed
-        # A text is valid if a row that contains it is read without an error. Each distinct text is
-        # checked once, with the first row that contains it.
+        # The remaining columns contain few distinct texts. A text is valid if the first row with
+        # this text is read without an error.
         is_row_valid: dict[int, bool] = {}
         for column in (
             self.columns[column_index]
@@ -336,7 +361,7 @@ class _Table:
 
 
 Changes = tuple[tuple[tuple[str, float], ...], str]
-"""Parameters that a sweep changes, and the label (see `InventoryRow`)."""
+"""Variation of a building in a sweep: names and values of the changed parameters, and the label."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,16 +390,20 @@ class InventoryRows(LazySequence[InventoryRow]):
         return len(self.indices) * len(self.changes)
 
     def make(self, number: int) -> InventoryRow:
-        """Create the building with index `number`; the variations of a row follow each other."""
-        position, change = divmod(number, len(self.changes))
+        """Create the building with index `number`.
+
+        The variations of the first row come first, followed by those of the second row, and so on.
+        """
+        position, variation = divmod(number, len(self.changes))
         row_index = int(self.indices[position])
         row = _Row(self.table, row_index, []).building()
         assert row is not None
-        changes, label = self.changes[change]
+        changes, label = self.changes[variation]
         cells = [self.table.columns[column][row_index] for column in self.table.carried]
         if self.near is not None:
             names, sites, distances = self.near
-            cells = [names[sites[position]], f"{1e-3 * distances[position]:.6g}", *cells]
+            distance_km = 1e-3 * distances[position]
+            cells = [names[sites[position]], f"{distance_km:.6g}", *cells]
         return replace(
             row, columns=self.titles, cells=json.dumps(cells), changes=changes, label=label
         )
@@ -402,18 +431,27 @@ class InventoryRows(LazySequence[InventoryRow]):
         return TextColumn(compress(column, is_selected.tolist()))
 
     def faults(self, name: str, message: Callable[[int, str], str]) -> list[ModelFault]:
-        """Return the errors of a column.
+        """Return the errors of a column, with the lines of their cells.
 
-        `message` receives the index of a row and the text of its cell. It returns an error message,
-        or an empty string if the cell is valid.
+        Parameters
+        ----------
+        name : str
+            Name of the column.
+        message : callable
+            Receives the number of a row in these rows, from 0, and the text of its cell. Returns an
+            error message, or an empty string if the cell is valid.
         """
         table, lines = self.table.table, self.table.lines
         table.need(name)
         cells = enumerate(zip(self.indices.tolist(), self.texts(name), strict=True))
         column = table.header.index(name.lower()) + 1
-        checked = ((lines[index], message(number, text)) for number, (index, text) in cells)
+        line_errors = (
+            (lines[row_index], message(row_number, text)) for row_number, (row_index, text) in cells
+        )
         return [
-            ModelFault(table.source, line, column, name, error) for line, error in checked if error
+            ModelFault(table.source, line, column, name, message_text)
+            for line, message_text in line_errors
+            if message_text
         ]
 
     @property
@@ -438,37 +476,41 @@ class InventoryRows(LazySequence[InventoryRow]):
         return np.repeat(np.column_stack(degrees), len(self.changes), axis=0)
 
     @cached_property
-    def alike(self) -> Sequence[int]:
-        """Index of an equivalent building for each building: the first one that differs only in id,
-        location, floor area and mass.
+    def equivalent_indices(self) -> Sequence[int]:
+        """Index of the first equivalent building for each building.
 
-        In a sweep each building has its own index.
+        Equivalent buildings differ only in id, location, floor area and mass, so that they have the
+        same response per unit mass. In a sweep each building has only itself as equivalent.
         """
         if self.is_varied:
             return range(len(self))
-        first: dict[tuple[str, ...], int] = {}
+        first_indices: dict[tuple[str, ...], int] = {}  # by the texts of the other columns
         columns = (
             self.texts(index)
             for name, index in self.table.column_indices.items()
             if name not in _INDIVIDUAL_COLUMNS
         )
         return [
-            first.setdefault(cells, number)
+            first_indices.setdefault(cells, number)
             for number, cells in enumerate(zip(*columns, strict=True))
         ]
 
     def digest(self, *, carried: bool) -> str:
-        """Return the SHA-256 of the text that defines the buildings.
+        """Return a SHA-256 of the buildings.
 
-        With `carried`, return the SHA-256 of the columns that are copied to results instead.
+        Parameters
+        ----------
+        carried : bool
+            True for the columns that are copied to results (`_Table.carried`); False for everything
+            that defines the response of the buildings.
         """
         table = self.table
-        arguments = (
+        defining_values = (
             (self.titles,)
             if carried
             else (table.length, table.mass_only, table.as_published, table.classes, self.changes)
         )
-        digest = hashlib.sha256(repr(arguments).encode())
+        digest = hashlib.sha256(repr(defining_values).encode())
         columns = (
             table.carried
             if carried
@@ -476,8 +518,9 @@ class InventoryRows(LazySequence[InventoryRow]):
         )
         # A column is added in parts, so that its text is never in memory as a whole.
         for column in columns:
-            for i, part in enumerate(self.texts(column).parts()):
-                digest.update(("\n" * (i > 0) + "\n".join(part)).encode())
+            for part_number, texts in enumerate(self.texts(column).parts()):
+                separator = "\n" if part_number > 0 else ""
+                digest.update((separator + "\n".join(texts)).encode())
         if carried and self.near is not None:
             names, sites, distances = self.near
             digest.update(repr(names).encode() + sites.tobytes() + distances.tobytes())
@@ -494,6 +537,7 @@ class _Row:
 
     def __init__(self, table: _Table, index: int, faults: list[ModelFault]) -> None:
         self._table, self._column_indices = table, table.column_indices
+        # Errors of this row are those after the first `_earlier_faults` of the list.
         self._faults, self._earlier_faults = faults, len(faults)
         self._line, self._cells = table.lines[index], [column[index] for column in table.columns]
 
@@ -516,19 +560,21 @@ class _Row:
         """Return the building; None after reporting an error."""
         classes, cell = self._table.classes, self._cell
         facts = self._facts() if classes is None else self._facts_of_class(classes)
-        name = self._cell("id")
-        if not name:
+        building_id = cell("id")
+        if not building_id:
             self.fault(self._column_indices["id"], "id", "is missing")
         latitude, longitude = (self._number(name) if cell(name) else None for name in _COORDINATES)
         if facts is None or len(self._faults) > self._earlier_faults:
             return None
-        return InventoryRow(name, facts, latitude, longitude)
+        return InventoryRow(building_id, facts, latitude, longitude)
 
     def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
         """Return the properties of a building of a class; None after reporting an error."""
         cell, name = self._cell, self._cell("class")
         if name not in classes:
-            names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
+            names = ", ".join(list(classes)[:10])
+            if len(classes) > 10:
+                names += " ..."
             self.fault(
                 self._column_indices["class"],
                 "class",
@@ -555,7 +601,10 @@ class _Row:
         )
 
     def _facts(self) -> BuildingFacts:
-        """Return the properties of a building by its structural type."""
+        """Return the properties of a building by its structural type.
+
+        Invalid cells are reported and replaced by nan, 0 or an empty text.
+        """
         cell, length = self._cell, self._table.length
         zones = {zone.lower(): zone for zone in ZONES}
         return BuildingFacts(
@@ -642,7 +691,7 @@ class _Row:
         return ""
 
 
-# ---- Derive
+# ---- Derive buildings from the rows
 
 CAPACITY = "capacity"
 """Name of the rules for buildings with capacity curves of their classes."""
@@ -653,8 +702,8 @@ RULES: Mapping[str, Callable[[Any, Scatter | None], DerivedBuilding | CapacityBu
 }
 
 
-# Dimensionless. Maximum standard deviation of the factors; the mean of the factors is 1.
 _MAX_SCATTER = 0.5
+"""Maximum standard deviation of the random factors, whose mean is 1; dimensionless."""
 
 
 @dataclass(frozen=True)
@@ -738,11 +787,11 @@ def derive_row(
     scatter = None
     if stiffness or damping:
         random = np.random.default_rng([seed, *row.id.encode()])
-        scatter = Scatter(_factor(random, stiffness), _factor(random, damping))
+        scatter = Scatter(_sample_factor(random, stiffness), _sample_factor(random, damping))
     return RULES[rules](row.facts, scatter)
 
 
-def _factor(random: np.random.Generator, deviation: float) -> float:
+def _sample_factor(random: np.random.Generator, deviation: float) -> float:
     """Sample a positive factor with a normal distribution of mean 1.
 
     Parameters
@@ -752,6 +801,7 @@ def _factor(random: np.random.Generator, deviation: float) -> float:
     deviation : float
         Standard deviation of the normal distribution.
     """
+    # Negative values of the normal distribution are sampled again.
     factor = 0.0
     while factor <= 0.0:
         factor = 1.0 + deviation * random.standard_normal()
@@ -784,12 +834,15 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     # building that is derived by the rules.
     for story in building.stories:
         if isinstance(building, DerivedBuilding):
-            values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
+            named_values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
             law = ", ".join(
-                [f"type: {story.law.name}", *(f"{key.name}: {value!r}" for key, value in values)]
+                [
+                    f"type: {story.law.name}",
+                    *(f"{key.name}: {value!r}" for key, value in named_values),
+                ]
             )
         else:
-            law = _multilinear(story, building.degradation)
+            law = _multilinear_text(story, building.degradation)
         lines += [f"  - mass: {story.mass!r}", f"    height: {story.height!r}"]
         lines += [f"    stiffness: {story.stiffness!r}", f"    law: {{{law}}}"]
     damping = building.damping
@@ -802,26 +855,38 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     )
 
 
-def _multilinear(story: Story, degradation: bool) -> str:
-    """Return the hysteretic law `multilinear-pinching` of a story as text of a model file."""
-    numbers = story.law.parameters
+def _multilinear_text(story: Story, degradation: bool) -> str:
+    """Return the hysteretic law `multilinear-pinching` of a story as text of a model file.
+
+    `CapacityBuilding.stories` makes the laws symmetric. The parameters are, in order: the backbone
+    of each direction (8 values: drift and force of four points), the pinching of each direction (3
+    values), the ultimate drift, the degradation of stiffness, drift and strength (5 values each),
+    and the energy capacity. The values of the positive direction also define the negative
+    direction in the file.
+    """
+    parameters = story.law.parameters
     points = ", ".join(
-        f"[{d!r}, {f!r}]" for d, f in zip(numbers[0:8:2], numbers[1:8:2], strict=True)
+        f"[{point_drift!r}, {point_force!r}]"
+        for point_drift, point_force in zip(parameters[0:8:2], parameters[1:8:2], strict=True)
     )
-    drift, force, unloading = numbers[16:19]
-    text = (
+    drift, force, unloading = parameters[16:19]
+    law_text = (
         f"type: multilinear-pinching, backbone: [{points}], pinching: {{drift: {drift!r}, force: "
-        f"{force!r}, unloading: {unloading!r}}}, ultimate_drift: {numbers[22]!r}"
+        f"{force!r}, unloading: {unloading!r}}}, ultimate_drift: {parameters[22]!r}"
     )
     # Parameters of degradation are omitted if the law does not degrade.
     if not degradation:
-        return text
+        return law_text
     names = ("peak", "work", "peak_exponent", "work_exponent", "limit")
-    parts = []
-    for i, quantity in enumerate(("stiffness", "drift", "strength")):
-        values = zip(names, numbers[23 + 5 * i : 28 + 5 * i], strict=True)
-        parts.append(f"{quantity}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}")
-    return f"{text}, degradation: {{{', '.join(parts)}, capacity: {numbers[38]!r}}}"
+    groups = []
+    for quantity_index, quantity in enumerate(("stiffness", "drift", "strength")):
+        values = zip(
+            names, parameters[23 + 5 * quantity_index : 28 + 5 * quantity_index], strict=True
+        )
+        groups.append(
+            f"{quantity}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}"
+        )
+    return f"{law_text}, degradation: {{{', '.join(groups)}, capacity: {parameters[38]!r}}}"
 
 
 def inventory(

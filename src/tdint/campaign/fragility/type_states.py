@@ -402,7 +402,7 @@ def damage_of(
         buildings.rules.stiffness or buildings.rules.damping
     )
     if isinstance(buildings, RowBuildings) and not has_random_factors:
-        first_alike = buildings.rows.alike
+        first_alike = buildings.rows.equivalent_indices
     for index, first in enumerate(first_alike):
         if first < index:
             building_types.append(building_types[first])

@@ -54,7 +54,7 @@ from tdint.model.definition import (
     RecordSource,
     Story,
 )
-from tdint.model.keys.document import SourceText, composed, decode, read_document
+from tdint.model.keys.document import SourceText, compose, decode, read_document
 from tdint.model.keys.fields import (
     ANY,
     NOT_NEGATIVE,
@@ -634,7 +634,7 @@ def rewrite_model(original: Model, changed: Model, new_path: Path) -> str | None
         aliases.
     """
     text = decode(original.text, Faults(original.source))
-    root = composed(text)
+    root = compose(text)
     stories, damping = _find_node(root, "stories"), _find_node(root, "damping")
     edits: list[tuple[int, int, str]] = []
     if stories is None:

@@ -64,6 +64,7 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
     ModelError
         The file cannot be read.
     """
+    # The label is the name in messages. A stream without a file name has no path.
     stream: Any = source
     label, path = "<stream>", None
     if source is sys.stdin or (isinstance(source, str | Path) and str(source) == "-"):
@@ -87,18 +88,34 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
     elif isinstance(name := getattr(source, "name", None), str) and not name.startswith("<"):
         label, path = name, Path(name)
     data = _read_stream(stream, label, kind)
-    return SourceText(
-        label, path.stem if path else kind.partition(" ")[0], path.parent if path else Path(), data
-    )
+    # Without a path, the name is the first word of the type, such as `model`.
+    if path is None:
+        return SourceText(label, kind.partition(" ")[0], Path(), data)
+    return SourceText(label, path.stem, path.parent, data)
 
 
 def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
+    """Return the content of a stream as UTF-8, and record it as an input file of the command.
+
+    Parameters
+    ----------
+    stream : text or binary stream
+        Stream that is read.
+    label : str
+        Name in messages.
+    kind : str
+        Type of the file for messages.
+
+    Raises
+    ------
+    ModelError
+        The stream cannot be read, or is larger than `MAX_BYTES`.
+    """
     try:
         content = stream.read(MAX_BYTES + 1)
     except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(
-            f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}"
-        ) from None
+        reason = getattr(error, "strerror", None) or error
+        raise ModelError(f"{label}: cannot be read: {reason}") from None
     if len(content) > MAX_BYTES:
         raise ModelError(f"{label}: {_too_large(kind)}")
     # Surrogates represent bytes that the stream could not decode. `decode` reports them.
@@ -164,8 +181,8 @@ def parse(text: str, faults: Faults) -> Node:
     except yaml.MarkedYAMLError as error:
         # Join the lines of PyYAML's message, and add a remedy for tabs.
         mark, problem = error.problem_mark or error.context_mark, error.problem_mark
-        parts = [str(part) for part in (error.context, error.problem) if part]
-        message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
+        message_parts = [str(part) for part in (error.context, error.problem) if part]
+        message = " ".join(f"not valid YAML: {', '.join(message_parts)}".split())
         if problem is not None and text[problem.index : problem.index + 1] == "\t":
             message += "; indent with spaces, not tabs"
         faults.add(Place(mark.line + 1, mark.column + 1) if mark else Place(1, 1), "", message)
@@ -193,7 +210,7 @@ def decode(data: bytes, faults: Faults) -> str:
     raise faults.error()
 
 
-def composed(text: str) -> Any:
+def compose(text: str) -> Any:
     """Return the root of a valid document as a PyYAML node, which contains start and end marks."""
     return yaml.compose(text, Loader=yaml.SafeLoader)
 
@@ -208,23 +225,30 @@ class _Composer:
 
     def document(self) -> Node:
         """Return the root of the only document."""
-        self._next()  # the start of the stream
-        start = self._next()
+        self._next_event()  # the start of the stream
+        start = self._next_event()
         if isinstance(start, yaml.StreamEndEvent):
-            raise self._refusal(
+            raise self._error(
                 start, f"the {self._faults.kind} is empty; it needs at least {self._faults.needs}"
             )
-        root = self._node(self._next(), 0)
-        self._next()  # the end of the document
-        following = self._next()
+        root = self._build_node(self._next_event(), 0)
+        self._next_event()  # the end of the document
+        following = self._next_event()
         if not isinstance(following, yaml.StreamEndEvent):
-            raise self._refusal(
+            raise self._error(
                 following,
                 f"a second YAML document starts here; a {self._faults.kind} contains one",
             )
         return root
 
-    def _next(self) -> yaml.Event:
+    def _next_event(self) -> yaml.Event:
+        """Return the next event of the parser.
+
+        Raises
+        ------
+        yaml.MarkedYAMLError
+            The text is not valid YAML.
+        """
         try:
             event: yaml.Event = self._loader.get_event()  # type: ignore[no-untyped-call]
         except (ValueError, OverflowError):
@@ -236,71 +260,89 @@ class _Composer:
             ) from None
         return event
 
-    def _refusal(self, event: yaml.Event, message: str) -> ModelError:
-        self._faults.add(_event_place(event), "", message)
+    def _error(self, event: yaml.Event, message: str) -> ModelError:
+        """Add an error at an event, and return the exception with all errors of the file."""
+        self._faults.add(_event_location(event), "", message)
         return self._faults.error()
 
-    def _node(self, event: yaml.Event, depth: int) -> Node:
+    def _build_node(self, event: yaml.Event, depth: int) -> Node:
+        """Return the node that starts with an event; reads all events of a list or mapping.
+
+        Parameters
+        ----------
+        event : yaml.Event
+            Alias, scalar, or start of a list or mapping.
+        depth : int
+            Nesting level of the node, 0 for the root.
+
+        Raises
+        ------
+        ModelError
+            An alias has no anchor or is inside its own anchor, or the nesting is too deep.
+        """
         if isinstance(event, yaml.AliasEvent):
-            if event.anchor not in self._anchors:
-                raise self._refusal(
-                    event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it"
-                )
-            if (shared := self._anchors[event.anchor]) is None:
-                raise self._refusal(
-                    event, f"the alias *{event.anchor} is used inside its own anchor"
-                )
-            return shared
+            alias = event.anchor
+            if alias not in self._anchors:
+                raise self._error(event, f"the alias *{alias} has no anchor &{alias} above it")
+            anchored_node = self._anchors[alias]
+            if anchored_node is None:
+                raise self._error(event, f"the alias *{alias} is used inside its own anchor")
+            return anchored_node
         if depth > MAX_DEPTH:
-            raise self._refusal(
+            raise self._error(
                 event,
                 f"more than {MAX_DEPTH} nested levels; this is not a {self._faults.kind}",
             )
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
-        place = _event_place(event)
+        location = _event_location(event)
         if event.tag is not None:
             self._faults.add(
-                place, "", f"the tag {_short(event.tag)} is not allowed; write the value without it"
+                location,
+                "",
+                f"the tag {_abbreviated(event.tag)} is not allowed; write the value without it",
             )
         if event.anchor is not None:
-            # The node is incomplete. An alias inside it would be an infinite recursion.
+            # None marks an incomplete node. An alias inside it would be an infinite recursion.
             self._anchors[event.anchor] = None
         node: Node
         if isinstance(event, yaml.ScalarEvent):
-            node = ScalarNode(place.line, place.column, event.value, plain=not event.style)
+            node = ScalarNode(location.line, location.column, event.value, plain=not event.style)
         elif isinstance(event, yaml.SequenceStartEvent):
             node = ListNode(
-                place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth))
+                location.line,
+                location.column,
+                tuple(self._build_children(yaml.SequenceEndEvent, depth)),
             )
         else:
-            children = self._children(yaml.MappingEndEvent, depth)
-            # Both arguments of zip are the same iterator, so keys and values alternate.
+            children = self._build_children(yaml.MappingEndEvent, depth)
+            # Keys and values alternate. Both arguments of zip are the same iterator, so zip forms
+            # pairs of key and value.
             node = MappingNode(
-                place.line, place.column, tuple(zip(children, children, strict=True))
+                location.line, location.column, tuple(zip(children, children, strict=True))
             )
         if event.anchor is not None:
             self._anchors[event.anchor] = node
         return node
 
-    def _children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
-        while not isinstance(event := self._next(), end):
-            yield self._node(event, depth + 1)
+    def _build_children(self, end: type[yaml.Event], depth: int) -> Iterator[Node]:
+        """Yield the nodes of a list, or the keys and values of a mapping in turn, until `end`."""
+        while not isinstance(event := self._next_event(), end):
+            yield self._build_node(event, depth + 1)
 
 
-def _short(text: str) -> str:
+def _abbreviated(text: str) -> str:
     """Return text of the file for a message, on one line and with at most 60 characters."""
-    return (
-        text
-        if len(text) <= 60 and text.isprintable()
-        else repr(text[:60]) + ("..." if len(text) > 60 else "")
-    )
+    if len(text) <= 60 and text.isprintable():
+        return text
+    return repr(text[:60]) + ("..." if len(text) > 60 else "")
 
 
 def _line_and_column(text: str) -> tuple[int, int]:
-    """Return line and column of the character after `text`, counted from 1."""
+    """Return the line and column, counted from 1, of the character that follows `text`."""
     return text.count("\n") + 1, len(text) - text.rfind("\n")
 
 
-def _event_place(event: yaml.Event) -> Place:
+def _event_location(event: yaml.Event) -> Place:
+    """Return the line and column of an event, counted from 1."""
     assert event.start_mark is not None
     return Place(event.start_mark.line + 1, event.start_mark.column + 1)

@@ -49,19 +49,20 @@ class Bounds:
 
     def allow(self, number: Any) -> Any:
         """Return True if `number` is within the bounds; for an array, a mask of its elements."""
-        above = number >= self.low if self.low_allowed else number > self.low
-        below = number <= self.high if self.high_allowed else number < self.high
-        return above & below
+        is_above_low = number >= self.low if self.low_allowed else number > self.low
+        is_below_high = number <= self.high if self.high_allowed else number < self.high
+        return is_above_low & is_below_high
 
     def __str__(self) -> str:
+        """Return the description of the allowed numbers in messages, with its article."""
         if self.low == 0.0 and self.high == math.inf:
             return "zero or a positive number" if self.low_allowed else "a positive number"
-        limits = []
+        limit_texts = []
         if self.low > -math.inf:
-            limits.append(f"{'of at least' if self.low_allowed else 'above'} {self.low:g}")
+            limit_texts.append(f"{'of at least' if self.low_allowed else 'above'} {self.low:g}")
         if self.high < math.inf:
-            limits.append(f"{'of at most' if self.high_allowed else 'below'} {self.high:g}")
-        return " ".join(["a number", " and ".join(limits)]).rstrip()
+            limit_texts.append(f"{'of at most' if self.high_allowed else 'below'} {self.high:g}")
+        return " ".join(["a number", " and ".join(limit_texts)]).rstrip()
 
     def schema(self) -> Schema:
         """Return the schema of a number within the bounds; percentages are checked by form only."""
@@ -189,8 +190,8 @@ class ByName:
     what, none : str
         Description of the mapping in messages; message if it is empty.
     make : callable
-        Receives the `Value` of the mapping and a dictionary from names to pairs of `Value` and
-        converted value.
+        Converts the mapping. Receives the `Value` of the mapping and a dictionary whose keys are
+        the names in the file and whose values are pairs of `Value` and converted value.
     """
 
     type: ValueType
@@ -253,7 +254,8 @@ class Keys(Sequence[str]):
     what : str
         Description of the mapping in messages.
     make : callable, optional
-        Receives the `Value` of the mapping and the converted values as keyword arguments.
+        Converts the mapping. Receives the `Value` of the mapping and, as keyword arguments, the
+        converted value of each declared key (None if it is missing).
     """
 
     declared: tuple[Key, ...]
@@ -276,6 +278,10 @@ class Keys(Sequence[str]):
         return {key.name: key.type for key in self.declared}
 
     def schema(self) -> Schema:
+        """Return the schema of a mapping with these keys.
+
+        It requires the needed keys, and exactly one key of each group in `one_of`.
+        """
         properties = {
             key.name: key.type.schema() | ({"description": key.meaning} if key.meaning else {})
             for key in self.declared
@@ -296,7 +302,7 @@ class Keys(Sequence[str]):
 Parsed = TypeVar("Parsed")
 
 _NUMBER = re.compile(r"[+-]?(?:(?:0|[1-9][0-9]*)(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_WHOLE = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
+_WHOLE_NUMBER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
 _NUMBER_HINTS = (
     (re.compile(r"[+-]?0[0-9][0-9.eE+-]*"), "; drop the leading zeros"),
     (re.compile(r"[0-9.eE+-]*[0-9]_[0-9_.eE+-]*"), "; drop the underscores"),
@@ -304,7 +310,9 @@ _NUMBER_HINTS = (
     (re.compile(r"[+-]?\.?(?:nan|inf|infinity)", re.IGNORECASE), "; it must be finite"),
     (re.compile(r"[+-]?[0-9][0-9.]*\s*[A-Za-z%].*"), "; write the number alone"),
 )
-_NOTHING = ("", "~", "null")
+_NULL_TEXTS = ("", "~", "null")
+"""Texts of a null value in YAML, without quotation marks."""
+
 _EMPTY_MAPPING = MappingNode(0, 0, ())
 
 _MIN_SIMILARITY = 0.75
@@ -346,9 +354,7 @@ class Value:
     @property
     def word(self) -> str:
         """Text of a scalar value; empty for lists, mappings and missing values."""
-        return (
-            self.node.text if isinstance(self.node, ScalarNode) and not self._is_nothing() else ""
-        )
+        return self.node.text if isinstance(self.node, ScalarNode) and not self._is_null() else ""
 
     @property
     def location(self) -> ModelFault:
@@ -376,48 +382,44 @@ class Value:
             Description of the allowed numbers in the message. Default: the bounds.
         """
         bounds = bounds or (self.type if isinstance(self.type, Bounds) else ANY)
-        number = self._bare_number(bounds)
+        number = self._number_in_file(bounds)
         if not bounds.allow(number):
-            shown = self._shown_unquoted(_NUMBER, bounds)
-            # 5 instead of 5%: suggest the percentage if it is within the bounds.
-            percent = bounds.ratio and number > 1.0 and bounds.allow(0.01 * number)
-            hint = f"; did you mean {self.word}%?" if percent and "%" not in self.word else ""
-            self.fault(f"must be {expected or bounds}, got {shown}{hint}")
+            text = self._message_text_with_hint(_NUMBER, bounds)
+            # The user may have written 5 instead of 5%. Suggest the percentage if it is valid.
+            is_percentage = bounds.ratio and number > 1.0 and bounds.allow(0.01 * number)
+            hint = f"; did you mean {self.word}%?" if is_percentage and "%" not in self.word else ""
+            self.fault(f"must be {expected or bounds}, got {text}{hint}")
             return math.nan
         # Numbers far outside the range of building properties indicate a wrong unit or exponent.
         converted = number * scale if number else 0.0
         if number != 0.0 and not SMALLEST <= abs(converted) <= LARGEST:
-            limits = f"{SMALLEST:g} and {LARGEST:g} in SI units"
-            self.fault(f"must have an absolute value between {limits}, got {self._shown()}")
+            allowed = f"{SMALLEST:g} and {LARGEST:g} in SI units"
+            self.fault(f"must have an absolute value between {allowed}, got {self._message_text()}")
             return math.nan
         return converted
 
     def whole(self, bounds: Whole) -> int | None:
         """Return the whole number; None after reporting an error."""
         text, low, high = self._plain_text(), bounds.low, bounds.high
-        if _WHOLE.fullmatch(text) and low <= int(text) <= high:
+        if _WHOLE_NUMBER.fullmatch(text) and low <= int(text) <= high:
             return int(text)
         limits = f"{low}" if low == high else f"a whole number from {low} to {high}"
-        self.fault(f"must be {limits}{bounds.what}, got {self._shown_unquoted(_NUMBER)}")
+        self.fault(f"must be {limits}{bounds.what}, got {self._message_text_with_hint(_NUMBER)}")
         return None
 
     def boolean(self) -> bool:
-        """Return the boolean value, or False after reporting an error."""
+        """Return the boolean value; False after reporting an error."""
         if self._plain_text() not in ("true", "false"):
-            self.fault(f"must be true or false, got {self._shown_unquoted('true|false')}")
+            self.fault(f"must be true or false, got {self._message_text_with_hint('true|false')}")
         return self._plain_text() == "true"
 
     def text(self) -> str | None:
         """Return one line of text; None after reporting an error."""
-        if (
-            not isinstance(self.node, ScalarNode)
-            or not self.node.text.strip()
-            or self._is_nothing()
-        ):
-            self.fault(f"must be text, got {self._shown()}")
+        if not isinstance(self.node, ScalarNode) or not self.node.text.strip() or self._is_null():
+            self.fault(f"must be text, got {self._message_text()}")
             return None
         if any(unicodedata.category(character) in ("Cc", "Cs") for character in self.node.text):
-            self.fault(f"must be one line without control characters, got {self._shown()}")
+            self.fault(f"must be one line without control characters, got {self._message_text()}")
             return None
         return self.node.text
 
@@ -441,56 +443,58 @@ class Value:
             case Whole():
                 return self.whole(self.type)
             case Either():
-                return self._alternative(self.type)
+                return self._read_alternative(self.type)
             case EntriesOf():
-                return self._entries_of(self.type)
+                return self._read_entries(self.type)
             case Keys():
-                return self._made(self.type)
+                return self._make_object(self.type)
             case Flag():
                 return self.boolean()
             case Choice(names, what):
                 return self.choice(names, what)
             case ByName():
-                return self._by_name(self.type)
+                return self._read_by_name(self.type)
             case PathOf():
                 return self.file(stdin=True)
             case Words(parse):
                 return self.parsed(parse) if parse else self.text()
         raise TypeError(f"{self.key}: {self.type} is read by its own reader")
 
-    def _alternative(self, either: Either) -> Any:
-        """Return the value, converted to the first type that has the form of the value."""
-        form: Any = (Bounds, Whole, Choice, PathOf)
+    def _read_alternative(self, either: Either) -> Any:
+        """Return the value, converted to the first declared type that has the form of the value.
+
+        The form is a mapping, a list or a scalar. A `Choice` is skipped if the value is not one of
+        its names. The result is None after reporting an error.
+        """
+        allowed_types: Any = (Bounds, Whole, Choice, PathOf)
         if self.is_mapping:
-            form = Keys
+            allowed_types = Keys
         elif self.is_list:
-            form = EntriesOf
-        # The form of the value (mapping, list or scalar) selects the type that messages refer to.
+            allowed_types = EntriesOf
         for value_type in either.types:
             is_other_name = isinstance(value_type, Choice) and self.word not in value_type.names
-            if not isinstance(value_type, form) or is_other_name:
+            if not isinstance(value_type, allowed_types) or is_other_name:
                 continue
             if isinstance(value_type, Bounds):
                 number = self.number(value_type, expected=either.what)
                 return None if math.isnan(number) else number
             return replace(self, type=value_type).read()
-        self.fault(f"must be {either.what}, got {self._shown()}")
+        self.fault(f"must be {either.what}, got {self._message_text()}")
         return None
 
-    def _entries_of(self, declared: EntriesOf) -> Any:
-        """Return the converted entries of a list."""
+    def _read_entries(self, declared: EntriesOf) -> Any:
+        """Return the converted entries of a list as a tuple; None after reporting an error."""
         items = self.items(declared.what)
         if items is None:
             return None
         # All entries are converted before their number is checked, so that all errors are reported.
         values = tuple(item.read() for item in items)
         if not declared.least <= len(items) <= (declared.most or math.inf):
-            self.fault(
-                declared.short
-                if declared.short and len(items) < declared.least
-                else f"must be {declared.what}, got {len(items)}"
-            )
+            is_short = len(items) < declared.least
+            message = f"must be {declared.what}, got {len(items)}"
+            self.fault(declared.short if declared.short and is_short else message)
             return None
+        # An entry with an error, which has been reported, is None.
         if None in values:
             return None
         if declared.distinct and len({*values}) < len(values):
@@ -501,25 +505,26 @@ class Value:
             self.fault(f"must be {declared.what}")
         return values
 
-    def _by_name(self, declared: ByName) -> Any:
+    def _read_by_name(self, declared: ByName) -> Any:
         """Return the object that `declared.make` builds from a mapping with names of the user."""
         entries = self.named(declared.what, declared.none)
         if entries is None:
             return None
-        return declared.make(
-            self,
-            {
-                name: (entry, replace(entry, type=declared.type).read())
-                for name, entry in entries.items()
-            },
-        )
+        values = {
+            name: (entry, replace(entry, type=declared.type).read())
+            for name, entry in entries.items()
+        }
+        return declared.make(self, values)
 
-    def _made(self, keys: Keys) -> Any:
-        """Return the object that `keys.make` builds from the entries of the mapping."""
+    def _make_object(self, keys: Keys) -> Any:
+        """Return the object that `keys.make` builds from the entries of the mapping.
+
+        The result is None if a required entry is missing or invalid, or if no entry is valid.
+        """
         section = self.section(keys, keys.what)
         if section is None:
             return None
-        # Keys of two alternatives contradict each other.
+        # `keys.ways` are alternative groups of keys. The mapping must contain keys of one group.
         alternatives = [names for names in keys.ways if section.has(*names)]
         if len(alternatives) > 1:
             self.fault(f"give either {' or '.join(map(' and '.join, alternatives))}, not both")
@@ -527,20 +532,22 @@ class Value:
         if keys.ways and not any(section.mentions(*names) for names in keys.ways):
             names = ", ".join(name for group in keys.ways for name in group)
             self.fault(f"must be {keys.what}, got a mapping without any of the keys {names}")
+        # All keys of the used group are required; without groups, the keys that are declared so.
+        if alternatives:
+            needed = {*alternatives[0]}
+        else:
+            needed = {key.name for key in keys.declared if key.needed}
         # Entries of an incomplete mapping are also converted, so that their errors are reported.
-        required = (key.name for key in keys.declared if key.needed)
-        needed = {*alternatives[0]} if alternatives else {*required}
         values = {}
         for key in keys.declared:
             advice = key.advice or (f"give {key.type}" if isinstance(key.type, Bounds) else "")
             value = section.need(key.name, advice) if key.name in needed else section.get(key.name)
             values[key.name] = value.read() if value else None
-        complete = (
-            all(values[name] is not None for name in needed)
-            if needed
-            else bool(any(values.values()))
-        )
-        return keys.make(self, **values) if keys.make and complete else None
+        if needed:
+            is_complete = all(values[name] is not None for name in needed)
+        else:
+            is_complete = any(values.values())
+        return keys.make(self, **values) if keys.make and is_complete else None
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
         """Return the result of `parse` for the text; None after reporting an error.
@@ -561,10 +568,12 @@ class Value:
 
         `noun` is the noun for the names in messages.
         """
-        if not isinstance(self.node, ScalarNode) or self._is_nothing():
-            self.fault(f"must be the name of a {noun}, got {self._shown()}")
+        if not isinstance(self.node, ScalarNode) or self._is_null():
+            self.fault(f"must be the name of a {noun}, got {self._message_text()}")
         elif self.node.text not in names:
-            self.fault(f"unknown {noun} {self._shown()}{_advice(self.node.text, names)}")
+            self.fault(
+                f"unknown {noun} {self._message_text()}{_unknown_key_advice(self.node.text, names)}"
+            )
         else:
             return self.node.text
         return None
@@ -580,7 +589,7 @@ class Value:
             Message for an empty list. Default: an empty list is allowed.
         """
         if not isinstance(self.node, ListNode):
-            self.fault(f"must be {expected}, got {self._shown()}")
+            self.fault(f"must be {expected}, got {self._message_text()}")
             return None
         if empty and not self.node.items:
             self.fault(empty)
@@ -606,7 +615,7 @@ class Value:
         if not isinstance(self.node, MappingNode):
             self.fault(
                 f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got "
-                f"{self._shown()}"
+                f"{self._message_text()}"
             )
             return None
         return Section(self, self.node, keys)
@@ -616,7 +625,8 @@ class Value:
 
         Use this method if the allowed keys of the mapping depend on this entry.
         """
-        for key, entry in self.node.entries if isinstance(self.node, MappingNode) else ():
+        entries = self.node.entries if isinstance(self.node, MappingNode) else ()
+        for key, entry in entries:
             if isinstance(key, ScalarNode) and key.text == name:
                 return Value(entry, f"{self.key}.{name}", self.faults)
         return None
@@ -645,33 +655,38 @@ class Value:
             return None
         return {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
 
-    def _bare_number(self, bounds: Bounds) -> float:
-        """Return the number in the file without conversion of units, or nan if it is no number."""
-        text, unit = self._plain_text(), 1.0
+    def _number_in_file(self, bounds: Bounds) -> float:
+        """Return the number in the file without conversion of units; nan if it is not a number.
+
+        If the bounds are those of a ratio, a percentage is converted to a ratio.
+        """
+        text, divisor = self._plain_text(), 1.0
         if bounds.ratio and isinstance(self.node, ScalarNode) and self.node.text.endswith("%"):
-            text, unit = self.node.text[:-1].rstrip(), 100.0
-        return float(text) / unit if _NUMBER.fullmatch(text) else math.nan
+            text, divisor = self.node.text[:-1].rstrip(), 100.0
+        return float(text) / divisor if _NUMBER.fullmatch(text) else math.nan
 
     def _plain_text(self) -> str:
         """Return the text of a scalar without quotation marks; empty for other values."""
         return self.node.text if isinstance(self.node, ScalarNode) and self.node.plain else ""
 
-    def _is_nothing(self) -> bool:
+    def _is_null(self) -> bool:
         """Return True for an empty value, ~ or null."""
-        return isinstance(self.node, ScalarNode) and self.node.plain and self.node.text in _NOTHING
+        return (
+            isinstance(self.node, ScalarNode) and self.node.plain and self.node.text in _NULL_TEXTS
+        )
 
-    def _shown(self) -> str:
+    def _message_text(self) -> str:
         """Return the value as text for messages."""
         if isinstance(self.node, ListNode):
             return "a list"
         if isinstance(self.node, MappingNode):
             return "a mapping"
-        if self._is_nothing():
+        if self._is_null():
             return "nothing"
         return quoted(self.node.text)
 
-    def _shown_unquoted(self, pattern: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
-        """Return the value as text for messages, with a remedy if its form suggests one.
+    def _message_text_with_hint(self, pattern: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
+        """Return the value as text for messages, with a remedy for a common mistake in numbers.
 
         Parameters
         ----------
@@ -680,13 +695,16 @@ class Value:
         bounds : Bounds
             Declared bounds, which state if percentages are allowed.
         """
-        if not isinstance(self.node, ScalarNode) or not math.isnan(self._bare_number(bounds)):
-            return self._shown()
+        text = self._message_text()
+        # A readable number has no mistake in its form; it is out of range.
+        if not isinstance(self.node, ScalarNode) or not math.isnan(self._number_in_file(bounds)):
+            return text
         if re.fullmatch(pattern, self.node.text):
-            return self._shown() + ("" if self.node.plain else " in quotes; remove the quotes")
-        return self._shown() + next(
-            (hint for form, hint in _NUMBER_HINTS if form.fullmatch(self.node.text)), ""
-        )
+            return text if self.node.plain else f"{text} in quotes; remove the quotes"
+        for number_form, hint in _NUMBER_HINTS:
+            if number_form.fullmatch(self.node.text):
+                return text + hint
+        return text
 
 
 class Section:
@@ -702,8 +720,10 @@ class Section:
         self.value = value
         self._entries: dict[str, Value] = {}
         self._types = keys.types() if isinstance(keys, Keys) else {}
-        self._excused: set[str] = set()  # keys that are missing because of a reported error
-        lines: dict[str, int] = {}
+        # Declared keys that are missing because of a reported error, so that their absence is not
+        # reported again.
+        self._misspelled: set[str] = set()
+        lines: dict[str, int] = {}  # line of each key
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode):
                 value.faults.add(key, value.key, "a key must be a word, got a list or a mapping")
@@ -719,13 +739,15 @@ class Section:
                 )
             elif key.text == "<<" and key.plain:
                 value.faults.add(key, path, "merge keys are not supported; write the entries out")
-                self._excused.update(keys)
+                self._misspelled.update(keys)
             else:
-                value.faults.add(key, path, "unknown key" + _advice(key.text, keys))
-                self._excused.update(filter(None, [nearest(key.text, keys)]))
+                value.faults.add(key, path, "unknown key" + _unknown_key_advice(key.text, keys))
+                similar_key = nearest(key.text, keys)
+                if similar_key:
+                    self._misspelled.add(similar_key)
 
-        # The value of a misspelled key is assigned to the intended key, so that errors in the value
-        # are also reported.
+        # Assign the value of a misspelled key to the intended key, so that errors in the value are
+        # also reported.
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode) or key.text in keys:
                 continue
@@ -741,19 +763,26 @@ class Section:
 
     def mentions(self, *names: str) -> bool:
         """Return True if the mapping contains one of the entries or a misspelling of its key."""
-        return any(name in self._entries or name in self._excused for name in names)
+        return any(name in self._entries or name in self._misspelled for name in names)
 
     def path(self, name: str) -> str:
-        """Return the full key of the entry `name`."""
-        shown = name if re.fullmatch(r"[\w<.-]{1,40}", name) else quoted(name)
-        return f"{self.value.key}.{shown}" if self.value.key else shown
+        """Return the full key of the entry `name`, such as `damping.modal`, for messages.
+
+        A name with spaces or other unusual characters is written in quotation marks.
+        """
+        key_text = name if re.fullmatch(r"[\w<.-]{1,40}", name) else quoted(name)
+        return f"{self.value.key}.{key_text}" if self.value.key else key_text
 
     def get(self, name: str) -> Value | None:
         """Return the entry; None if the section does not contain it."""
         return self._entries.get(name)
 
     def need(self, name: str, advice: str = "") -> Value | None:
-        """Return the entry, or report that it is missing; `advice` is the remedy in the message."""
+        """Return the entry; None after reporting that it is missing.
+
+        `advice` is the remedy in the message. A misspelled key, which has been reported, is not
+        reported as missing.
+        """
         if not self.mentions(name):
             message = f"is missing; {advice}" if advice else "is missing"
             self.value.faults.add(self.value.node, self.path(name), message)
@@ -766,7 +795,7 @@ class Section:
         scale: float = 1.0,
         default: float | None = None,
     ) -> float:
-        """Return the number of the entry in SI units, or nan after reporting an error.
+        """Return the number of the entry in SI units; nan after reporting an error.
 
         Parameters
         ----------
@@ -796,7 +825,7 @@ class Section:
         return {name: value.read() for name in names if (value := self.get(name))}
 
     def inner(self, name: str) -> Section:
-        """Return the section of a key; an empty section if it is missing or invalid."""
+        """Return the section that is the value of a key; empty if it is missing or invalid."""
         value = self.get(name)
         section = value.section() if value else None
         return section or Section(
@@ -824,9 +853,10 @@ class Section:
 
 
 def resolve(file: str, folder: Path) -> str:
-    """Return the path relative to the working directory.
+    """Return the path of a file relative to the working directory.
 
-    `directory/..` is removed unless a symbolic link gives it a different meaning.
+    `directory/..` is removed from the path, unless `directory` is a symbolic link and the shorter
+    path would be another file.
 
     Parameters
     ----------
@@ -836,8 +866,8 @@ def resolve(file: str, folder: Path) -> str:
         Directory to which a relative path refers.
     """
     path = os.fspath(folder / file)
-    plain = os.path.normpath(path)
-    return plain if os.path.realpath(plain) == os.path.realpath(path) else path
+    normalized = os.path.normpath(path)
+    return normalized if os.path.realpath(normalized) == os.path.realpath(path) else path
 
 
 def quoted(text: str) -> str:
@@ -845,19 +875,28 @@ def quoted(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
-def _advice(name: str, names: Collection[str]) -> str:
-    """Return the remedy for the unknown key `name`: a similar key, its section, or all keys."""
-    if name.isdecimal():  # {height: 3,5}
+def _unknown_key_advice(name: str, names: Collection[str]) -> str:
+    """Return the remedy for an unknown key or name: a similar name, its section, or all names.
+
+    Parameters
+    ----------
+    name : str
+        Unknown key or name.
+    names : collection of str
+        Allowed keys or names.
+    """
+    # {height: 3,5} is a mapping with the keys `height` and `5`.
+    if name.isdecimal():
         return "; a comma divides entries here: write a decimal point"
-    # A key of exactly one inner section, such as `record` of `excitation`. Units have the names of
-    # quantities, which belong to other sections.
+    # The key may belong to an inner section, such as `record` to `excitation`. The keys of `units`
+    # (length, force, mass) are not searched, because they are also quantities of other sections.
     if isinstance(names, Keys):
-        sections = [
+        section_names = [
             key.name
             for key in names.declared
             if isinstance(key.type, Keys) and name in key.type and key.name != "units"
         ]
-        if len(sections) == 1:
-            (section,) = sections
+        if len(section_names) == 1:
+            (section,) = section_names
             return f"; it belongs to `{section}`: write `{section}: {{{name}: ...}}`"
     return did_you_mean(name, names) or f"; known: {', '.join(names)}"

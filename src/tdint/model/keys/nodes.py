@@ -1,8 +1,8 @@
-"""What a file of keys says, as nodes with line and column, and what is wrong with it; of YAML
-(`document`) or of a mapping of Python.
+"""Nodes of a file with their lines and columns, and the collection of its errors.
 
-Scalars stay text: YAML 1.1, which PyYAML follows, takes 2e8 for a string, `no` for false and 012
-for 10, so what a scalar means is decided where it is used (`fields`).
+The nodes are built from YAML (`document`) or from Python objects (`nodes_of`). Scalars remain text.
+YAML 1.1, which PyYAML implements, reads 2e8 as a string, `no` as false and 012 as 10. Therefore the
+text is converted when the required type is known (`fields`).
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Faults:
             raise self.error()
 
 
-_NOWHERE = Place(0, 0)
+_NO_LOCATION = Place(0, 0)
 
 
 def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
@@ -120,10 +120,11 @@ def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
     ModelError
         A value has a type that a file cannot contain, or a mapping contains itself.
     """
-    if hasattr(value, "tolist"):  # an array or a number of numpy
+    # Convert arrays and numbers of NumPy.
+    if hasattr(value, "tolist"):
         value = value.tolist()
     if depth > MAX_DEPTH:
-        faults.add(_NOWHERE, "", f"more than {MAX_DEPTH} nested levels; this is not a model")
+        faults.add(_NO_LOCATION, "", f"more than {MAX_DEPTH} nested levels; this is not a model")
         raise faults.error()
     if isinstance(value, Mapping):
         entries = tuple(
@@ -136,8 +137,8 @@ def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
 
 
 def text_of(node: Node) -> bytes:
-    """Return the nodes as JSON, for the SHA-256 of a model without a file."""
-    return json.dumps(_tree(node), ensure_ascii=True).encode()
+    """Return the nodes as JSON (see `_as_lists`), for the SHA-256 of a model without a file."""
+    return json.dumps(_as_lists(node), ensure_ascii=True).encode()
 
 
 def _scalar(value: object, faults: Faults) -> ScalarNode:
@@ -157,16 +158,17 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
     if isinstance(value, str | os.PathLike):
         return ScalarNode(0, 0, os.fspath(value), plain=False)
     faults.add(
-        _NOWHERE,
+        _NO_LOCATION,
         "",
         f"a model contains mappings, lists, numbers and text, not {type(value).__name__}",
     )
     raise faults.error()
 
 
-def _tree(node: Node) -> Any:
+def _as_lists(node: Node) -> Any:
+    """Return a node as nested lists: a mapping is a list of lists [key, value]."""
     if isinstance(node, MappingNode):
-        return [[_tree(key), _tree(item)] for key, item in node.entries]
+        return [[_as_lists(key), _as_lists(item)] for key, item in node.entries]
     if isinstance(node, ListNode):
-        return [_tree(item) for item in node.items]
+        return [_as_lists(item) for item in node.items]
     return node.text
