@@ -9,7 +9,7 @@ import pytest
 from cli.test_report import Page
 from csv_rows import rows
 from tdint.errors import ModelError
-from tdint.model.building import assemble, falling_stories, stiffness_after_yield
+from tdint.model.building import assemble, stiffness_after_yield, unstable_after_yield
 from tdint.model.config.model_file import load_model
 from tdint.output.report import damping_text
 from tdint.units import STANDARD_GRAVITY
@@ -80,7 +80,7 @@ def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):
     soft = assemble(model(tmp_path, f"mass: 25, stiffness: {k[0].item()!r}", stories))
     assert isolated.modes().omega == pytest.approx(soft.modes().omega, rel=1e-12)
     assert np.isnan(isolated.heights).tolist() == [True, False, False, False]
-    assert isolated.rises.tolist() == [0.0, 3.0, 3.0, 3.0]
+    assert isolated.height_contributions.tolist() == [0.0, 3.0, 3.0, 3.0]
     with pytest.raises(ModelError, match="p_delta needs the height"):
         model(tmp_path, "mass: 25, stiffness: 3000, isolator: true", more="p_delta: true\n")
 
@@ -131,7 +131,7 @@ def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
         assert told in tdint("run", "falls.yaml", *words).stderr, words
     Path("stands.yaml").write_text(text % 0.07)
     assert "P-delta reduces" not in tdint("run", "stands.yaml", *single).stderr
-    assert falling_stories(load_model("shaken.yaml")) == ()
+    assert unstable_after_yield(load_model("shaken.yaml")) == ()
 
 
 @pytest.mark.parametrize(

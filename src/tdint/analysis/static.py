@@ -523,12 +523,12 @@ class Pushover(Tabular):
 
 def _triangular(building: Building) -> Array:
     """Return the triangular pattern: mass times height above the ground."""
-    if np.isnan(building.rises).any():
+    if np.isnan(building.height_contributions).any():
         raise UsageError(
             "the triangular pattern requires the height of every story; add heights or use another "
             "--pattern"
         )
-    return building.mass * np.cumsum(building.rises)
+    return building.mass * np.cumsum(building.height_contributions)
 
 
 PATTERNS: Mapping[str, Callable[[Building], Array]] = {
@@ -619,7 +619,7 @@ def _target(size: DriftSize, building: Building) -> float:
     UsageError
         The size is a multiple of a yield drift, or it is a drift ratio and a height is missing.
     """
-    unit_in_m = {"length": 1.0, "ratio": float(building.rises.sum())}
+    unit_in_m = {"length": 1.0, "ratio": float(building.height_contributions.sum())}
     if size.kind not in unit_in_m:
         raise UsageError(
             f"drift {size.text}: the roof has no yield drift; specify a drift ratio or a length"

@@ -599,7 +599,7 @@ def _result(
         **vars(idealized),
         base_shear=curve.response_at(idealized.roof_displacement)[0],
         drift=drift,
-        drift_ratio=drift / building.rises,
+        drift_ratio=drift / building.height_contributions,
         ductility=drift / yield_drift,
         notes=notes,
     )

@@ -41,18 +41,19 @@ from tdint.system import memory
 from tdint.units import STANDARD_GRAVITY
 
 _BOUND_ITERATIONS = 5  # iterations of the upper bound of the frequencies (`Building.fastest`)
-_MAX_NAMED = 5  # maximum number of stories named in a message
-_POSITIVE = 1e-9  # replaces zero ordinates of a mode; its largest ordinate is 1
+_MAX_LISTED_STORIES = 5  # maximum number of stories named in a message
+_SMALL_ORDINATE = 1e-9  # added to the ordinates of a mode with maximum 1, to avoid zeros
 
 
 @dataclass(frozen=True)
 class Building:
-    """A chain of n stories, or n oscillators side by side.
+    """A chain of n stories, or n independent oscillators, as arrays.
 
     Attributes
     ----------
     linear_terms, law_parameters : ndarray, shapes (LINEAR_TERM_ROWS, n + 1) and (rows, n + 1)
-        The tables of `tdint.kernels.layout`; the last column is zero.
+        Tables of numbers, one row for each quantity of `tdint.kernels.layout` and one column for
+        each story; the last column is zero.
     modal : ndarray, shape (modes, n + 1)
         Rows w of the modal damping C = sum of w w^T; no rows without modal damping.
     heights : ndarray, shape (n,)
@@ -74,12 +75,14 @@ class Building:
     isolators: tuple[int, ...] = ()
 
     @property
-    def rises(self) -> Array:
-        """Contribution of each story to the height of the building, m, shape (n,); zero for
-        isolators."""
-        rises = self.heights.copy()
-        rises[list(self.isolators)] = 0.0
-        return rises
+    def height_contributions(self) -> Array:
+        """Height that each story contributes to the building, m, shape (n,); zero for isolators.
+
+        It is nan for stories without a height.
+        """
+        contributions = self.heights.copy()
+        contributions[list(self.isolators)] = 0.0
+        return contributions
 
     @property
     def stories(self) -> int:
@@ -121,14 +124,19 @@ class Building:
         """
         if not self.damped_by_devices:
             return np.zeros_like(rate)
-        linear = self.linear_terms[rows.DASHPOT, ..., :-1] * np.ones_like(rate)
+        linear_coefficient = self.linear_terms[rows.DASHPOT, ..., :-1] * np.ones_like(rate)
         squared_rate = rate**2 + self.linear_terms[rows.THRESHOLD, ..., :-1]
         exponent = self.linear_terms[rows.POWER, ..., :-1] * np.ones_like(rate)
         # The exponent may be negative, for which the power of zero is infinite. The force of a
         # story at rest is zero.
         is_moving = (squared_rate > 0.0) & (self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0)
-        power = np.power(squared_rate, exponent, out=np.zeros_like(squared_rate), where=is_moving)
-        return np.asarray((linear + self.linear_terms[rows.POWER_DAMPER, ..., :-1] * power) * rate)
+        power_of_rate = np.power(
+            squared_rate, exponent, out=np.zeros_like(squared_rate), where=is_moving
+        )
+        return np.asarray(
+            (linear_coefficient + self.linear_terms[rows.POWER_DAMPER, ..., :-1] * power_of_rate)
+            * rate
+        )
 
     @cached_property
     def _law_codes(self) -> set[float]:
@@ -153,12 +161,12 @@ class Building:
 
     @cached_property
     def fastest(self) -> float:
-        """Upper bound of the circular frequencies of the initial stiffness, rad/s, within one to
-        two percent.
+        """Upper bound of the circular frequencies of the initial stiffness, rad/s.
 
-        The stiffness matrix with positive signs throughout has no negative elements and the same
-        frequencies. For any positive x the largest eigenvalue is at most the largest
-        (M^-1 K x) / x (Collatz 1942), and the bound becomes closer as x approaches the mode.
+        The bound exceeds the highest frequency by one to two percent. Let K be the stiffness matrix
+        with the absolute values of its entries; it has the same frequencies. For any vector x with
+        positive entries, the largest eigenvalue of M^-1 K is at most the maximum of (M^-1 K x)_i /
+        x_i over the floors i (Collatz 1942). The bound decreases as x approaches the mode.
         """
         return float(
             _frequency_bound(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass)
@@ -182,8 +190,8 @@ class Building:
         stiffness matrix K.
         """
         stiffness, link = np.abs(self.initial_stiffness), self.linear_terms[rows.LINK, :-1]
-        # Row i: diagonal entry k[i] + c[i + 1] k[i + 1], off-diagonal entries c[i] k[i] and
-        # c[i + 1] k[i + 1], with the stiffnesses k and the links c.
+        # Row i with the stiffnesses k and the links c: diagonal entry k[i] + c[i + 1] k[i + 1],
+        # off-diagonal entries c[i] k[i] and c[i + 1] k[i + 1].
         row_sums = stiffness + link * stiffness
         row_sums[:-1] += 2.0 * link[1:] * stiffness[1:]
         return math.sqrt((row_sums / self.mass).max())
@@ -194,29 +202,29 @@ class Building:
 
     def damping_matrix(self) -> Array:
         """Return the damping matrix without power-law dashpots, N s/m, shape (n, n)."""
-        stories = _tridiagonal(
+        story_matrix = _tridiagonal(
             self.linear_terms[rows.STORY_DAMPER, :-1], self.linear_terms[rows.LINK, :-1]
         )
         return (
-            stories
+            story_matrix
             + np.diag(self.linear_terms[rows.FLOOR_DAMPER, :-1])
             + self.modal[:, :-1].T @ self.modal[:, :-1]
         )
 
     def first_mode(self) -> tuple[float, float]:
-        """Return the circular frequency (rad/s) and the damping ratio of the first mode, without
-        power-law dashpots.
+        """Return the circular frequency (rad/s) and the damping ratio of the first mode.
 
-        The damping ratio is computed from the diagonal of the modal damping matrix.
+        Power-law dashpots are omitted. The damping ratio is computed from the diagonal of the modal
+        damping matrix.
         """
         return self._first_mode
 
     @cached_property
     def approximate_first_mode(self) -> tuple[float, float]:
-        """Result of `first_mode`, from all modes if they were computed already.
+        """Circular frequency (rad/s) and damping ratio of the first mode, without computing twice.
 
-        The last digits depend on what was computed before. Use it for comparisons and rounded
-        numbers only.
+        If all modes have been computed, the first of them is used. It differs from the result of
+        `first_mode` in the last digits. Therefore use it for comparisons and rounded values only.
         """
         if "_first_mode" in vars(self) or "modes" not in vars(self.vibration):
             return self._first_mode
@@ -249,20 +257,19 @@ class Building:
         return omega, float(modal_damping / (2.0 * omega))
 
     def modes(self) -> Modes:
-        """Return the undamped modes of the initial stiffness; they are computed at the first
-        call."""
+        """Return the undamped modes of the initial stiffness, computed at the first call."""
         return self.vibration.modes
 
 
 def _frequency_bound(
     stiffness: Array, link: Array, mass: Array, iterations: int = _BOUND_ITERATIONS
 ) -> Array:
-    """Return an upper bound of the circular frequencies of one or more buildings, rad/s, shape
-    (...).
+    """Return an upper bound of the circular frequencies of one or more buildings, rad/s.
 
-    The matrix M^-1 K with positive signs throughout is multiplied repeatedly with a positive
-    vector x (power iteration). In each iteration, the maximum of (M^-1 K x) / x over the floors is
-    an upper bound of the squared frequencies (Collatz 1942).
+    Power iteration: a vector x with positive entries is multiplied repeatedly by M^-1 K, where K is
+    the stiffness matrix with absolute values of its entries. In each iteration, the maximum of
+    (M^-1 K x)_i / x_i over the floors i is an upper bound of the squared frequencies (Collatz
+    1942). The result has the shape of the leading axes of `stiffness`.
 
     Parameters
     ----------
@@ -276,24 +283,36 @@ def _frequency_bound(
     iterations : int
         Number of iterations of the power iteration.
     """
-    # The last column is the story above the roof, which has no stiffness.
-    springs = np.concatenate([np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1)
-    below, above = link[:-1] * springs[..., :-1], link[1:] * springs[..., 1:]
+    # The last column is the fictitious story above the roof, which has no stiffness. Row i of K has
+    # the entry `stiffness_below` for the floor below and `stiffness_above` for the floor above.
+    story_stiffness = np.concatenate(
+        [np.abs(stiffness), np.zeros((*stiffness.shape[:-1], 1))], axis=-1
+    )
+    stiffness_below, stiffness_above = (
+        link[:-1] * story_stiffness[..., :-1],
+        link[1:] * story_stiffness[..., 1:],
+    )
     shape = np.ones(stiffness.shape)
     bound = np.full(stiffness.shape[:-1], math.inf)
     for _ in range(iterations):
-        product = (springs[..., :-1] + above) * shape
-        product[..., 1:] += below[..., 1:] * shape[..., :-1]
-        product[..., :-1] += above[..., :-1] * shape[..., 1:]
-        product /= mass
-        bound = np.minimum(bound, np.max(product / shape, axis=-1))
-        shape = product / np.max(product, axis=-1, keepdims=True) + _POSITIVE
+        stiffness_times_shape = (story_stiffness[..., :-1] + stiffness_above) * shape
+        stiffness_times_shape[..., 1:] += stiffness_below[..., 1:] * shape[..., :-1]
+        stiffness_times_shape[..., :-1] += stiffness_above[..., :-1] * shape[..., 1:]
+        stiffness_times_shape /= mass
+        bound = np.minimum(bound, np.max(stiffness_times_shape / shape, axis=-1))
+        shape = (
+            stiffness_times_shape / np.max(stiffness_times_shape, axis=-1, keepdims=True)
+            + _SMALL_ORDINATE
+        )
     return np.asarray(np.sqrt(bound))
 
 
 def _tridiagonal(springs: Array, link: Array) -> Array:
-    """Return the matrix of springs between neighboring floors; spring i connects floors i and
-    i - 1 (the ground if link is 0)."""
+    """Return the matrix of springs between neighboring floors, shape (n, n).
+
+    Spring i connects floors i and i - 1. If element i of `link` is 0 instead of 1, spring i
+    connects floor i to the ground.
+    """
     coupling = -(springs * link)[1:]
     diagonal = springs.copy()
     diagonal[:-1] -= coupling
@@ -318,8 +337,8 @@ def assemble(model: Model) -> Building:
         story.dashpot for story in stories
     ]
     for i, story in enumerate(stories):
-        # Dashpot force = c v (v^2 + v0^2)^POWER with the drift rate v: POWER = (exponent - 1) / 2.
-        # The base is a squared rate and never negative.
+        # The dashpot force at the drift rate v is c v (v^2 + v0^2)^POWER. For |v| much larger than
+        # v0 it is c |v|^exponent, so POWER = (exponent - 1) / 2.
         if (dashpot := story.power_dashpot) is not None:
             linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
             linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
@@ -344,7 +363,7 @@ def assemble(model: Model) -> Building:
         end = rows.FIRST_PARAMETER + len(parameters)
         law_parameters[rows.FIRST_PARAMETER : end, i] = parameters
         yield_drift[i] = law.yield_drift(story.stiffness, parameters)
-    # The vibration includes P-delta, which reduces the stiffness.
+    # P-delta (the row GEOMETRIC, negative) reduces the stiffness of the vibration.
     vibration = FreeVibration(
         linear_terms[rows.MASS, :n],
         law_parameters[rows.STIFFNESS, :n] + linear_terms[rows.GEOMETRIC, :n],
@@ -358,8 +377,9 @@ def assemble(model: Model) -> Building:
 
 @dataclass(frozen=True)
 class DrawnBuildings:
-    """Random samples of a building that differ in numbers only, as arrays with the samples on the
-    first axis.
+    """Random samples of a building, as arrays with the samples on the first axis.
+
+    The samples have the same stories and laws, with different parameters.
 
     Attributes
     ----------
@@ -387,18 +407,22 @@ class DrawnBuildings:
 
     @property
     def fastest(self) -> Array:
-        """`Building.fastest` of each sample, shape (draws,)."""
+        """Upper bound of the circular frequencies of each sample, rad/s, shape (draws,)."""
         stiffness = (
             self.law_parameters[:, rows.STIFFNESS, :-1] + self.linear_terms[:, rows.GEOMETRIC, :-1]
         )
         return _frequency_bound(stiffness, self.base.linear_terms[rows.LINK], self.mass)
 
     def of_runs(self, draws: Sequence[int]) -> Building:
-        """Return the building arrays of several runs; `draws` contains the index of the sample of
-        each run.
+        """Return the buildings of several runs as one `Building` with an additional axis of runs.
 
-        The shape of the linear terms and law parameters is (rows, runs, n + 1); heights and yield
-        drifts have the shape (runs, n).
+        Linear terms and law parameters have the shape (rows, runs, n + 1), heights and yield drifts
+        the shape (runs, n).
+
+        Parameters
+        ----------
+        draws : sequence of int
+            Index of the sample of each run.
         """
         return replace(
             self.base,
@@ -410,13 +434,15 @@ class DrawnBuildings:
 
     @property
     def with_devices(self) -> NDArray[np.bool_]:
-        """`Building.damped_by_devices` of each sample, shape (draws,)."""
+        """Mask of the samples in which any story has a dashpot, shape (draws,)."""
         coefficients = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER], :-1]
         return np.asarray(np.any(coefficients != 0.0, axis=(1, 2)))
 
 
 def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) -> DrawnBuildings:
-    """Assemble the buildings of all samples at once, bitwise equal to those of `Model.changed`.
+    """Assemble the buildings of all samples at once.
+
+    The results are equal to the bit to those of `assemble` for each changed model.
 
     Parameters
     ----------
@@ -435,43 +461,46 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     ModelError
         P-delta exceeds the stiffness of a story.
     """
-    draws, n = len(next(iter(values.values()))), base.stories
-    changed = _changed_numbers(model, values, draws)
+    draw_count, n = len(next(iter(values.values()))), base.stories
+    # Keys: index of the story, and index of the value in `story_numbers`.
+    changed_values = _changed_numbers(model, values, draw_count)
 
     # Copy the tables of the base and insert the changed numbers.
-    linear_terms = np.repeat(base.linear_terms[None], draws, axis=0)
-    law_parameters = np.repeat(base.law_parameters[None], draws, axis=0)
-    heights = np.repeat(base.heights[None], draws, axis=0)
-    yield_drift = np.repeat(base.yield_drift[None], draws, axis=0)
-    for (i, column), numbers in changed.items():
+    linear_terms = np.repeat(base.linear_terms[None], draw_count, axis=0)
+    law_parameters = np.repeat(base.law_parameters[None], draw_count, axis=0)
+    heights = np.repeat(base.heights[None], draw_count, axis=0)
+    yield_drift = np.repeat(base.yield_drift[None], draw_count, axis=0)
+    for (i, column), values_of_draws in changed_values.items():
         if column >= OF_LAW:
-            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = numbers
+            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = values_of_draws
         elif column == STIFFNESS:
-            law_parameters[:, rows.STIFFNESS, i] = numbers
+            law_parameters[:, rows.STIFFNESS, i] = values_of_draws
         elif column == HEIGHT and not model.stories[i].isolator:
-            heights[:, i] = numbers
+            heights[:, i] = values_of_draws
         elif column in _TABLE_ROW_OF_COLUMN:
-            linear_terms[:, _TABLE_ROW_OF_COLUMN[column], i] = numbers
+            linear_terms[:, _TABLE_ROW_OF_COLUMN[column], i] = values_of_draws
         elif column == POWER.start + 1:  # exponent of the power-law dashpot
-            linear_terms[:, rows.POWER, i] = 0.5 * (numbers - 1.0)
+            linear_terms[:, rows.POWER, i] = 0.5 * (values_of_draws - 1.0)
         elif column == POWER.start + 2:  # drift rate below which the dashpot is linear
             # Squared in Python as in `assemble`: the square of NumPy can differ in the last bit.
-            linear_terms[:, rows.THRESHOLD, i] = [rate**2 for rate in numbers.tolist()]
+            linear_terms[:, rows.THRESHOLD, i] = [rate**2 for rate in values_of_draws.tolist()]
     linear_terms[:, rows.INVERSE_MASS, :n] = 1.0 / linear_terms[:, rows.MASS, :n]
     linear_terms[:, rows.STORY_DAMPER, :n] = linear_terms[:, rows.DASHPOT, :n]
     linear_terms[:, rows.FLOOR_DAMPER, :n] = 0.0
     if model.p_delta:
         story_heights = [
-            np.broadcast_to(changed.get((i, HEIGHT), story_numbers(story)[HEIGHT]), draws)
+            np.broadcast_to(
+                changed_values.get((i, HEIGHT), story_numbers(story)[HEIGHT]), draw_count
+            )
             for i, story in enumerate(model.stories)
         ]
-        weight_above = (
-            STANDARD_GRAVITY * np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
-        )
+        # Sum the masses from the roof downwards.
+        mass_above = np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
+        weight_above = STANDARD_GRAVITY * mass_above
         linear_terms[:, rows.GEOMETRIC, :n] = -(weight_above / np.stack(story_heights, axis=1))
 
     # Verify the changed laws, and compute their yield drifts.
-    for i in {i for i, column in changed if column == STIFFNESS or column >= OF_LAW}:
+    for i in {i for i, column in changed_values if column == STIFFNESS or column >= OF_LAW}:
         law = LAWS[model.stories[i].law.name]
         end = rows.FIRST_PARAMETER + len(model.stories[i].law.parameters)
         table_rows = [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, end)]
@@ -482,11 +511,13 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
                 )
             yield_drift[draw, i] = law.yield_drift(stiffness, parameters)
 
-    # If no sample changes a mass or a stiffness, all samples vibrate like the base.
+    # If no sample changes a mass or a stiffness (with P-delta, a height), all samples have the
+    # vibration of the base.
     is_vibration_changed = any(
-        column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in changed
+        column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta)
+        for _, column in changed_values
     )
-    ratios = values["damping"].tolist() if "damping" in values else [math.nan] * draws
+    ratios = values["damping"].tolist() if "damping" in values else [math.nan] * draw_count
     # A nan keeps the damping of the model.
     damped_models = [
         model if math.isnan(ratio) else replace(model, damping=damped_by(model, ratio))
@@ -508,7 +539,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
 def _changed_numbers(
     model: Model, values: Mapping[str, Array], draws: int
 ) -> dict[tuple[int, int], Array]:
-    """Return the numbers of the stories that the samples change.
+    """Return the values of the stories that the samples change.
 
     Parameters
     ----------
@@ -522,41 +553,45 @@ def _changed_numbers(
     Returns
     -------
     dict
-        Array of shape (draws,) for each changed number. The key is the index of the story and the
-        index of the number in `story_numbers`.
+        Array of shape (draws,) for each changed value. The key is the index of the story and the
+        index of the value in `story_numbers`.
     """
     base_numbers = [list(story_numbers(story)) for story in model.stories]
     changed: dict[tuple[int, int], Array] = {}
     stories_with_set_law = set()
-    for name, samples in values.items():
+    for name, sampled_values in values.items():
         for change in changes_of(model, name):
-            key = change.story, change.column
-            # Several parameters can change the same number, one after another.
-            current = changed.get(key, base_numbers[change.story][change.column])
-            new = current * samples if change.factor else samples
-            changed[key] = np.where(np.isnan(samples), current, new)
+            value_index = change.story, change.column
+            # Several parameters can change the same value; they are applied in order.
+            current = changed.get(value_index, base_numbers[change.story][change.column])
+            changed_value = current * sampled_values if change.factor else sampled_values
+            changed[value_index] = np.where(np.isnan(sampled_values), current, changed_value)
             if change.of_law:
                 stories_with_set_law.add(change.story)
     # Some laws define the initial stiffness by their parameters: compute it again.
     for i in stories_with_set_law:
-        if stiffness_of := LAWS[model.stories[i].law.name].initial_stiffness:
+        compute_stiffness = LAWS[model.stories[i].law.name].initial_stiffness
+        if compute_stiffness:
             columns = [
                 np.broadcast_to(changed.get((i, column), base_numbers[i][column]), draws)
                 for column in range(OF_LAW, len(base_numbers[i]))
             ]
             parameters_of_draws = np.stack(columns, axis=1).tolist()
-            changed[i, STIFFNESS] = np.array([stiffness_of(p) for p in parameters_of_draws])
+            changed[i, STIFFNESS] = np.array(
+                [compute_stiffness(parameters) for parameters in parameters_of_draws]
+            )
     return changed
 
 
 _TABLE_ROW_OF_COLUMN = {MASS: rows.MASS, DASHPOT: rows.DASHPOT, POWER.start: rows.POWER_DAMPER}
-"""Rows of the linear terms by the index of a number in `story_numbers`."""
+"""Rows of the linear terms that contain values of a story unchanged, by their index in
+`story_numbers`."""
 
 
 def weight_over_height(model: Model) -> Array:
-    """Return the weight above each story divided by its height, N/m, shape (n,).
+    """Return the weight above each story divided by the height of the story, N/m, shape (n,).
 
-    P-delta reduces the stiffness by this value.
+    P-delta reduces the stiffness of the story by this value.
     """
     mass = np.array([story.mass for story in model.stories])
     heights = np.array(
@@ -565,39 +600,43 @@ def weight_over_height(model: Model) -> Array:
     return np.asarray(STANDARD_GRAVITY * np.cumsum(mass[::-1])[::-1] / heights)
 
 
-def falling_stories(model: Model) -> tuple[str, ...]:
-    """Return a message that lists the stories which P-delta makes unstable after yield; an empty
-    tuple if there are no such stories.
+def unstable_after_yield(model: Model) -> tuple[str, ...]:
+    """Return a message with the stories that are unstable after yield because of P-delta.
+
+    The tuple is empty if no story is unstable, and contains one message otherwise.
 
     P-delta reduces the stiffness of a story by the weight above it divided by its height. The
     story is unstable if this value exceeds the post-yield stiffness of its law.
     """
     if not model.p_delta:
         return ()
-    # Story stiffnesses in SI units are easiest to read in MN/m.
-    unit, unit_value = model.output_units.unit("N/m")
-    unit, unit_value = ("MN/m", 1e6) if unit == "N/m" else (unit, unit_value)
-    listed = []
-    for i, (story, reduction) in enumerate(
+    # In SI units, write stiffnesses in MN/m, which gives short numbers for buildings.
+    unit_name, unit_value = model.output_units.unit("N/m")
+    unit_name, unit_value = ("MN/m", 1e6) if unit_name == "N/m" else (unit_name, unit_value)
+    messages = []
+    for i, (story, stiffness_reduction) in enumerate(
         zip(model.stories, weight_over_height(model), strict=True), start=1
     ):
         after_yield = stiffness_after_yield(story)
-        if reduction > after_yield:
-            listed.append(
-                f"story {i}: {reduction / unit_value:.4g} of {after_yield / unit_value:.4g}"
+        if stiffness_reduction > after_yield:
+            messages.append(
+                f"story {i}: {stiffness_reduction / unit_value:.4g} of "
+                f"{after_yield / unit_value:.4g}"
             )
-    if not listed:
+    if not messages:
         return ()
     return (
         "P-delta reduces the stiffness after yield below zero, so that a story that yields may "
-        f"collapse; weight over height, and stiffness after yield, {unit}: "
-        f"{abbreviate(listed, _MAX_NAMED)}",
+        f"collapse; weight over height, and stiffness after yield, {unit_name}: "
+        f"{abbreviate(messages, _MAX_LISTED_STORIES)}",
     )
 
 
 def stiffness_after_yield(story: Story) -> float:
-    """Return the post-yield stiffness of a story before softening, N/m; infinite for a law that
-    does not yield."""
+    """Return the stiffness of a story after yield and before softening, N/m.
+
+    It is infinite for a law that does not yield.
+    """
     rule = _STIFFNESS_AFTER_YIELD.get(story.law.name)
     if rule is None:
         return math.inf
@@ -605,34 +644,36 @@ def stiffness_after_yield(story: Story) -> float:
     return rule(story.stiffness, dict(zip(names, story.law.parameters, strict=True)))
 
 
-def _hardening(stiffness: float, law: Mapping[str, float]) -> float:
+def _hardening_stiffness(stiffness: float, law: Mapping[str, float]) -> float:
     """Return the stiffness after yield of a law with the parameter `hardening`, N/m."""
     return law["hardening"] * stiffness
 
 
-def _to_ultimate(stiffness: float, law: Mapping[str, float]) -> float:
-    """Return the stiffness from the yield point to the ultimate point, N/m; 0 if the ultimate drift
-    does not exceed the yield drift."""
+def _slope_to_ultimate(stiffness: float, law: Mapping[str, float]) -> float:
+    """Return the stiffness from the yield point to the ultimate point, N/m.
+
+    It is 0 if the ultimate drift does not exceed the yield drift.
+    """
     force = law["ultimate_force"] - law["yield_force"]
     drift = law["ultimate_drift"] - law["yield_force"] / stiffness
     return force / drift if drift > 0.0 else 0.0
 
 
-def _to_capping(stiffness: float, law: Mapping[str, float]) -> float:
+def _slope_to_capping(stiffness: float, law: Mapping[str, float]) -> float:
     """Return the stiffness from the yield point to the capping point, N/m."""
     return (law["capping_ratio"] - 1.0) * law["yield_force"] / law["plastic_drift"]
 
 
 _STIFFNESS_AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
-    "bilinear": _hardening,
-    "bouc-wen": _hardening,
-    "peak-oriented": _hardening,
-    "trilinear-pinching": _to_ultimate,
-    "imk": _to_capping,
+    "bilinear": _hardening_stiffness,
+    "bouc-wen": _hardening_stiffness,
+    "peak-oriented": _hardening_stiffness,
+    "trilinear-pinching": _slope_to_ultimate,
+    "imk": _slope_to_capping,
     "tanh": lambda stiffness, law: 0.0,
 }
-"""Functions of the initial stiffness (N/m) and the parameters by name, which return the stiffness
-after yield (N/m), for each law that yields."""
+"""Functions that compute the stiffness after yield (N/m), by the name of the law. Their arguments
+are the initial stiffness (N/m) and the parameters of the law by name. Other laws do not yield."""
 
 
 def oscillators(omega: Array, damping: Array) -> Building:
@@ -660,8 +701,11 @@ def oscillators(omega: Array, damping: Array) -> Building:
 
 
 def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
-    """Return a table with a row per force: floor (counted from 0), cosine and sine amplitude (N),
-    omega (rad/s)."""
+    """Return a table with one row for each force.
+
+    The columns are the floor (counted from 0), the amplitudes of cosine and sine (N), and the
+    circular frequency (rad/s).
+    """
     table = np.zeros((len(forces), rows.FORCE_COLUMNS))
     for row, force in zip(table, forces, strict=True):
         row[:] = force.floor - 1, force.cosine, force.sine, force.omega
@@ -669,24 +713,33 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
-    """Return the kernel variant for a building; `forces` is the force table, default no forces."""
+    """Return the kernel variant for a building: the laws and features that its kernels contain.
+
+    Parameters
+    ----------
+    building : Building
+        The building.
+    forces : ndarray, optional
+        Table of `force_table`. Default: no forces.
+    """
     codes = {CODES["linear"], *building.law_parameters[rows.CODE, :-1].tolist()}
     # The number of a plug-in law distinguishes it from laws of other plug-ins with the same name.
     names = (
         name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
     )
-    found = Variant(
+    result = Variant(
         laws=tuple(names),
         modal=len(building.modal) > 0,
         forces=forces is not None and len(forces) > 0,
         dashpots=building.damped_by_devices,
     )
-    # Kernels compare variants by identity first, so that equal buildings share one instance.
-    return _VARIANTS.setdefault(found, found)
+    # Return the same instance for equal variants. Comparisons of variants are then fast, because
+    # they compare the identity first.
+    return _VARIANTS.setdefault(result, result)
 
 
 _VARIANTS: dict[Variant, Variant] = {}
-"""All results of `variant` in this process."""
+"""Results of `variant` in this process, each as key and value."""
 
 
 _MATRICES_OF_ALL_MODES = 4
@@ -696,8 +749,10 @@ _MATRICES_OF_ALL_MODES = 4
 def add_damping(
     linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration
 ) -> Array:
-    """Add the damping of the model to `linear_terms`; return the rows of the modal damping, shape
-    (modes, n + 1).
+    """Add Rayleigh damping to `linear_terms`, or return the rows of modal damping.
+
+    The result has the shape (modes, n + 1), with no rows for Rayleigh damping of a building without
+    isolators. A row w contributes w w^T to the damping matrix.
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
     each floor to the ground and a damper parallel to each story. Modal damping is
@@ -731,8 +786,8 @@ def add_damping(
                 f"and this machine has {available / 2**30:.0f} GiB; use damping.rayleigh"
             )
         modes, ratios = vibration.modes, np.array(damping.ratios)
-        # Rows sqrt(2 xi omega) M phi; a single ratio applies to all modes, several ratios to the
-        # first modes.
+        # Compute the rows sqrt(2 xi omega) M phi. A single ratio applies to all modes; several
+        # ratios apply to the first modes.
         if ratios.size == 1:
             ratios = np.full(n, ratios[0])
         damped_modes = np.flatnonzero(ratios)
@@ -742,18 +797,19 @@ def add_damping(
             linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped_modes] * factors
         ).T
         return modal
-    # Convert ratios to coefficients with the frequencies of this building.
+    # Convert the damping ratios of two modes to the coefficients a0 and a1 with the frequencies of
+    # this building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None and not all(story.rayleigh for story in model.stories):
-        return _without_isolators(linear_terms, stiffness, model, damping)
+        return _damping_without_isolators(linear_terms, stiffness, model, damping)
     if damping is not None:
         linear_terms[rows.FLOOR_DAMPER, :n] += damping.mass * linear_terms[rows.MASS, :n]
         linear_terms[rows.STORY_DAMPER, :n] += damping.stiffness * stiffness
     return np.zeros((0, n + 1))
 
 
-def _without_isolators(
+def _damping_without_isolators(
     linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
 ) -> Array:
     """Add Rayleigh damping that excludes isolators.
@@ -800,28 +856,28 @@ def _without_isolators(
     return np.array(dampers).reshape(len(dampers), n + 1)
 
 
-def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
-    """Compute the coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012,
-    eq. 11.4.8).
+def rayleigh(damping: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
+    """Compute the coefficients a0 and a1 of Rayleigh damping from the ratios of two modes.
 
-    For a single mode, mass and stiffness contribute half of the damping each. This is the limit of
-    equal ratios as the frequencies of the two modes approach each other.
+    The ratio of a mode is xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8). If both
+    modes are the same, mass and stiffness contribute half of the damping each. This is the limit
+    for equal ratios as the two frequencies approach each other.
 
     Parameters
     ----------
-    ratio : RayleighRatio
+    damping : RayleighRatio
         Damping ratios and numbers of the two modes.
     omega_1, omega_2 : float
         Circular frequencies of the two modes, rad/s.
     """
-    xi_1, xi_2 = ratio.ratios
-    if ratio.modes[0] == ratio.modes[1]:
+    xi_1, xi_2 = damping.ratios
+    if damping.modes[0] == damping.modes[1]:
         return RayleighCoefficients(mass=xi_1 * omega_1, stiffness=xi_1 / omega_1)
     difference = omega_2**2 - omega_1**2
     if not 0.0 < abs(difference) < math.inf:
         raise ModelError(
             "damping: the coefficients of Rayleigh damping cannot be computed from the frequencies "
-            f"of modes {ratio.modes[0]} and {ratio.modes[1]} ({omega_1:.4g} and {omega_2:.4g} "
+            f"of modes {damping.modes[0]} and {damping.modes[1]} ({omega_1:.4g} and {omega_2:.4g} "
             "rad/s), because masses or stiffnesses differ by too many orders of magnitude; check "
             "their units"
         )

@@ -27,14 +27,33 @@ DAMPING_RATIO = 0.05  # damping ratio of the published curves
 STORY_HEIGHT = 2.8  # m
 UNIT_MASS = 1000.0  # kg
 
-_ROOF = 0.75  # mass of the roof over the mass of another floor
-_SOFT = 0.35  # stiffness of a soft ground story over the stiffness of an ordinary ground story
-# Parameters of the law multilinear-pinching, with the values of the toolkit: the pinching of one
-# direction (drift, force, unloading); and, without and with degradation, the degradation of
-# stiffness, drift and strength (five values each), followed by the energy capacity.
+_ROOF_MASS_RATIO = 0.75  # mass of the roof over the mass of another floor
+_SOFT_STORY_RATIO = (
+    0.35  # stiffness of a soft ground story over the stiffness of an ordinary ground story
+)
+# Parameters of the law multilinear-pinching, with the values of the toolkit. Pinching of one
+# direction: drift, force, unloading. Degradation: five values each for stiffness, drift and
+# strength, followed by the energy capacity.
 _PINCHING = (0.5, 0.25, 0.05)
-_INTACT = (0.0, 0.0, 1.0, 1.0, 0.0) * 3 + (math.inf,)
-_DEGRADING = (0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.4, 0.0, 0.4, 0.9, 10.0)
+_WITHOUT_DEGRADATION = (0.0, 0.0, 1.0, 1.0, 0.0) * 3 + (math.inf,)
+_WITH_DEGRADATION = (
+    0.0,
+    0.1,
+    0.0,
+    0.0,
+    0.2,
+    0.0,
+    0.1,
+    0.0,
+    0.0,
+    0.2,
+    0.0,
+    0.4,
+    0.0,
+    0.4,
+    0.9,
+    10.0,
+)
 
 
 @dataclass(frozen=True)
@@ -74,15 +93,15 @@ class CapacityCurve:
 
     @classmethod
     def of(cls, points: Sequence[tuple[float, float]]) -> CapacityCurve:
-        """Create the curve through points (Sd in m, Sa in g); a point at the origin is omitted.
+        """Create the curve through points (Sd in m, Sa in g), without the point at the origin.
 
         Raises
         ------
         UsageError
             The points do not form a valid curve.
         """
-        kept = [point for point in points if point != (0.0, 0.0)]
-        return cls(tuple(sd for sd, _ in kept), tuple(sa for _, sa in kept))
+        nonzero_points = [point for point in points if point != (0.0, 0.0)]
+        return cls(tuple(sd for sd, _ in nonzero_points), tuple(sa for _, sa in nonzero_points))
 
     @property
     def period(self) -> float:
@@ -176,8 +195,8 @@ class CapacityBuilding:
 
     @property
     def stories(self) -> tuple[Story, ...]:
-        """The stories of a model."""
-        losses = _DEGRADING if self.degradation else _INTACT
+        """Stories of a model, from the ground up."""
+        degradation = _WITH_DEGRADATION if self.degradation else _WITHOUT_DEGRADATION
         stories = []
         rows = zip(
             self.mass.tolist(),
@@ -187,10 +206,11 @@ class CapacityBuilding:
             strict=True,
         )
         for mass, height, drifts, forces in rows:
-            # The story yields at the first point. Both directions have the same points: drift and
-            # force of each point in turn. The force is zero beyond the drift of the last point.
+            # The parameters are the points of each direction, the pinching of each direction, the
+            # drift above which the force is zero (the last point), and the degradation. Both
+            # directions are equal. The story yields at the first point.
             backbone = [number for point in zip(drifts, forces, strict=True) for number in point]
-            parameters = (*backbone, *backbone, *_PINCHING, *_PINCHING, drifts[-1], *losses)
+            parameters = (*backbone, *backbone, *_PINCHING, *_PINCHING, drifts[-1], *degradation)
             stories.append(
                 Story(
                     mass,
@@ -207,45 +227,49 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     """Derive the shear building from a capacity curve and the data of the building."""
     n, curve, ratio = facts.stories, facts.curve, facts.damping_ratio
 
-    # Compute the shape of the first mode from the masses, divided by the mass of the building, and
-    # from relative stiffnesses, which decrease with the height.
+    # Compute the shape of the first mode from the masses (as fractions of the mass of the building)
+    # and from relative stiffnesses, which decrease with the height in the same way for all curves.
     mass_fractions = np.ones(n)
-    mass_fractions[-1] = 1.0 if n == 1 else _ROOF
+    mass_fractions[-1] = 1.0 if n == 1 else _ROOF_MASS_RATIO
     mass_fractions /= mass_fractions.sum()
-    story = np.arange(n)
-    relative_stiffness = np.maximum(1.0 - 0.3 * (2.0 * (story // 2) + 0.5) / max(n - 1, 1), 0.5)
+    story_index = np.arange(n)
+    relative_stiffness = np.maximum(
+        1.0 - 0.3 * (2.0 * (story_index // 2) + 0.5) / max(n - 1, 1), 0.5
+    )
     if facts.soft_story:
-        relative_stiffness[0] *= _SOFT
-    links = np.minimum(story, 1.0)
+        relative_stiffness[0] *= _SOFT_STORY_RATIO
+    links = np.minimum(story_index, 1.0)  # 0 for the ground story, 1 for the others
     shape = solve_modes(mass_fractions, relative_stiffness, links).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
 
-    # The first mode converts the curve of the oscillator to the stories: the shape determines the
-    # drifts, the inertia forces of the floors above determine the story forces.
-    weighted = mass_fractions * mode
-    participation = float(weighted.sum() / (weighted * mode).sum())
-    effective_mass_ratio = float(weighted.sum() ** 2 / (weighted * mode).sum())
-    shear_over_base_shear = np.cumsum(weighted[::-1])[::-1] / weighted.sum()
-    # The law of the stories requires four points.
+    # The first mode converts the curve of the oscillator to the stories: its shape determines the
+    # drifts, and the inertia forces of the floors above a story determine the story force.
+    mass_times_mode = mass_fractions * mode
+    participation = float(mass_times_mode.sum() / (mass_times_mode * mode).sum())
+    effective_mass_ratio = float(mass_times_mode.sum() ** 2 / (mass_times_mode * mode).sum())
+    shear_over_base_shear = np.cumsum(mass_times_mode[::-1])[::-1] / mass_times_mode.sum()
+    # The law of the stories requires four points; `points` has the columns Sd and Sa.
     points = np.array(
         four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))
     ).reshape(4, 2)
     drifts = participation * np.outer(np.diff(mode, prepend=0.0), points[:, 0])
-    # Forces and stiffnesses are divided by the mass of the building.
+    # In the following, forces and stiffnesses are divided by the mass of the building.
     forces = effective_mass_ratio * GRAVITY * np.outer(shear_over_base_shear, points[:, 1])
     # The published program multiplies the forces by an additional factor: the squared frequency of
     # the curve over the squared frequency of a building whose story stiffnesses are proportional to
     # the story forces.
     if facts.as_published and n > 1:
-        unscaled = solve_modes(mass_fractions, shear_over_base_shear, links).omega[0] ** 2
-        frequency = 2.0 * math.pi / curve.period
+        unscaled_omega_squared = (
+            solve_modes(mass_fractions, shear_over_base_shear, links).omega[0] ** 2
+        )
+        curve_omega = 2.0 * math.pi / curve.period
         ground_story_stiffness = (
             curve.acceleration[0]
             * GRAVITY
             * effective_mass_ratio
             / (curve.displacement[0] * participation * mode[0])
         )
-        forces *= frequency**2 / unscaled / ground_story_stiffness
+        forces *= curve_omega**2 / unscaled_omega_squared / ground_story_stiffness
     stiffness = forces[:, 0] / drifts[:, 0]
     omega = solve_modes(mass_fractions, stiffness, links).omega
     damping: RayleighRatio | RayleighCoefficients = RayleighRatio((ratio, ratio), (1, 2))
@@ -296,17 +320,20 @@ def read_curve(source: str) -> CapacityCurve:
         The file cannot be read, or the points do not form a valid curve.
     """
     table = read_table(
-        source, "a capacity curve must be a CSV file with the columns sd_m and sa_g", columns=_POINT
+        source,
+        "a capacity curve must be a CSV file with the columns sd_m and sa_g",
+        columns=_COORDINATE_COLUMNS,
     )
-    return _curve(source, list(zip(*(table.numbers(name) for name in _POINT), strict=True)))
+    return _curve(
+        source, list(zip(*(table.numbers(name) for name in _COORDINATE_COLUMNS), strict=True))
+    )
 
 
 def read_classes(source: str) -> dict[str, CapacityClass]:
-    """Read classes of buildings from a CSV file with the columns class, sd_m and sa_g and a row for
-    each point; return the classes by name.
+    """Read classes of buildings from a CSV file, and return the classes by name.
 
-    The points of a class are listed in the order of the curve. The columns soft_story and
-    degradation (true or false) are optional.
+    The file has the columns class, sd_m and sa_g, and one row for each point of a capacity curve,
+    in the order of the curve. The columns soft_story and degradation (true or false) are optional.
 
     Raises
     ------
@@ -318,14 +345,14 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
         "point of the capacity curve of a class"
     )
     table = read_table(
-        source, requirements, columns=("class", *_POINT, "soft_story", "degradation")
+        source, requirements, columns=("class", *_COORDINATE_COLUMNS, "soft_story", "degradation")
     )
-    table.need("class", *_POINT)
+    table.need("class", *_COORDINATE_COLUMNS)
     names = table.texts("class", empty=False)
-    points_of: dict[str, list[tuple[float, float]]] = {}
-    coordinates = (table.numbers(column) for column in _POINT)
+    points_by_class: dict[str, list[tuple[float, float]]] = {}
+    coordinates = (table.numbers(column) for column in _COORDINATE_COLUMNS)
     for name, displacement, acceleration in zip(names, *coordinates, strict=True):
-        points_of.setdefault(name, []).append((displacement, acceleration))
+        points_by_class.setdefault(name, []).append((displacement, acceleration))
     # A flag in any row of a class applies to the class.
     classes_with_flag = {
         flag: {name for name, is_set in zip(names, table.truths(flag), strict=True) if is_set}
@@ -337,17 +364,22 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
             name in classes_with_flag["soft_story"],
             name in classes_with_flag["degradation"],
         )
-        for name, points in points_of.items()
+        for name, points in points_by_class.items()
     }
 
 
-_POINT = ("sd_m", "sa_g")
+_COORDINATE_COLUMNS = ("sd_m", "sa_g")
 """Columns with the coordinates of a point of a capacity curve."""
 
 
 def _curve(source: str, points: list[tuple[float, float]]) -> CapacityCurve:
-    """Return the curve through points (Sd in m, Sa in g); raise ModelError, which starts with
-    `source`, if the curve is invalid."""
+    """Return the curve through points (Sd in m, Sa in g).
+
+    Raises
+    ------
+    ModelError
+        The curve is invalid. The message starts with `source`.
+    """
     try:
         return CapacityCurve.of(points)
     except UsageError as error:

@@ -1,9 +1,9 @@
-"""Shear buildings of Hazus types from a few facts, after Lu et al. (2014, 2020): the rules MDOF-LU
-of SimCenter's regional workflow.
+"""Derive shear buildings of Hazus types from a few properties: the rules MDOF-LU of SimCenter.
 
-The table `hazus_types.csv` holds the numbers of Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in
-the form that Lu, Lu, Guan and Ye (Earthquake Spectra 30, 2014) and SimCenter's regional workflow
-use for shear buildings: capacity, hysteresis, period and damping by design level and type.
+SimCenter uses these rules, after Lu et al. (2014, 2020), in its regional workflow. The table
+`hazus_types.csv` contains capacity, hysteresis, period and damping by design level and type. The
+values are those of Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in the form that Lu, Lu, Guan
+and Ye (Earthquake Spectra 30, 2014) and SimCenter use for shear buildings.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class BuildingFacts:
     damping_ratio : float or None
         Damping ratio; None if the type determines the ratio.
     mass_only : bool
-        True omits the stiffness-proportional part of the damping, to reproduce the results of
-        programs that omit it.
+        True to omit the stiffness-proportional part of the damping, in order to reproduce the
+        results of programs without this part.
     """
 
     structure: str
@@ -61,8 +61,10 @@ class BuildingFacts:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Random factors on values that the rules give: on the stiffness, while the strength remains
-    unchanged, and on the damping ratio."""
+    """Random factors on the stiffness and the damping ratio of a building; 1 for no change.
+
+    The strength does not change with the stiffness.
+    """
 
     stiffness: float = 1.0
     damping: float = 1.0
@@ -112,7 +114,7 @@ class DerivedBuilding:
 
     @property
     def stories(self) -> tuple[Story, ...]:
-        """The stories of a model."""
+        """Stories of a model, from the ground up."""
         backbone = self.yield_force, self.ultimate_force, self.ultimate_drift
         columns = (self.mass, self.height, self.stiffness, *backbone)
         stories = []
@@ -207,7 +209,7 @@ ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
 MOST_STORIES = 50  # maximum number of stories; the rules are for regular buildings, not for towers
 YEARS = (1000, 2200)  # allowed years of construction
 
-_NO_HEIGHT_CLASS = ("W1", "W2", "S3", "PC1", "MH")
+_TYPES_WITHOUT_HEIGHT_CLASS = ("W1", "W2", "S3", "PC1", "MH")
 # Height classes of a structure type: maximum number of stories and name. The last class has no
 # maximum.
 _HEIGHT_CLASSES = {
@@ -215,7 +217,7 @@ _HEIGHT_CLASSES = {
     "RM2": ((3, "L"), (7, "M"), (math.inf, "H")),
     "URM": ((2, "L"), (math.inf, "M")),
 }
-_USUAL_CLASSES = ((3, "L"), (7, "M"), (math.inf, "H"))
+_DEFAULT_HEIGHT_CLASSES = ((3, "L"), (7, "M"), (math.inf, "H"))
 
 # For each seismic zone, the design levels with the year from which they apply, the latest first.
 # Older buildings have the level "pre".
@@ -247,17 +249,22 @@ def hazus_type(structure: str, stories: int) -> str:
 
     Types without height classes are returned unchanged.
     """
-    if structure in _NO_HEIGHT_CLASS:
+    if structure in _TYPES_WITHOUT_HEIGHT_CLASS:
         return structure
-    classes = _HEIGHT_CLASSES.get(structure, _USUAL_CLASSES)
+    classes = _HEIGHT_CLASSES.get(structure, _DEFAULT_HEIGHT_CLASSES)
     return structure + next(name for maximum, name in classes if stories <= maximum)
 
 
 def design_level(structure: str, year: int, zone: str) -> str:
-    """Return the design level of the code for a zone and year; light wood frames (W1) have a
-    minimum level."""
+    """Return the design level that the code of a zone requires for a year of construction.
+
+    Light wood frames (W1) have at least the level of `_MINIMUM_LEVEL`.
+    """
+    # The latest year comes first, so the first match is the valid code.
     level = next((name for first_year, name in _FIRST_YEARS[zone] if year >= first_year), "pre")
-    return max(level, _MINIMUM_LEVEL[zone], key=LEVELS.index) if structure == "W1" else level
+    if structure == "W1":
+        return max(level, _MINIMUM_LEVEL[zone], key=LEVELS.index)
+    return level
 
 
 def code_of(facts: BuildingFacts) -> tuple[str, str]:
@@ -288,8 +295,10 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     # approximates the exact factor (0.997 instead of 1 for one story).
     mass = _FLOOR_MASS * facts.area
     period = n * row.period_per_story_s
-    factor = 0.4053 * n**2 + 0.405 * n + 0.1869
-    stiffness = np.full(n, scatter.stiffness * 4.0 * math.pi**2 * factor * mass / period**2)
+    stiffness_factor = 0.4053 * n**2 + 0.405 * n + 0.1869
+    stiffness = np.full(
+        n, scatter.stiffness * 4.0 * math.pi**2 * stiffness_factor * mass / period**2
+    )
     # Compute the strength from the yield acceleration of the type and the effective mass of the
     # first mode, which a polynomial approximates for n equal floors. It decreases with the number
     # of stories below, like the story shear of a triangular load.
@@ -306,15 +315,14 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     force_after_yield = (row.overstrength - 1.0) * strength
     masses = np.full(n, mass)
     modes = solve_modes(masses, stiffness, np.minimum(stories_below, 1.0))
-    ratio = (
-        row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio
-    ) * scatter.damping
+    damping_ratio = row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio
+    damping_ratio *= scatter.damping
     return DerivedBuilding(
         design_level=row.design_level,
         type=row.type,
         rule_period=period,
         period=float(2.0 * math.pi / modes.omega[0]),
-        damping_ratio=ratio,
+        damping_ratio=damping_ratio,
         mass=masses,
         height=np.full(n, _STORY_HEIGHT if facts.height is None else facts.height / n),
         stiffness=stiffness,
@@ -324,17 +332,17 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
         + force_after_yield / (row.post_yield_ratio * stiffness),
         pinching=row.pinching,
         unloading=row.unloading_exponent,
-        damping=_damping(modes.omega, ratio, facts.mass_only),
+        damping=_rayleigh_damping(modes.omega, damping_ratio, facts.mass_only),
     )
 
 
-def _damping(
+def _rayleigh_damping(
     omega: np.ndarray, ratio: float, mass_only: bool
 ) -> RayleighRatio | RayleighCoefficients:
-    """Return Rayleigh damping with the same ratio in modes 1 and 3, or 1 and 2 in a building of two
-    stories.
+    """Return Rayleigh damping with the same ratio in modes 1 and 3.
 
-    In a building of one story, mass and stiffness contribute half of the damping each.
+    A building of two stories has the ratio in modes 1 and 2. In a building of one story, mass and
+    stiffness contribute half of the damping each.
 
     Parameters
     ----------
@@ -351,8 +359,8 @@ def _damping(
             mass=ratio * float(omega[0]), stiffness=ratio / float(omega[0])
         )
     else:
-        both_parts = RayleighRatio((ratio, ratio), (1, second_mode))
+        rayleigh_ratio = RayleighRatio((ratio, ratio), (1, second_mode))
         if not mass_only:
-            return both_parts
-        coefficients = rayleigh(both_parts, float(omega[0]), float(omega[second_mode - 1]))
+            return rayleigh_ratio
+        coefficients = rayleigh(rayleigh_ratio, float(omega[0]), float(omega[second_mode - 1]))
     return RayleighCoefficients(coefficients.mass, 0.0) if mass_only else coefficients

@@ -20,8 +20,8 @@ _MAX_STORIES_OF_ALL_MODES = 100
 """Maximum number of stories for which all modes are computed when a single mode is requested."""
 
 # Inverse iteration for the first mode: maximum number of iterations, and relative change of the
-# frequency at which it has converged
-_MAX_ITERATIONS, _CONVERGED = 200, 1e-15
+# frequency below which it has converged.
+_MAX_ITERATIONS, _RELATIVE_CHANGE = 200, 1e-15
 
 
 @dataclass(frozen=True, repr=False)
@@ -37,7 +37,7 @@ class Modes(Tabular):
     mass : ndarray, shape (n,)
         Masses of the floors, kg.
     damping : ndarray, shape (n,), or None
-        Damping ratios, if they were requested (`tdint.modes`) and the damping does not couple
+        Damping ratios; None if they were not requested (`tdint.modes`) or the damping couples
         modes.
     """
 
@@ -51,8 +51,12 @@ class Modes(Tabular):
 
     @property
     def participation(self) -> Array:
-        """Participation factors phi^T M 1 / phi^T M phi for shapes with unit roof displacement,
-        shape (n,)."""
+        """Participation factors phi^T M 1 / phi^T M phi, shape (n,).
+
+        The factors apply to shapes phi with unit roof displacement.
+        """
+        # The stored shapes have phi^T M phi = 1; division by the roof displacement multiplies the
+        # factor by it.
         roof = self.shapes[-1]
         return np.asarray(self.mass @ self.shapes * roof)
 
@@ -62,18 +66,19 @@ class Modes(Tabular):
         return np.asarray(np.square(self.mass @ self.shapes) / self.mass.sum())
 
     def modal_damping(self, damping: Array) -> Array:
-        """Return phi^T C phi (1/s, shape (n, n)) of a damping matrix C (N s/m, shape (n, n)).
+        """Return the modal damping matrix phi^T C phi, 1/s, shape (n, n).
 
         Parameters
         ----------
         damping : ndarray, shape (n, n)
-            Damping matrix, N s/m.
+            Damping matrix C, N s/m.
         """
         return np.asarray(self.shapes.T @ damping @ self.shapes)
 
     def own_damping(self, damping: Array) -> Array:
-        """Return the damping ratio of each mode, shape (n,), from the diagonal of the modal damping
-        matrix. The coupling of modes by the damping matrix is neglected.
+        """Return the damping ratio of each mode, shape (n,), and neglect the coupling of modes.
+
+        The ratios follow from the diagonal of the modal damping matrix.
 
         Parameters
         ----------
@@ -99,17 +104,19 @@ class Modes(Tabular):
         return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
 
     def damping_ratios(self, damping: Array) -> Array | None:
-        """Return the damping ratio of each mode, shape (n,); None if the damping matrix couples the
-        modes, that is, if its modal matrix has off-diagonal terms.
+        """Return the damping ratio of each mode, shape (n,); None if the damping couples modes.
+
+        The damping couples modes if the modal damping matrix has off-diagonal terms.
 
         Parameters
         ----------
         damping : ndarray, shape (n, n)
             Damping matrix, N s/m.
         """
-        modal = self.modal_damping(damping)
-        diagonal = np.maximum(np.diagonal(modal), 0.0)
-        coupling = np.abs(modal - np.diag(diagonal))
+        modal_damping = self.modal_damping(damping)
+        diagonal = np.maximum(np.diagonal(modal_damping), 0.0)
+        coupling = np.abs(modal_damping - np.diag(diagonal))
+        # Maximum off-diagonal terms that rounding errors cause
         rounding = CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)
         if np.any(coupling > rounding):
             return None
@@ -189,15 +196,14 @@ class FreeVibration:
         if self.mass.size <= _MAX_STORIES_OF_ALL_MODES:
             return float(self.modes.omega[number - 1])
         _check_springs(self.stiffness, self.geometric)
-        return singular_value(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)
+        return chain_frequency(np.sqrt(self.stiffness), np.sqrt(self.mass), self.link, number)
 
     @cached_property
     def first(self) -> tuple[float, Array]:
-        """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode of a building in
-        which each story is on top of the previous story.
+        """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode.
 
-        The inverse iteration uses the flexibility of the chain. Each iteration requires two sums
-        over the stories. The result has full precision, and no matrix is required.
+        Each story must be on top of the previous story (links 1). The inverse iteration solves
+        K u = M phi by sums over the stories, without a matrix, and has full precision.
 
         Raises
         ------
@@ -209,22 +215,23 @@ class FreeVibration:
         for _ in range(_MAX_ITERATIONS):
             force = self.mass * shape
             shear = np.add.accumulate(force[::-1])[::-1]
-            displacement = np.add.accumulate(shear / self.stiffness)  # K displacement = force
+            displacement = np.add.accumulate(shear / self.stiffness)
             modal_mass = float(np.add.reduce(self.mass * displacement**2))
             if not 0.0 < modal_mass < math.inf:
                 raise ModelError(
                     "the first mode cannot be computed: masses or stiffnesses differ by too many "
                     "orders of magnitude; check their units"
                 )
-            # Rayleigh quotient of the new shape, u^T K u / u^T M u, with K u = force
+            # The new frequency follows from the Rayleigh quotient u^T K u / u^T M u of the
+            # displacement u, with K u = force.
             previous_omega, omega = omega, math.sqrt(float(displacement @ force) / modal_mass)
             shape = displacement / math.sqrt(modal_mass)
-            if abs(omega - previous_omega) <= _CONVERGED * omega:
+            if abs(omega - previous_omega) <= _RELATIVE_CHANGE * omega:
                 break
         return omega, shape
 
 
-def singular_value(root_spring: Array, root_mass: Array, link: Array, number: int) -> float:
+def chain_frequency(root_spring: Array, root_mass: Array, link: Array, number: int) -> float:
     """Compute the circular frequency `number` of a chain, counted from the lowest, rad/s.
 
     The frequencies are the singular values of a bidiagonal matrix L with L^T L = M^(-1/2) K
@@ -249,20 +256,21 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
     off_diagonal = np.zeros(2 * n - 1)
     off_diagonal[::2] = root_spring / root_mass
     off_diagonal[1::2] = (root_spring * link)[1:] / root_mass[:-1]
-    # The n negative eigenvalues come first. LAPACK counts eigenvalues from 1.
+    # The eigenvalues are sorted, so the n negative eigenvalues are the first ones. LAPACK counts
+    # from 1.
     index = n + number
     # scipy.linalg.eigh_tridiagonal calls the same function, but takes six times as long. The
     # arguments 2 and "E" select an eigenvalue by its index in the complete matrix; the interval
     # from 0.0 to 1.0 is not used.
     _, values, *_, failed = dstebz(
-        np.zeros(2 * n), off_diagonal, 2, 0.0, 1.0, index, index, _SMALLEST, "E"
+        np.zeros(2 * n), off_diagonal, 2, 0.0, 1.0, index, index, _TOLERANCE, "E"
     )
     assert failed == 0
     return float(values[0])
 
 
-_SMALLEST = float(np.finfo(float).tiny)
-"""Absolute tolerance of the bisection; with this value the bisection continues to the last bit."""
+_TOLERANCE = float(np.finfo(float).tiny)
+"""Absolute tolerance of the bisection, so small that the bisection continues to the last bit."""
 
 
 def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
@@ -278,12 +286,18 @@ def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     is_unstable = stiffness <= 0.0
     if not is_unstable.any():
         return
-    i, values = int(np.argmax(is_unstable)), ""
+    # Index of the first unstable story
+    unstable_story = int(np.argmax(is_unstable))
+    values = ""
     if geometric is not None:
-        reduction, without = -geometric[i], stiffness[i] - geometric[i]
-        values = f" (weight over height {reduction:.4g} N/m, initial stiffness {without:.4g} N/m)"
+        weight_over_height = -geometric[unstable_story]
+        initial_stiffness = stiffness[unstable_story] + weight_over_height
+        values = (
+            f" (weight over height {weight_over_height:.4g} N/m, initial stiffness "
+            f"{initial_stiffness:.4g} N/m)"
+        )
     raise ModelError(
-        f"story {i + 1}: P-delta exceeds the initial stiffness{values}, so that the building is "
-        "unstable; check the units of mass, height and stiffness, increase the stiffness of the "
-        "story, or use `p_delta: false`"
+        f"story {unstable_story + 1}: P-delta exceeds the initial stiffness{values}, so that the "
+        "building is unstable; check the units of mass, height and stiffness, increase the "
+        "stiffness of the story, or use `p_delta: false`"
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.ground_motion.record import peak_warnings
-from tdint.model.building import Building, falling_stories, stiffness_after_yield
+from tdint.model.building import Building, stiffness_after_yield, unstable_after_yield
 from tdint.model.definition import Model
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
@@ -168,7 +168,7 @@ def plausibility_warnings(
             f"isolator of story {', '.join(map(str, unrestored))} has no stiffness after yield: no "
             "force moves it back, so residual drifts are arbitrary; add hardening"
         )
-    return (*warnings, *falling_stories(model))
+    return (*warnings, *unstable_after_yield(model))
 
 
 def unusual_values(model: Model, building: Building, pga: float = math.nan) -> list[str]:

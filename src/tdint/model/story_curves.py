@@ -21,8 +21,8 @@ from tdint.units import FORCE, LENGTH, MASS, STANDARD_GRAVITY
 if TYPE_CHECKING:
     from tdint.csv_table import CsvTable
 
-# ---- The text of a first model file: a building that runs as it is, with comments on what to
-# replace
+# ---- Text of a first model file: a building that can be run without changes, with comments that
+# state what to replace
 
 _HARDENING = "3%"
 _BASE_SHEAR = 0.2
@@ -30,9 +30,24 @@ _BASE_SHEAR = 0.2
 
 
 @dataclass(frozen=True)
-class _System:
-    """A building's usual units, and round numbers in them: height of a story, mass or weight of a
-    floor."""
+class _UnitSystem:
+    """Units of a model file, and typical values of a building in these units.
+
+    Attributes
+    ----------
+    units, output : str
+        Values of the keys `units` and `output_units`.
+    length, force : str
+        Units of length and force.
+    height : float
+        Story height, in the unit of length.
+    load_key : str
+        Key of a story, `mass` or `weight`.
+    load : float
+        Mass or weight of a floor.
+    area : str
+        Unit of length of floor areas.
+    """
 
     units: str
     output: str
@@ -45,10 +60,10 @@ class _System:
 
 
 SYSTEMS = {
-    "si": _System(
+    "si": _UnitSystem(
         "{length: m, force: kN, mass: t}", "kN, m, g", "m", "kN", 3.5, "mass", 300.0, "m"
     ),
-    "us": _System(
+    "us": _UnitSystem(
         "{length: in, force: kip}", "kip, in, g", "in", "kip", 144.0, "weight", 600.0, "ft"
     ),
 }
@@ -56,8 +71,19 @@ SYSTEMS = {
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """Law fitted to a story curve, SI units: initial stiffness, and parameters by name or the
-    points of a backbone curve (drift, shear)."""
+    """Law fitted to a story curve.
+
+    Attributes
+    ----------
+    type : str
+        Name of the law.
+    stiffness : float
+        Initial stiffness, N/m.
+    parameters : tuple of (str, float, str)
+        Name, value in SI units and dimension (`force`, `length` or empty) of each parameter.
+    backbone : tuple of (float, float)
+        Drift (m) and shear (N) of each point of the backbone curve; empty for laws without points.
+    """
 
     type: str
     stiffness: float
@@ -75,12 +101,13 @@ def story_model(
     weights: Sequence[float] | None = None,
     laws: Sequence[FittedLaw] | None = None,
 ) -> str:
-    """A building whose first mode is a straight line and has the period (s), or with the laws
-    given.
+    """Return the text of a model file with a list of stories.
 
-    With the mode shape 1, 2, ..., n the story stiffnesses are the inertia forces above over a drift
-    of 1: k_i = omega^2 (m_i i + ... + m_n n). Strengths are in proportion, so that all stories
-    yield together in that mode. The shape has no change of sign, so it is the first one.
+    Without `laws`, the stiffnesses are chosen so that the first mode is a straight line and has the
+    given period. For the mode shape 1, 2, ..., n each story has a drift of 1, so that the stiffness
+    of story i is the sum of the inertia forces above: k_i = omega^2 (m_i i + ... + m_n n). The
+    shape has no change of sign and is therefore the first mode. The strengths are proportional to
+    the stiffnesses, so that all stories yield at the same time in this mode.
 
     Parameters
     ----------
@@ -93,11 +120,11 @@ def story_model(
     system : str
         System of units, `si` or `us`.
     motion : str or None
-        The record's file; None is free vibration, from a roof that was pulled.
+        File of the record; None for free vibration from an initial displacement.
     weights : sequence of float, optional
-        Of the floors from the ground up, kN or kip; equal masses without.
+        Weights of the floors from the ground up, kN or kip. Default: equal masses.
     laws : sequence of FittedLaw, optional
-        Of the stories from the ground up, in place of the period.
+        Laws of the stories from the ground up, which replace the period.
     """
     units = SYSTEMS[system]
     if weights is not None:
@@ -105,52 +132,57 @@ def story_model(
             units, load_key="weight", units=f"{{length: {units.length}, force: {units.force}}}"
         )
     loads = list(weights) if weights is not None else [units.load] * stories
-    # Fitted laws replace these values; the masses are user-defined or equal.
-    stiffness, strength = _in_a_line(units, loads, 2.0 * math.pi / period)
+    stiffness, strength = _uniform_mode_stiffness(units, loads, 2.0 * math.pi / period)
     lines = []
     for i, load in enumerate(loads):
-        law = f"type: bilinear, yield_force: {strength[i]:.6g}, hardening: {_HARDENING}"
-        initial = f"stiffness: {stiffness[i]:.9g}, "
-        if laws is not None:
+        if laws is None:
+            stiffness_text = f"stiffness: {stiffness[i]:.9g}, "
+            law_text = f"type: bilinear, yield_force: {strength[i]:.6g}, hardening: {_HARDENING}"
+        else:
+            # A backbone curve determines the initial stiffness.
             initial_stiffness = laws[i].stiffness * LENGTH[units.length] / FORCE[units.force]
-            initial = "" if laws[i].backbone else f"stiffness: {initial_stiffness:.9g}, "
-            law = _written(laws[i], units)
+            stiffness_text = "" if laws[i].backbone else f"stiffness: {initial_stiffness:.9g}, "
+            law_text = _law_text(laws[i], units)
         lines.append(
-            f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, {initial}law: {{{law}}}}}"
+            f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, {stiffness_text}"
+            f"law: {{{law_text}}}}}"
         )
-    comments = [
-        "# yield force (omit `law` for a linear story). The stiffnesses decrease with height, so "
-        "that",
-        f"# the first mode is a straight line. The first story yields at {100.0 * _BASE_SHEAR:g} % "
-        "of the weight.",
-    ]
-    made = f" with a fundamental period of {period:g} s"
-    if laws is not None:
-        comments, made = ["# law that was fitted to its curve."], " with the curves of its stories"
+    if laws is None:
+        title_end = f" with a fundamental period of {period:g} s"
+        comment_lines = [
+            "# yield force (omit `law` for a linear story). The stiffnesses decrease with height, "
+            "so that",
+            "# the first mode is a straight line. The first story yields at "
+            f"{100.0 * _BASE_SHEAR:g} % of the weight.",
+        ]
+    else:
+        title_end = " with the curves of its stories"
+        comment_lines = ["# law that was fitted to its curve."]
     # Without a record, the building vibrates freely from a drift ratio of 0.5 % in each story.
-    pulled = [0.005 * units.height * story for story in range(1, stories + 1)]
+    displacements = [0.005 * units.height * story for story in range(1, stories + 1)]
     return "\n".join(
         [
-            f"# Building of {pluralize(stories, 'story')}{made}, generated by `tdint init`:",
+            f"# Building of {pluralize(stories, 'story')}{title_end}, generated by `tdint init`:",
             "# an example to edit.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {units.units}"
             + ("  # weights in kip; for masses add mass: kip*s^2/in" if system == "us" else ""),
             f"# From the ground up: {units.load_key} of the floor, story height, initial "
             "stiffness, hysteretic law with",
-            *comments,
+            *comment_lines,
             "stories:",
             *lines,
-            *_rest(units, motion, [f"{number:.6g}" for number in pulled]),
+            *_remaining_lines(units, motion, [f"{value:.6g}" for value in displacements]),
         ]
     )
 
 
-def _in_a_line(
-    units: _System, loads: Sequence[float], omega: float
+def _uniform_mode_stiffness(
+    units: _UnitSystem, loads: Sequence[float], omega: float
 ) -> tuple[list[float], list[float]]:
-    """Stiffnesses and strengths with which the first mode is a straight line, in the system's
-    units.
+    """Return story stiffnesses and strengths for a first mode that is a straight line.
+
+    The results are in the units of the model file, from the ground up.
 
     Parameters
     ----------
@@ -161,29 +193,33 @@ def _in_a_line(
     omega : float
         Circular frequency of the first mode, rad/s.
     """
-    in_kg = MASS["t"] if units.load_key == "mass" else FORCE[units.force] / STANDARD_GRAVITY
-    masses = [in_kg * load for load in loads]
-    moments = [mass * floor for floor, mass in enumerate(masses, start=1)]
-    above = [math.fsum(moments[i:]) for i in range(len(moments))]
+    mass_factor = MASS["t"] if units.load_key == "mass" else FORCE[units.force] / STANDARD_GRAVITY
+    masses = [mass_factor * load for load in loads]
+    # Inertia forces in the mode shape 1, 2, ..., n, divided by omega^2, and their sums above each
+    # story
+    inertia = [mass * floor for floor, mass in enumerate(masses, start=1)]
+    inertia_above = [math.fsum(inertia[i:]) for i in range(len(inertia))]
     weight = math.fsum(masses) * STANDARD_GRAVITY / FORCE[units.force]
-    stiffness = [omega**2 * moment * LENGTH[units.length] / FORCE[units.force] for moment in above]
-    return stiffness, [moment / above[0] * _BASE_SHEAR * weight for moment in above]
-
-
-def _written(law: FittedLaw, units: _System) -> str:
-    """Return a law in the notation of model files; the dimension of a parameter is force, length or
-    empty."""
-    scale = {"force": FORCE[units.force], "length": LENGTH[units.length], "": 1.0}
-    values = [
-        f"{name}: {value / scale[dimension]:.6g}" for name, value, dimension in law.parameters
+    stiffness = [
+        omega**2 * sum_above * LENGTH[units.length] / FORCE[units.force]
+        for sum_above in inertia_above
     ]
-    points = ", ".join(
-        f"[{d / scale['length']:.6g}, {f / scale['force']:.6g}]" for d, f in law.backbone
-    )
-    backbone = (
-        [f"backbone: [{points}]", "pinching: {drift: 1, force: 1, unloading: 0}"] if points else []
-    )
-    return ", ".join([f"type: {law.type}", *values, *backbone])
+    strength = [sum_above / inertia_above[0] * _BASE_SHEAR * weight for sum_above in inertia_above]
+    return stiffness, strength
+
+
+def _law_text(law: FittedLaw, units: _UnitSystem) -> str:
+    """Return the entries of the mapping `law` of a story as text of a model file."""
+    length, force = LENGTH[units.length], FORCE[units.force]
+    units_in_si = {"force": force, "length": length, "": 1.0}
+    entries = [f"type: {law.type}"]
+    for name, value, dimension in law.parameters:
+        entries.append(f"{name}: {value / units_in_si[dimension]:.6g}")
+    if law.backbone:
+        points = [f"[{drift / length:.6g}, {shear / force:.6g}]" for drift, shear in law.backbone]
+        entries.append(f"backbone: [{', '.join(points)}]")
+        entries.append("pinching: {drift: 1, force: 1, unloading: 0}")
+    return ", ".join(entries)
 
 
 def type_model(
@@ -196,8 +232,7 @@ def type_model(
     system: str,
     motion: str | None,
 ) -> str:
-    """A building of a Hazus type by rules: see `tdint.model.config.building_facts`; the area in m^2
-    or ft^2.
+    """Return the text of a model file with a building of a Hazus type (the key `building`).
 
     Parameters
     ----------
@@ -217,19 +252,19 @@ def type_model(
         File of the record; None for free vibration.
     """
     units = SYSTEMS[system]
-    lengths = units.units if system == "si" else "{length: ft, force: kip}"
+    unit_mapping = units.units if system == "si" else "{length: ft, force: kip}"
     return "\n".join(
         [
             f"# {structure} building of {pluralize(stories, 'story')}, generated by `tdint init`: "
             "an example to edit.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
-            f"units: {lengths}",
+            f"units: {unit_mapping}",
             "# Rules derive the stories and their damping from these properties. area is the area "
             f"of one floor, in {units.area}^2.",
             "# Further keys: height (of the building), zone, design_level, damping_ratio.",
             f"building: {{rules: mdof-lu, type: {structure}, stories: {stories}, year: {year}, "
             f"area: {area:g}}}",
-            *_rest(
+            *_remaining_lines(
                 units,
                 motion,
                 [f"{0.02 * story:.6g}" for story in range(1, stories + 1)],
@@ -239,10 +274,10 @@ def type_model(
     )
 
 
-def _rest(
-    units: _System, motion: str | None, pulled: list[str], *, damping: bool = True
+def _remaining_lines(
+    units: _UnitSystem, motion: str | None, displacements: list[str], *, damping: bool = True
 ) -> list[str]:
-    """Return the lines for damping, load, analysis and output units.
+    """Return the lines of a model file for damping, load, analysis and output units.
 
     Parameters
     ----------
@@ -250,7 +285,7 @@ def _rest(
         System of units, which defines the output units.
     motion : str or None
         File of the record; None for free vibration.
-    pulled : list of str
+    displacements : list of str
         Initial displacements from the ground up, as text, in the units of the file; used only
         without a record.
     damping : bool
@@ -272,7 +307,7 @@ def _rest(
         lines += [
             "# Free vibration from an initial displacement. For a ground motion, write instead",
             "# excitation: {record: {file: station.mseed, component: HNE, units: m/s^2}}",
-            f"initial: {{displacement: [{', '.join(pulled)}]}}",
+            f"initial: {{displacement: [{', '.join(displacements)}]}}",
             "analysis: {method: impulse4, dt: 0.01, duration: 20}",
         ]
     return [*lines, f"output_units: {units.output}", ""]
@@ -281,17 +316,18 @@ def _rest(
 def model_template(
     stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si"
 ) -> str:
-    """The text of a first model that `load_model(io.StringIO(text))` takes: equal floors on
-    bilinear stories, vibrating freely.
+    """Return the text of a first model file, for `load_model(io.StringIO(text))`.
+
+    The building has equal floors and bilinear stories. It vibrates freely.
 
     Parameters
     ----------
     stories : int
-        Their number.
+        Number of stories.
     period : float, optional
-        Fundamental period, s; 0.1 s for each story by default.
+        Fundamental period, s. Default: 0.1 s for each story.
     name : str
-        The building's.
+        Name of the building.
     units : str
         `si` or `us`.
 
@@ -303,25 +339,32 @@ def model_template(
     Raises
     ------
     UsageError
-        No story, no positive period, unknown units.
+        The number of stories is less than 1, the period is not positive, or the units are unknown.
     """
-    chosen = 0.1 * stories if period is None else period
-    if stories < 1 or not 0.0 < chosen < math.inf or units not in SYSTEMS:
+    chosen_period = 0.1 * stories if period is None else period
+    if stories < 1 or not 0.0 < chosen_period < math.inf or units not in SYSTEMS:
         raise UsageError("stories must be at least 1, the period positive, and units si or us")
-    return story_model(name, stories=stories, period=chosen, system=units, motion=None)
+    return story_model(name, stories=stories, period=chosen_period, system=units, motion=None)
 
 
 # ---- Story curves
 
-_NEEDS = (
+_REQUIREMENTS = (
     "story curves must be a CSV file with the columns story, drift_m and shear_N (or drift_mm, "
     "shear_kN, ...)"
 )
-_FEWEST = 4
-_STARTS = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Start values of the search for the corners of a law, over the largest drift."""
-_GAP = 1e-3  # between the points of a law, over the largest drift
-_LEAST_SHEAR = 1e-6  # over the largest
+_MIN_POINTS = 4
+"""Minimum number of points of a story curve."""
+
+# Drifts in the fits are relative to the maximum drift of the curve, shears to the maximum shear.
+_START_DRIFTS = (0.15, 0.3, 0.5, 0.7, 0.85)
+"""Relative drifts from which the search for the corners of a law starts."""
+
+_MIN_DISTANCE = 1e-3
+"""Minimum difference of the relative drifts of successive points of a backbone curve."""
+
+_MIN_SHEAR = 1e-6
+"""Minimum relative shear of the points of a backbone curve. A law requires positive forces."""
 
 
 @dataclass(frozen=True)
@@ -331,12 +374,12 @@ class CurveFit:
     Attributes
     ----------
     story : int
-        From 1 at the ground.
+        Number of the story, from 1 at the ground.
     law : FittedLaw
         The law.
     misfit : float
-        Root mean square of the differences between the law and the curve, over the curve's largest
-        shear.
+        Root mean square of the differences of shear between law and curve, relative to the maximum
+        shear of the curve.
     """
 
     story: int
@@ -345,220 +388,299 @@ class CurveFit:
 
 
 def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
-    """Drift (m) and shear (N) of each story from 1, from a CSV file whose columns say their units.
+    """Read drift (m) and shear (N) of each story from a CSV file; the keys are story numbers.
+
+    The names of the columns contain the units, such as `drift_mm` and `shear_kN`.
 
     Raises
     ------
     ModelError
-        It is no such file, or a story is missing, has too few points, or drifts that do not grow.
+        The file cannot be read, a story is missing, or a curve is invalid: too few points, no
+        positive shear, or drifts that decrease.
     """
     from tdint.csv_table import read_table
 
-    table = read_table(source, _NEEDS)
-    drift, length = _column(table, "drift", LENGTH)
-    shear, force = _column(table, "shear", FORCE)
+    table = read_table(source, _REQUIREMENTS)
+    drift_column, length_in_m = _find_column(table, "drift", LENGTH)
+    shear_column, force_in_n = _find_column(table, "shear", FORCE)
     table.need("story")
     stories = np.array(table.numbers("story"))
-    values = np.array(
-        [np.array(table.numbers(drift)) * length, np.array(table.numbers(shear)) * force]
+    drift_and_shear = np.array(
+        [
+            np.array(table.numbers(drift_column)) * length_in_m,
+            np.array(table.numbers(shear_column)) * force_in_n,
+        ]
     )
     # Story numbers must have no gaps: a missing story would shift all stories above it.
     count = int(stories.max()) if stories.size else 0
-    curves = {story: values[:, stories == story] for story in range(1, count + 1)}
-    if not curves or stories.size != sum(part.shape[1] for part in curves.values()):
+    curves = {story: drift_and_shear[:, stories == story] for story in range(1, count + 1)}
+    # Rows with other numbers, such as 0 or 1.5, belong to no curve.
+    if not curves or stories.size != sum(curve.shape[1] for curve in curves.values()):
         raise ModelError(
             f"{source}: story: must be whole numbers from 1 at the ground, without gaps"
         )
     for story, (drifts, shears) in curves.items():
-        grows = drifts.size >= _FEWEST and drifts[0] >= 0.0 and np.all(np.diff(drifts) >= 0.0)
-        if not grows or np.max(shears) <= 0.0:
+        is_valid = (
+            drifts.size >= _MIN_POINTS
+            and drifts[0] >= 0.0
+            and np.all(np.diff(drifts) >= 0.0)
+            and np.max(shears) > 0.0
+        )
+        if not is_valid:
             raise ModelError(
-                f"{source}: story {story}: a curve requires at least {_FEWEST} points, positive "
-                "shears, and increasing positive drifts"
+                f"{source}: story {story}: a curve requires at least {_MIN_POINTS} points, "
+                "positive shears, and increasing positive drifts"
             )
-    return {story: (part[0], part[1]) for story, part in curves.items()}
+    return {story: (curve[0], curve[1]) for story, curve in curves.items()}
 
 
-def _column(table: CsvTable, name: str, units: dict[str, float]) -> tuple[str, float]:
-    """Return the column name of a quantity with its unit, and the factor of the unit to SI.
+def _find_column(table: CsvTable, quantity: str, units: dict[str, float]) -> tuple[str, float]:
+    """Return the name of the column of a quantity, and the factor of its unit to SI units.
 
     Parameters
     ----------
     table : CsvTable
         Table of story curves.
-    name : str
-        Quantity with which the name of the column begins, `drift` or `shear`.
+    quantity : str
+        `drift` or `shear`. The column is named after the quantity and a unit, such as `drift_mm`.
     units : dict of str to float
         Factor to SI units of each unit.
+
+    Raises
+    ------
+    ModelError
+        The table has no such column.
     """
-    names = {
-        f"{name}_{re.sub(r'[^a-z]', '', unit.lower())}": factor for unit, factor in units.items()
-    }
-    for column, factor in names.items():
+    for unit, factor in units.items():
+        # Names of columns contain only the letters of a unit.
+        column = f"{quantity}_{re.sub(r'[^a-z]', '', unit.lower())}"
         if table.has(column):
             return column, factor
-    table.need(f"{name}_{'m' if name == 'drift' else 'N'}".lower())
-    raise AssertionError  # need has raised
+    table.need(f"{quantity}_{'m' if quantity == 'drift' else 'N'}".lower())
+    raise AssertionError  # `need` has raised ModelError
 
 
-def fit_story(story: int, drift: Array, shear: Array, kind: str) -> CurveFit:
-    """The law of a kind that comes closest to a curve by least squares of the shear.
+def fit_story(story: int, drift: Array, shear: Array, law_type: str) -> CurveFit:
+    """Fit a law to the curve of a story by least squares of the shear.
 
     Parameters
     ----------
     story : int
         Number of the story, from 1 at the ground.
     drift : array, shape (points,)
-        Drifts, m; none is smaller than the one before.
+        Drifts, m, which do not decrease.
     shear : array, shape (points,)
         Story shear at each drift, N.
-    kind : str
-        `bilinear`; `trilinear`: a law `trilinear-pinching` without pinching, flat beyond its
-        largest force; or `multilinear`: a law `multilinear-pinching` without pinching, with four
-        points, which may fall.
+    law_type : str
+        `bilinear`; `trilinear`: the law `trilinear-pinching` without pinching, with constant force
+        after the ultimate point; or `multilinear`: the law `multilinear-pinching` without pinching,
+        with four points, whose forces may decrease.
     """
-    fit, model = _KINDS[kind]
-    scale, top = float(drift[-1]), float(np.max(shear))
-    # Over the largest drift and shear one search fits all units; several starts, for there are
-    # several minima.
-    d, f = drift / scale, shear / top
-    best = min((fit(d, f, start) for start in _STARTS), key=lambda fitted: fitted[1])
-    law = model(best[0], scale, top)
-    return CurveFit(story, law, float(np.sqrt(best[1] / d.size)))
+    fit, make_law = _FITS[law_type]
+    max_drift, max_shear = float(drift[-1]), float(np.max(shear))
+    # Relative values make the search independent of the units. It starts from several drifts,
+    # because the sum of squares has several minima.
+    relative_drift, relative_shear = drift / max_drift, shear / max_shear
+    fits = [fit(relative_drift, relative_shear, start) for start in _START_DRIFTS]
+    numbers, sum_of_squares = min(fits, key=lambda fitted: fitted[1])
+    law = make_law(numbers, max_drift, max_shear)
+    return CurveFit(story, law, float(np.sqrt(sum_of_squares / drift.size)))
 
 
-Corners = tuple[Array, float]
+FittedNumbers = tuple[Array, float]
+"""Fitted relative values of a law, and the sum of the squared differences of relative shears."""
 
 
-def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[Array, Array]:
-    """Slopes between corners, none negative, and the shears they leave; `flat`: no slope after the
-    last corner.
+def _fit_slopes(
+    drift: Array, shear: Array, corners: Array, *, is_flat: bool
+) -> tuple[Array, Array]:
+    """Fit a polygon with given corners through the origin; return its slopes and the residuals.
+
+    The slopes, one for each segment, are zero or positive. The residuals are the shears minus those
+    of the polygon, shape (points,).
 
     Parameters
     ----------
-    d : array, shape (points,)
-        Drifts divided by the largest drift.
-    f : array, shape (points,)
-        Shears divided by the largest shear.
+    drift, shear : array, shape (points,)
+        Relative drifts and shears of the curve.
     corners : array
-        Drifts of the corners divided by the largest drift, in any order.
-    flat : bool
-        Set the slope after the last corner to zero.
+        Relative drifts of the corners, in any order.
+    is_flat : bool
+        Set the slope after the last corner to zero; it is omitted from the result.
     """
     from scipy.optimize import nnls
 
-    edges = np.concatenate([[0.0], np.sort(corners), [max(1.0, float(np.max(corners)) + 1e-9)]])
-    parts = [np.clip(d - low, 0.0, high - low) for low, high in pairwise(edges)]
-    base = np.column_stack(parts[:-1] if flat else parts)
-    slopes, _ = nnls(base, f)
-    return np.asarray(slopes), np.asarray(f - base @ slopes)
+    # The last segment ends at the maximum drift, or directly after the last corner.
+    end = max(1.0, float(np.max(corners)) + 1e-9)
+    edges = np.concatenate([[0.0], np.sort(corners), [end]])
+    # Column j contains the part of each drift that is within segment j. The shear of the polygon is
+    # the sum of these parts times the slopes.
+    segments = [np.clip(drift - low, 0.0, high - low) for low, high in pairwise(edges)]
+    basis = np.column_stack(segments[:-1] if is_flat else segments)
+    slopes, _ = nnls(basis, shear)
+    return np.asarray(slopes), np.asarray(shear - basis @ slopes)
 
 
-def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start: float) -> Corners:
-    """Fit a polygon; the search for the corners starts from fractions of `start`.
+def _fit_polygon(
+    start_fractions: tuple[float, ...],
+    is_flat: bool,
+    drift: Array,
+    shear: Array,
+    start_drift: float,
+) -> FittedNumbers:
+    """Fit the corners and slopes of a polygon; return them, and the sum of squares.
 
     Parameters
     ----------
-    parts : tuple of float
-        Start values of the drifts of the corners, as fractions of `start`.
-    flat : bool
+    start_fractions : tuple of float
+        Start values of the drifts of the corners, as fractions of `start_drift`.
+    is_flat : bool
         Set the slope after the last corner to zero.
-    d : array, shape (points,)
-        Drifts divided by the largest drift.
-    f : array, shape (points,)
-        Shears divided by the largest shear.
-    start : float
-        Reference drift of the start values, divided by the largest drift.
+    drift, shear : array, shape (points,)
+        Relative drifts and shears of the curve.
+    start_drift : float
+        Relative drift that determines the start values.
     """
     from scipy.optimize import minimize
 
     # A corner before the first points is not determined by the data.
-    low = 0.5 * float(d[d > 0.0][0])
+    min_corner = 0.5 * float(drift[drift > 0.0][0])
 
-    def squares(corners: Array) -> float:
-        inside = np.clip(corners, low, 1.0)
-        return float(np.sum(_least_squares(d, f, inside, flat=flat)[1] ** 2))
+    def sum_of_squares(corners: Array) -> float:
+        """Return the sum of the squared residuals for corners, which are clipped to the data."""
+        clipped = np.clip(corners, min_corner, 1.0)
+        _, residuals = _fit_slopes(drift, shear, clipped, is_flat=is_flat)
+        return float(np.sum(residuals**2))
 
-    search = {"xatol": 1e-7, "fatol": 1e-14}
-    best = minimize(squares, start * np.array(parts), method="Nelder-Mead", options=search).x
-    corners = np.sort(np.clip(best, low, 1.0))
-    return np.concatenate([corners, _least_squares(d, f, corners, flat=flat)[0]]), squares(corners)
+    # Search only for the corners, because the slopes for given corners are a linear problem.
+    start = start_drift * np.array(start_fractions)
+    options = {"xatol": 1e-7, "fatol": 1e-14}
+    best = minimize(sum_of_squares, start, method="Nelder-Mead", options=options).x
+    corners = np.sort(np.clip(best, min_corner, 1.0))
+    slopes, _ = _fit_slopes(drift, shear, corners, is_flat=is_flat)
+    return np.concatenate([corners, slopes]), sum_of_squares(corners)
 
 
-def _multilinear(d: Array, f: Array, start: float) -> Corners:
-    """Drifts of four points, the last one that of the curve, and the shears there by least squares,
-    none negative.
+def _fit_backbone(drift: Array, shear: Array, start_drift: float) -> FittedNumbers:
+    """Fit a backbone curve with four points; return its drifts, its shears and the sum of squares.
+
+    The last point has the maximum drift. The shears are zero or positive.
 
     Parameters
     ----------
-    d : array, shape (points,)
-        Drifts divided by the largest drift.
-    f : array, shape (points,)
-        Shears divided by the largest shear.
-    start : float
-        Start value of the drift of the second point, divided by the largest drift.
+    drift, shear : array, shape (points,)
+        Relative drifts and shears of the curve.
+    start_drift : float
+        Start value of the relative drift of the second point.
     """
     from scipy.optimize import minimize, nnls
 
-    low = 0.5 * float(d[d > 0.0][0])
+    min_drift = 0.5 * float(drift[drift > 0.0][0])
 
-    # Points stay apart and below the last one, or two of them would make a jump.
-    def points(corners: Array) -> Array:
-        inside = np.sort(np.clip(corners, low, 1.0))
-        return np.append(
-            np.minimum(inside + _GAP * np.arange(3), 1.0 - _GAP * np.arange(3, 0, -1)), 1.0
+    def drifts_of_points(tried: Array) -> Array:
+        """Return the drifts of the four points for three drifts of the search, in any order.
+
+        Successive points have at least the distance `_MIN_DISTANCE`, because two points with the
+        same drift would be a jump of the force.
+        """
+        ordered = np.sort(np.clip(tried, min_drift, 1.0))
+        maximum = 1.0 - _MIN_DISTANCE * np.arange(3, 0, -1)
+        return np.append(np.minimum(ordered + _MIN_DISTANCE * np.arange(3), maximum), 1.0)
+
+    def fit_shears(drifts: Array) -> tuple[Array, float]:
+        """Return the best shears of points with given drifts, and the sum of squares.
+
+        The curve is linear between the points, so the shears follow from a linear problem. Column j
+        of its matrix is the curve with shear 1 at point j and 0 at the origin and all other points.
+        """
+        unit_shears = np.eye(5)[1:]  # rows: points; columns: origin and points
+        matrix = np.column_stack(
+            [np.interp(drift, np.append(0.0, drifts), unit_shear) for unit_shear in unit_shears]
         )
+        shears, residual_norm = nnls(matrix, shear)
+        return np.asarray(shears), float(residual_norm**2)
 
-    # For given drifts the best shears follow in closed form: only drifts are searched.
-    def shears(x: Array) -> tuple[Array, float]:
-        hats = np.eye(5)[1:]
-        weights, rest = nnls(
-            np.column_stack([np.interp(d, np.append(0.0, x), hat) for hat in hats]), f
-        )
-        return np.asarray(weights), float(rest**2)
+    def sum_of_squares(tried: Array) -> float:
+        """Return the sum of squares for three drifts of the search."""
+        return fit_shears(drifts_of_points(tried))[1]
 
-    begin = np.array([0.3 * start, start, 0.5 * (1.0 + start)])
-    search = {"xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000}
-    best = points(
-        minimize(lambda x: shears(points(x))[1], begin, method="Nelder-Mead", options=search).x
-    )
-    return np.concatenate([best, shears(best)[0]]), shears(best)[1]
+    start = np.array([0.3 * start_drift, start_drift, 0.5 * (1.0 + start_drift)])
+    options = {"xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000}
+    best = minimize(sum_of_squares, start, method="Nelder-Mead", options=options).x
+    drifts = drifts_of_points(best)
+    shears, squares = fit_shears(drifts)
+    return np.concatenate([drifts, shears]), squares
 
 
-def _bilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
-    corner, first, second = corners
-    hardening = float(np.clip(second / first, 0.0, 0.999))
-    yield_force = ("yield_force", float(first * corner * top), "force")
+def _bilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
+    """Return a bilinear law from its relative corner drift and the two relative slopes.
+
+    Parameters
+    ----------
+    fitted : array, shape (3,)
+        Relative drift of the corner, slope before it and slope after it.
+    max_drift, max_shear : float
+        Maximum drift (m) and shear (N) of the curve.
+    """
+    corner, first_slope, second_slope = fitted
+    # The hardening ratio of the law must be less than 1.
+    hardening = float(np.clip(second_slope / first_slope, 0.0, 0.999))
+    yield_force = float(first_slope * corner * max_shear)
     return FittedLaw(
-        "bilinear", float(first * top / scale), (yield_force, ("hardening", hardening, ""))
+        "bilinear",
+        float(first_slope * max_shear / max_drift),
+        (("yield_force", yield_force, "force"), ("hardening", hardening, "")),
     )
 
 
-def _trilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
-    first_corner, last_corner, first, second = corners
-    yield_force = float(first * first_corner * top)
-    largest = yield_force + float(second * (last_corner - first_corner) * top)
+def _trilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
+    """Return a trilinear law from the relative drifts of its corners and two relative slopes.
+
+    Parameters
+    ----------
+    fitted : array, shape (4,)
+        Relative drifts of the yield point and the ultimate point, slope before the yield point and
+        slope between the points.
+    max_drift, max_shear : float
+        Maximum drift (m) and shear (N) of the curve.
+    """
+    yield_drift, ultimate_drift, first_slope, second_slope = fitted
+    yield_force = float(first_slope * yield_drift * max_shear)
+    ultimate_force = yield_force + float(second_slope * (ultimate_drift - yield_drift) * max_shear)
     parameters = (
         ("yield_force", yield_force, "force"),
-        ("ultimate_force", largest, "force"),
-        ("ultimate_drift", float(last_corner * scale), "length"),
+        ("ultimate_force", ultimate_force, "force"),
+        ("ultimate_drift", float(ultimate_drift * max_drift), "length"),
         ("pinching", 1.0, ""),
         ("unloading", 0.0, ""),
     )
-    return FittedLaw("trilinear-pinching", float(first * top / scale), parameters)
+    return FittedLaw("trilinear-pinching", float(first_slope * max_shear / max_drift), parameters)
 
 
-def _multilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
-    drifts, shears = scale * corners[:4], top * np.maximum(corners[4:], _LEAST_SHEAR)
+def _multilinear_law(fitted: Array, max_drift: float, max_shear: float) -> FittedLaw:
+    """Return a multilinear law from the relative drifts and shears of its points.
+
+    Parameters
+    ----------
+    fitted : array, shape (8,)
+        Relative drifts of four points, followed by their relative shears.
+    max_drift, max_shear : float
+        Maximum drift (m) and shear (N) of the curve.
+    """
+    drifts = max_drift * fitted[:4]
+    shears = max_shear * np.maximum(fitted[4:], _MIN_SHEAR)
     backbone = tuple(zip(drifts.tolist(), shears.tolist(), strict=True))
     return FittedLaw("multilinear-pinching", float(shears[0] / drifts[0]), (), backbone)
 
 
-_KINDS: dict[
-    str, tuple[Callable[[Array, Array, float], Corners], Callable[[Array, float, float], FittedLaw]]
+_FITS: dict[
+    str,
+    tuple[
+        Callable[[Array, Array, float], FittedNumbers], Callable[[Array, float, float], FittedLaw]
+    ],
 ] = {
-    "bilinear": (partial(_broken_line, (1.0,), False), _bilinear_law),
-    "trilinear": (partial(_broken_line, (0.4, 1.0), True), _trilinear_law),
-    "multilinear": (_multilinear, _multilinear_law),
+    "bilinear": (partial(_fit_polygon, (1.0,), False), _bilinear_law),
+    "trilinear": (partial(_fit_polygon, (0.4, 1.0), True), _trilinear_law),
+    "multilinear": (_fit_backbone, _multilinear_law),
 }
-"""Fit function and law constructor by kind of law."""
+"""Functions by the type of the law: the fit of relative values, and the conversion to a law."""

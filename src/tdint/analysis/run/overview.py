@@ -128,7 +128,12 @@ def overview(source: str | Path) -> Overview:
         *long_step(building, model.analysis.dt, interval),
     )
     return Overview(
-        model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings
+        model,
+        float(building.mass.sum()),
+        float(building.height_contributions.sum()),
+        period,
+        damping,
+        warnings,
     )
 
 

@@ -138,7 +138,9 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     }
     # Moments at the bottom of the stories, from the shears of the stories above. Bearings have no
     # height, so that they do not contribute.
-    peaks["moment"] = np.cumsum((peaks["shear"] * building.rises)[:, ::-1], axis=1)[:, ::-1]
+    peaks["moment"] = np.cumsum((peaks["shear"] * building.height_contributions)[:, ::-1], axis=1)[
+        :, ::-1
+    ]
     correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
     srss_names = ("drift", "shear", "displacement")
     combined = {f"{name}_srss": np.sqrt(np.sum(peaks[name] ** 2, axis=0)) for name in srss_names}
