@@ -32,18 +32,18 @@ Numbers: TypeAlias = Sequence[float] | HasArray
 """Argument that accepts several numbers: a list, a tuple or an array with one axis."""
 
 
-def halved(
-    below: Callable[[float], bool], low: float, high: float, times: int
+def bisect_interval(
+    is_true: Callable[[float], bool], low: float, high: float, max_bisections: int
 ) -> tuple[float, float]:
-    """Bisect an interval at the end of which a condition is no longer true.
+    """Bisect an interval in which a condition changes from True to False.
 
     Parameters
     ----------
-    below : callable
+    is_true : callable
         The condition: True at `low`, False at `high`.
     low, high : float
         Endpoints of the interval.
-    times : int
+    max_bisections : int
         Maximum number of bisections. The bisection stops earlier if the endpoints are adjacent
         floating-point numbers.
 
@@ -52,11 +52,11 @@ def halved(
     tuple of float
         Endpoints of the final interval; the condition is True at the first and False at the second.
     """
-    for _ in range(times):
+    for _ in range(max_bisections):
         middle = 0.5 * (low + high)
         if not low < middle < high:
             break
-        low, high = (middle, high) if below(middle) else (low, middle)
+        low, high = (middle, high) if is_true(middle) else (low, middle)
     return low, high
 
 

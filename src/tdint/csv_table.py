@@ -23,9 +23,9 @@ from tdint.number_parsing import LARGEST, SMALLEST, number_or_nan, pluralize
 if TYPE_CHECKING:
     from tdint.arrays import Array
 
-_END = "end"
-"""Content of a row that is appended to each file. It is missing from the parsed rows if a quotation
-mark is not closed.
+_LAST_ROW = "end"
+"""Only cell of a row that is appended to each file. If a quotation mark is not closed, the parsed
+rows do not contain this row.
 """
 
 _PROTECTED_TEXT = re.compile(r"'[=+@-]")
@@ -38,20 +38,20 @@ BLOCK = 500
 number is below 700, because 700 new lists start Python's garbage collector, which takes time.
 """
 
-_READ = 2**18
+_CHARACTERS_PER_READ = 2**18
 """Number of characters of a large table that are read together."""
 
-_TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
+_TRUE_TEXTS, _FALSE_TEXTS = ("true", "1", "yes"), ("false", "0", "no", "")
 
 _END_OF_CELL = "\0"
 """Separator of the cells in a `TextColumn`. The readers of this module refuse it in files."""
 
-_CELLS = 50
-"""Number of cells that are joined in a `TextColumn`: a text object requires about as much memory as
-its 50 characters, and splitting the cells for access to one of them takes 1 us."""
+_CELLS_PER_BLOCK = 50
+"""Number of cells that are joined to one text (block) of a `TextColumn`. A separate text object
+requires the memory of about 50 characters. Splitting a block to read a cell requires 1 us."""
 
-_PART = 1000 * _CELLS
-"""Number of cells of a `TextColumn` that exist as separate texts at a time."""
+_CELLS_PER_PART = 1000 * _CELLS_PER_BLOCK
+"""Maximum number of cells of a `TextColumn` that are split to separate texts at the same time."""
 
 
 @dataclass(frozen=True)
@@ -93,16 +93,13 @@ class CsvTable:
         return all(name.lower() in self.header for name in names)
 
     def need(self, *names: str) -> None:
-        """Raise an error that lists the missing columns, if any of these columns is missing."""
+        """Raise an error that lists the missing columns if any of these columns is missing."""
         missing = [name for name in names if not self.has(name)]
         if missing:
             similar = nearest(missing[0], self.header)
-            existing = f"the columns are {', '.join(self.header)[:200]}; {self.needs}"
-            hint = (
-                f"rename the column {similar!r} if it contains these values"
-                if similar
-                else existing
-            )
+            hint = f"the columns are {', '.join(self.header)[:200]}; {self.needs}"
+            if similar:
+                hint = f"rename the column {similar!r} if it contains these values"
             raise self.error(
                 f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {hint}"
             )
@@ -142,19 +139,20 @@ class CsvTable:
         return numbers
 
     def truths(self, name: str) -> list[bool]:
-        """Return the cells of a column as bool; False for all rows if the column does not exist."""
+        """Return the cells of a column as bool; False in all rows if the column does not exist."""
         if not self.has(name):
             return [False] * len(self.rows)
         for line, text in self.lines(name):
-            if text.lower() not in (*_TRUE, *_FALSE):
+            if text.lower() not in (*_TRUE_TEXTS, *_FALSE_TEXTS):
                 raise self.error(
                     f"{self.source}:{line}: {name} must be true or false, got {text[:40]!r}"
                 )
-        return [text.lower() in _TRUE for text in self.texts(name)]
+        return [text.lower() in _TRUE_TEXTS for text in self.texts(name)]
 
     def only(self, name: str) -> str:
-        """Return the value that is the same in all rows of a column; an empty text if the column
-        does not exist.
+        """Return the common value of all rows of a column.
+
+        The result is empty if the column does not exist. Different values are an error.
         """
         if not self.has(name):
             return ""
@@ -188,15 +186,15 @@ class CsvTable:
         return zip((line for line, _ in self.rows), self.texts(name, empty=empty), strict=True)
 
     def overfull(self, cells: list[str]) -> bool:
-        """Return True if a row has non-empty cells to the right of the last column."""
+        """Return True if a row has a cell to the right of the last column that is not empty."""
         return any(cell.strip() for cell in cells[len(self.header) :])
 
 
 class TextColumn(Sequence[str]):
     """Texts of a column of a large table.
 
-    A million separate texts require about 60 MB. In this class they are joined, and require little
-    more memory than their characters.
+    A million separate texts require about 60 MB. This class joins the texts to blocks, which
+    require little more memory than their characters.
 
     Parameters
     ----------
@@ -205,35 +203,36 @@ class TextColumn(Sequence[str]):
     """
 
     def __init__(self, texts: Iterable[str] = ()) -> None:
-        self._joined: list[str] = []
+        self._joined: list[str] = []  # blocks of joined cells
         self._length = 0
+        # Index and cells of the block that was split last; -1 before the first access
         self._split: tuple[int, list[str]] = (-1, [])
-        rest = iter(texts)
-        while part := list(islice(rest, _PART)):
+        remaining = iter(texts)
+        while part := list(islice(remaining, _CELLS_PER_PART)):
             self.add(part)
 
     def add(self, texts: Sequence[str]) -> None:
         """Append texts. Only the last call may have a number that is not a multiple of 50."""
-        assert self._length % _CELLS == 0
-        for first in range(0, len(texts), _CELLS):
-            self._joined.append(_END_OF_CELL.join(texts[first : first + _CELLS]))
+        assert self._length % _CELLS_PER_BLOCK == 0
+        for first in range(0, len(texts), _CELLS_PER_BLOCK):
+            self._joined.append(_END_OF_CELL.join(texts[first : first + _CELLS_PER_BLOCK]))
         self._length += len(texts)
 
     def __len__(self) -> int:
         return self._length
 
     @overload
-    def __getitem__(self, at: int) -> str: ...
+    def __getitem__(self, index: int) -> str: ...
     @overload
-    def __getitem__(self, at: slice) -> list[str]: ...
-    def __getitem__(self, at: int | slice) -> str | list[str]:
-        if isinstance(at, slice):
-            return [self[number] for number in range(len(self))[at]]
-        block, cell = divmod(range(len(self))[at], _CELLS)
-        # Consecutive accesses split a block once. The pair is replaced as a whole, because several
-        # threads may read.
-        number, cells = self._split
-        if number != block:
+    def __getitem__(self, index: slice) -> list[str]: ...
+    def __getitem__(self, index: int | slice) -> str | list[str]:
+        if isinstance(index, slice):
+            return [self[cell_index] for cell_index in range(len(self))[index]]
+        block, cell = divmod(range(len(self))[index], _CELLS_PER_BLOCK)
+        # Successive accesses to a block split it only once. The tuple is replaced in one
+        # assignment, because several threads may read the column.
+        split_block, cells = self._split
+        if split_block != block:
             cells = self._joined[block].split(_END_OF_CELL)
             self._split = (block, cells)
         return cells[cell]
@@ -242,58 +241,59 @@ class TextColumn(Sequence[str]):
         return chain.from_iterable(joined.split(_END_OF_CELL) for joined in self._joined)
 
     def parts(self) -> Iterator[list[str]]:
-        """Return all texts as lists of moderate length."""
-        blocks = _PART // _CELLS
+        """Yield all texts as lists of at most `_CELLS_PER_PART` texts."""
+        blocks = _CELLS_PER_PART // _CELLS_PER_BLOCK
         for first in range(0, len(self._joined), blocks):
             yield _END_OF_CELL.join(self._joined[first : first + blocks]).split(_END_OF_CELL)
 
     def numbers(self) -> Array:
-        """Return all texts as numbers; nan for each text that is not a number between the
-        limits."""
+        """Return all texts as numbers; nan for texts that `number` does not accept."""
         import numpy as np  # Imported here as in `numbers_in`.
 
         return np.concatenate([np.empty(0), *map(numbers_in, self.parts())])
 
 
 def number(text: str) -> float:
-    """Return a cell as a number between the limits for input; nan if it is not such a number."""
-    value = _float(text)
+    """Return a cell as a number; nan for a text that is not a number, or is too small or large.
+
+    The absolute value must be 0 or between `SMALLEST` and `LARGEST`.
+    """
+    value = _number_or_nan(text)
     return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan
 
 
 def numbers_in(texts: Sequence[str]) -> Array:
-    """Return many cells as numbers; nan for each cell that is not a number between the limits."""
+    """Return many cells as numbers; nan for cells that `number` does not accept."""
     import numpy as np  # Imported here, because commands that read only model files do not need it.
 
     joined, values = "".join(texts), np.empty(0)
-    # Cells that are not numbers are rare. Without them, all cells are converted together, which is
-    # faster. Otherwise, `float` raises a ValueError, and the cells are converted individually.
+    # Cells that are not numbers are rare. Without such cells all cells are converted together,
+    # which is faster. Otherwise `float` raises ValueError, and the cells are converted one by one
+    # below. So are texts with underscores or digits of other alphabets, which `float` accepts.
     with suppress(ValueError):
         if joined.isascii() and "_" not in joined:
-            values = np.array(
-                [float(text or math.nan) for text in texts]
-                if "" in texts
-                else list(map(float, texts))
-            )
+            if "" in texts:
+                values = np.array([float(text or math.nan) for text in texts])
+            else:
+                values = np.array(list(map(float, texts)))
     if len(values) < len(texts):
-        values = np.array([_float(text) for text in texts])
-    size = np.abs(values)
-    values[~((values == 0.0) | ((size >= SMALLEST) & (size <= LARGEST)))] = math.nan
+        values = np.array([_number_or_nan(text) for text in texts])
+    absolute_values = np.abs(values)
+    is_within_limits = (absolute_values >= SMALLEST) & (absolute_values <= LARGEST)
+    values[~((values == 0.0) | is_within_limits)] = math.nan
     return values
 
 
 def number_error(text: str, expected: str) -> str:
     """Return the end of a message about an invalid number: the requirement and the value."""
-    # The limits are stated only for finite numbers, because other texts are not numbers.
-    limits = (
-        f"; the absolute value must be between {SMALLEST:g} and {LARGEST:g}"
-        if math.isfinite(_float(text))
-        else ""
-    )
-    return f"must be {expected}, got {text[:40]!r}{limits if math.isnan(number(text)) else ''}"
+    message = f"must be {expected}, got {text[:40]!r}"
+    # A finite number that `number` does not accept is outside the limits.
+    if math.isfinite(_number_or_nan(text)) and math.isnan(number(text)):
+        message += f"; the absolute value must be between {SMALLEST:g} and {LARGEST:g}"
+    return message
 
 
-def _float(text: str) -> float:
+def _number_or_nan(text: str) -> float:
     """Return a text as float; nan if it is not a number.
 
     Underscores and digits of other alphabets, which Python accepts, are refused.
@@ -348,14 +348,15 @@ def stream_table(
     error: type[TdintError] = ModelError,
     read_first: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
-    """Read a CSV file with millions of rows without storing them.
+    """Open a CSV file with a header, and read its rows one by one without storing them.
 
     Parameters
     ----------
     source, needs, columns, comment, error
         Parameters of `read_table`.
     read_first : bool
-        True to read the complete file into memory first, with a limit on its size.
+        True to read the bytes of the complete file before the first row. Its size is limited to
+        `MOST_BYTES`.
 
     Returns
     -------
@@ -369,16 +370,17 @@ def stream_table(
     TdintError
         As for `read_table`. Errors in rows are raised when the row is read.
     """
-    # A pipe can be read only once; therefore the digest is computed from the data that were read.
+    # A pipe can be read only once. Therefore its complete content is read first, which also gives
+    # the digest.
     if read_first or source == STDIN or not is_file(source):
-        # The rows are decoded as they are read: a `StringIO` requires four bytes per character.
-        data = io.BytesIO(_checked_bytes(source, needs, error))
+        # Decode the bytes row by row, because decoded text can require four bytes per character.
+        data = io.BytesIO(_read_checked_bytes(source, needs, error))
         text = io.TextIOWrapper(data, encoding="utf-8-sig", newline="")
-        rows = _rows(source, text, error)
+        rows = _parse_rows(source, text, error)
     else:
         record_digest(source, lambda: digest_of(Path(source)))
-        rows = _streamed(source, error)
-    # The comments and the header are the first rows.
+        rows = _stream_rows(source, error)
+    # Skip the comment lines. The header is the next row.
     header_line, header = next(rows, (0, []))
     while comment and header and header[0].lstrip().startswith(comment):
         header_line, header = next(rows, (0, []))
@@ -392,40 +394,53 @@ def stream_table(
     return CsvTable(source, names, titles, header_line, (), needs, error), rows
 
 
-def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
-    """Read the rows of a file one by one."""
+def _stream_rows(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and the cells of each row of a file, which is read in parts."""
     with Path(source).open(encoding="utf-8-sig", newline="") as file:
 
         def lines() -> Iterator[str]:
-            above = 0
-            while block := file.readlines(_READ):
+            """Yield the lines of the file, and raise an error for a null character."""
+            lines_before = 0
+            while block := file.readlines(_CHARACTERS_PER_READ):
                 if "\0" in "".join(block):
-                    number = above + next(n for n, line in enumerate(block, 1) if "\0" in line)
-                    raise error(f"{source}:{number}: null character; save the file as UTF-8 text")
+                    numbered = enumerate(block, start=lines_before + 1)
+                    line_number = next(number for number, line in numbered if "\0" in line)
+                    raise error(
+                        f"{source}:{line_number}: null character; save the file as UTF-8 text"
+                    )
                 yield from block
-                above += len(block)
+                lines_before += len(block)
 
         try:
-            yield from _rows(source, lines(), error)
+            yield from _parse_rows(source, lines(), error)
         except UnicodeDecodeError as decoding_error:
             byte = decoding_error.object[decoding_error.start]
             raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
 
 
-def _rows(
+def _parse_rows(
     source: str, lines: Iterable[str], error: type[TdintError]
 ) -> Iterator[tuple[int, list[str]]]:
-    """Return the line number and the cells of each row that is not blank.
+    """Yield the line number and the cells of each row that is not blank.
 
-    A quotation mark that is not closed would join all following rows in a cell. In this case the
-    appended last row is missing, and an error is raised.
+    If a quotation mark is not closed, all following rows are part of one cell. The row `_LAST_ROW`,
+    which is appended to the lines, detects this error: it is then missing.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file, for messages.
+    lines : iterable of str
+        Lines of the file.
+    error : type
+        Type of the exceptions.
     """
-    reader = csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True)
+    reader = csv.reader(chain(lines, ("\n", f"{_LAST_ROW}\n")), skipinitialspace=True)
     is_complete = False  # True if the appended row was read as a separate row
     previous_line = last_line = 0
     try:
         for row in reader:
-            is_complete = row == [_END]
+            is_complete = row == [_LAST_ROW]
             if not is_complete and row and (row[0].strip() or any(map(str.strip, row))):
                 previous_line, last_line = last_line, reader.line_num
                 yield last_line, row
@@ -436,7 +451,7 @@ def _rows(
         raise error(f"{source}: a quotation mark below line {previous_line} is not closed")
 
 
-def _checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
+def _read_checked_bytes(source: str, needs: str, error: type[TdintError]) -> bytes:
     """Read a complete file, check that it is UTF-8 text, and register it as an input."""
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
     data = read_whole(

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-_LONGEST, _HEAD, _TAIL = 1000, 700, 250
-"""Maximum number of characters of a line of a message, and the number of characters that are kept
-at the beginning and at the end of a longer line. A long line quotes a long input; 1000 characters
-are ten lines on a terminal.
+_MAX_LINE_LENGTH, _HEAD_LENGTH, _TAIL_LENGTH = 1000, 700, 250
+"""Maximum number of characters of a line of a message, and numbers of characters that are kept at
+the start and at the end of a longer line. Lines are long if they quote a long input. 1000
+characters are about ten lines on a terminal.
 """
 
 
@@ -34,9 +34,9 @@ class TdintError(Exception):
         super().__init__(abridged(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # By default, unpickling calls `__init__` with the message, which fails for subclasses with
-        # other arguments, and a process pool waits forever for an error that cannot be unpickled.
-        # `_unpickle` therefore bypasses `__init__`.
+        # By default, unpickling calls `__init__` with the message. This fails for subclasses with
+        # other arguments, and a process pool would wait forever for such an error. Therefore
+        # `_unpickle` does not call `__init__`.
         return _unpickle, (type(self), self.args), vars(self)
 
 
@@ -116,16 +116,18 @@ class OutputError(TdintError):
 
 def abridged(text: str) -> str:
     """Return a text without the middle part of its long lines."""
-    if len(text) <= _LONGEST:
+    if len(text) <= _MAX_LINE_LENGTH:
         return text
     return "\n".join(
-        line if len(line) <= _LONGEST else f"{line[:_HEAD]} ... {line[-_TAIL:]}"
+        line
+        if len(line) <= _MAX_LINE_LENGTH
+        else f"{line[:_HEAD_LENGTH]} ... {line[-_TAIL_LENGTH:]}"
         for line in text.split("\n")
     )
 
 
 def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """Return the most similar of the valid names, or None if the similarity of all is too small.
+    """Return the valid name that is most similar to an unknown name; None if no name is similar.
 
     Parameters
     ----------
@@ -138,19 +140,14 @@ def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
     """
     from difflib import get_close_matches
 
-    # The time of the comparison is quadratic in the length of the name, which may be a whole
-    # sentence by mistake. Therefore only the first 100 characters are compared.
-    by_lower = {candidate.lower(): candidate for candidate in names}
-    return next(
-        (
-            by_lower[match]
-            for match in get_close_matches(name[:100].lower(), by_lower, n=1, cutoff=cutoff)
-        ),
-        None,
-    )
+    # The time of the comparison is quadratic in the length of the name, which may be a complete
+    # sentence by mistake. Therefore compare only the first 100 characters.
+    names_by_lower_case = {candidate.lower(): candidate for candidate in names}
+    similar_names = get_close_matches(name[:100].lower(), names_by_lower_case, n=1, cutoff=cutoff)
+    return names_by_lower_case[similar_names[0]] if similar_names else None
 
 
 def did_you_mean(name: str, names: Iterable[str], cutoff: float = 0.6) -> str:
     """Return the end of a message about an unknown name: the most similar valid name, if any."""
-    near = nearest(name, names, cutoff)
-    return f"; did you mean {near!r}?" if near else ""
+    similar = nearest(name, names, cutoff)
+    return f"; did you mean {similar!r}?" if similar else ""

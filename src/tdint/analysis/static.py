@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.arguments import AnyModel, drift_of, model_of
-from tdint.arrays import Array, halved
+from tdint.arrays import Array, bisect_interval
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
@@ -846,7 +846,7 @@ class _Chain:
         maximum_state = (base_shear, drift)
         if story.tangent > 0.0 and story.response_at(float(drift[controlling]))[1] <= 0.0:
             start = self.drift[controlling]
-            _, step_to_maximum = halved(
+            _, step_to_maximum = bisect_interval(
                 lambda step: story.response_at(start + step)[1] > 0.0,
                 0.0,
                 step_to_maximum,

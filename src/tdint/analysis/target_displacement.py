@@ -20,7 +20,7 @@ import numpy as np
 
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.analysis.static import Pushover, pushover
-from tdint.arrays import Array, halved
+from tdint.arrays import Array, bisect_interval
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import Building, assemble
 from tdint.tabular import ResultList, Tabular
@@ -460,7 +460,7 @@ def _solve(
         )
     root = previous
     if previous != roof:
-        _, root = halved(
+        _, root = bisect_interval(
             lambda x: x < idealize(x).roof_displacement, previous, roof, _MAX_BISECTIONS
         )
     return idealize(root)

@@ -17,7 +17,7 @@ from functools import partial
 
 import numpy as np
 
-from tdint.arrays import Array, halved
+from tdint.arrays import Array, bisect_interval
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
@@ -284,7 +284,7 @@ def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
     i = int(np.searchsorted(energy, target)) - 1
     a, b = record.acceleration[i : i + 2].tolist()
     missing = (target - float(energy[i])) / record.dt
-    _, part_of_interval = halved(
+    _, part_of_interval = bisect_interval(
         lambda x: x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < missing,
         0.0,
         1.0,
@@ -352,7 +352,7 @@ def a95(record: Record) -> float:
         return float(np.sum(part * (low * low + low * high + high * high)))
 
     target = _A95 * energy_below(1.0)
-    _, level = halved(lambda level: energy_below(level) < target, 0.0, 1.0, _HALVINGS)
+    _, level = bisect_interval(lambda level: energy_below(level) < target, 0.0, 1.0, _HALVINGS)
     return largest * level
 
 

@@ -18,7 +18,7 @@ from tdint.analysis.arguments import between, numbers_of
 from tdint.analysis.run.compiled_steps import STABLE, amplification, spectral_radius
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.time_steps import Steps
-from tdint.arrays import Array, Numbers, halved
+from tdint.arrays import Array, Numbers, bisect_interval
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -239,7 +239,7 @@ def critical_step(method: Integrator, damping: float = 0.0) -> float:
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
     # 50 bisections reach rounding, because neighboring points differ by 0.5 %.
-    low, _ = halved(
+    low, _ = bisect_interval(
         lambda middle: not _grows(method, np.array([middle]), damping)[0], low, high, 50
     )
     return float(low)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.arrays import Array, cached_property, halved
+from tdint.arrays import Array, bisect_interval, cached_property
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
@@ -274,5 +274,5 @@ def largest_stable(stable: Callable[[float], bool], h: float) -> float:
             break
         low = candidate
     # After 40 bisections the result is more precise than any time step that is written in messages.
-    low, _ = halved(stable, low, high, 40)
+    low, _ = bisect_interval(stable, low, high, 40)
     return low if low > 1e-9 * h else 0.0
