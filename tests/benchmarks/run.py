@@ -532,6 +532,7 @@ def page(
         + "\n"
         + tables_of_profiles(chart)
         + f"### Where `impulse4` costs most\n\n{dearest(chart)}",
+        "Cost of a tolerance": page_tables.cost_of_tolerances(chart),
         "Which method is cheapest": page_tables.cheapest_said(chart),
         "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
         "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
@@ -563,33 +564,38 @@ def anchor(title: str) -> str:
 
 INTRODUCTION = """# Benchmark of methods
 
-What does a method cost on many buildings for an error? This page is written by one command, on your machine, too;
-ended, it goes on where it was:
+This page answers the question: how much processor time does each method need for a given error? Many buildings and
+motions are integrated with many time steps. One command measures all points and writes the page, also on your machine.
+If it is interrupted, the next call continues:
 
 ```
 $ python tests/benchmarks/run.py
 ```
 
 `tdint chart --problems standard --peers --repeat 3 --tolerance 10%,3%,1%,0.3%,0.1%,0.01%` measures the same points, and
-prints a row for each quantity, tolerance and method. OpenSeesPy runs where it is installed (`pip install
+prints a row for each quantity, tolerance and method. OpenSeesPy is measured if it is installed (`pip install
 'tdint[peers]'`).
 """  # noqa: E501
 
 PROFILES = f"""\
-For each problem, quantity and tolerance a method takes the cheapest of {len(PARTS)} steps, 16 samples to a sixteenth,
-that is within the tolerance, as are all smaller ones. Lines show the share of problems that it solves at no more than
-some factor of the least cost of all methods (Dolan and More 2002). Errors are the largest of all stories.
+For each problem, quantity and tolerance, the cost of a method is the time of the cheapest of {len(PARTS)} time steps, from
+16 samples to a sixteenth of a sample, that meets the tolerance, as all shorter steps do. The lines show the share of
+problems that a method solves at no more than a given multiple of the minimum cost of all methods (Dolan and More 2002).
+Errors are the maximum over all stories.
 """  # noqa: E501
 
 TABLES = """\
-Problems solved within twice the least cost / median of cost over the least cost, of the problems that a method takes /
-the worst of those solved / problems not solved. One that a method does not take is not solved; how many it takes, if
-not all, stands behind its name. In brackets how many are judged: where a second method differs from the reference by
-more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same. Lines
-`by tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells;
-`python tests/benchmarks/run.py --tolerances` measures them separately and scales their times by a run that both measurements have. All numbers
-are in [points.csv](points.csv), one row a run, [problems.csv](problems.csv) and [conditions.csv](conditions.csv);
-`python tests/benchmarks/run.py --page` writes this page from them.
+Each cell contains four numbers: the number of problems that a method solves at no more than twice the minimum cost; the
+median of the cost divided by the minimum cost; the largest of these ratios; the number of problems that it does not
+solve. The median refers to the problems that a method can be applied to; their number follows the name of the method if
+it is not the number of all problems. The number of problems in parentheses at the top is smaller if a problem is
+omitted: there, the errors of the second solution exceed a fifth of the tolerance. Times that differ by less than a tenth
+count as equal. Lines `by tolerance` contain the time of the complete command `tdint run --tolerance`: the choice of the
+time step and the error estimate. `python tests/benchmarks/run.py --tolerances` measures these lines separately and scales
+their times by a run that both measurements contain. Their cell takes the cheapest run with a small enough error, for
+whatever tolerance it was asked; see [Cost of a tolerance](#cost-of-a-tolerance) for the runs that were asked for each
+tolerance. All numbers are in [points.csv](points.csv) with one row per run, [problems.csv](problems.csv) and
+[conditions.csv](conditions.csv); `python tests/benchmarks/run.py --page` writes this page from these files.
 """  # noqa: E501
 
 ADAPTIVE = """\
@@ -601,8 +607,8 @@ are exactly zero at first, so branch changes of stories at rest are not located.
 """  # noqa: E501
 
 FAILURES = """\
-Of the errors of 0.01 % (three quantities, each motion) those that no step of a method comes to; `-`: it was not tried,
-as `exact` is for linear buildings.
+Number of cases (three quantities, each motion) in which no time step of a method has an error of at most 0.01 %; `-`: the
+method cannot be applied to the building, for example `exact` to a nonlinear one.
 """  # noqa: E501
 
 MATRIX = """
@@ -613,8 +619,8 @@ Twelve problems with known answers, on which methods lose or make energy, ring o
 """  # noqa: E501
 
 OWN = """\
-A method of yours is a Python file ([how](../../src/tdint/methods/README.md#adding-a-method)), problems are a YAML
-file as [the standard ones](../../src/tdint/analysis/chart/standard_problems.yaml):
+Your own method is a Python file ([how to write it](../../src/tdint/methods/README.md#adding-a-method)), your own problems are
+a YAML file like [the standard problems](../../src/tdint/analysis/chart/standard_problems.yaml):
 
 ```
 $ tdint chart --problems standard --plugin verlet.py --method verlet,impulse4,newmark-average --plot profile.png
@@ -623,8 +629,8 @@ $ tdint chart office.yaml tower.yaml a.mseed b.mseed
 ```
 
 The lines of plug-ins are thick and in front; `--highlight NAME` highlights another line instead.
-A problem or a method more on this page is an entry there, or a name in `METHODS` of
-[profiles.py](../../src/tdint/analysis/chart/profiles.py); then the command above.
+To add a problem to this page, add an entry to the file of standard problems; to add a method, add its name to `METHODS`
+of [profiles.py](../../src/tdint/analysis/chart/profiles.py). Then run the command above.
 """  # noqa: E501
 
 
