@@ -6,8 +6,8 @@
 A sample of all operators and numbers in the kernel modules is changed, one at a time, in a copy of
 the package (`mutant` of tests/benchmarks/mutants.py). Each mutant is tried in two stages:
 
-1. The tests of the kernels run with TDINT_KERNELS=python. The loops are then Python functions, and
-   no mutant has to be compiled.
+1. The tests of the changed module (`FIRST`) and of the kernels run with TDINT_KERNELS=python. The
+   loops are then Python functions, and no mutant has to be compiled.
 2. For a mutant that survives, the changed loops are compiled, and the tests of the methods run. The
    compiled loops are in a cache of their own: a copy of the directory --kernels, which contains the
    loops of the unchanged sources. The cache of the user is neither read nor changed.
@@ -51,6 +51,14 @@ MODULES = (
 )
 """Modules with the loops. `building` and `compiling.py` contain no loops."""
 
+_EXACT_SPECTRA = [
+    "tests/analysis/spectra/test_elastic.py",
+    "tests/analysis/spectra/test_exact_maxima.py",
+    "tests/analysis/spectra/test_band_limited.py",
+    "tests/analysis/spectra/test_oscillator_motion.py",
+]
+"""Tests of linear oscillators."""
+
 FIRST = {
     "peaks_between_steps": ["tests/kernels/test_peaks_between_steps.py"],
     "equations/tridiagonal": ["tests/kernels/test_tridiagonal.py"],
@@ -60,10 +68,19 @@ FIRST = {
     "stories/branches": ["tests/kernels/test_branches.py"],
     "time_loop/observer": ["tests/kernels/test_peaks_between_steps.py"],
     "time_loop/ground": ["tests/kernels/test_oscillators_and_loads.py"],
-    "oscillators/between_steps": ["tests/kernels/test_oscillators_and_loads.py"],
+    "oscillators/between_steps": ["tests/kernels/test_oscillators_and_loads.py", *_EXACT_SPECTRA],
     "oscillators/bilinear": ["tests/kernels/test_oscillators_and_loads.py"],
+    "oscillators/elastic": [*_EXACT_SPECTRA, "tests/analysis/spectra/test_rotated.py"],
+    "oscillators/extremes": [*_EXACT_SPECTRA, "tests/analysis/spectra/test_rotated.py"],
+    "oscillators/modal_sums": ["tests/analysis/spectra/test_drift.py"],
+    "oscillators/rotated": ["tests/analysis/spectra/test_rotated.py"],
+    "equations/impulse4": ["tests/methods/test_impulse4.py"],
+    "equations/newton": ["tests/methods/test_impulse4.py"],
+    "linear_terms": ["tests/methods/test_runge_kutta.py", "tests/methods/test_impulse4.py"],
+    "time_loop/loop": ["tests/methods/test_misdeclared_laws.py", "tests/methods/test_impulse4.py"],
 }
-"""Tests of a module, which run before the other tests of the kernels."""
+"""Tests of a module, which run before the other tests of the kernels. They need at most 35 s with
+TDINT_KERNELS=python; the other tests of methods and spectra are too slow without compiled loops."""
 
 INTERPRETED = [
     "tests/kernels/test_parts_of_a_step.py",
@@ -159,7 +176,8 @@ def stage(package: Path, tests: list[str], interpreted: bool, cache: Path) -> tu
 def hash_of_tests() -> str:
     """Return a hash of the tests of both stages."""
     hash_value = hashlib.sha256()
-    for name in (*INTERPRETED, *COMPILED):
+    of_modules = sorted({name for names in FIRST.values() for name in names})
+    for name in (*INTERPRETED, *of_modules, *COMPILED):
         path = ROOT / name
         for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
             hash_value.update(file.read_bytes())
@@ -185,7 +203,9 @@ def require_passing_tests(kernels: Path | None) -> None:
         Directory of the compiled loops of the unchanged sources, which are compiled if necessary;
         None to check only the first stage.
     """
-    failed, by = stage(ROOT / "src", INTERPRETED, True, Path(tempfile.gettempdir()))
+    of_modules = {name for names in FIRST.values() for name in names}
+    tests = [*INTERPRETED, *sorted(of_modules.difference(INTERPRETED))]
+    failed, by = stage(ROOT / "src", tests, True, Path(tempfile.gettempdir()))
     if not failed and kernels is not None:
         failed, by = stage(ROOT / "src", COMPILED, False, kernels)
     if failed:
@@ -268,7 +288,7 @@ def report(rows: list[dict[str, object]], remaining: int, least: float) -> int:
         Smallest allowed percentage of killed mutants.
     """
     with REASONS.open(encoding="utf-8", newline="") as file:
-        reasons = {(one["module"], one["old"], one["new"]): one for one in csv.DictReader(file)}
+        reasons = {(row["module"], row["old"], row["new"]): row for row in csv.DictReader(file)}
     print("| module | line | source | mutant | reason |\n|---|---|---|---|---|")
     equivalent, survivors = 0, [row for row in rows if not row["killed"]]
     for row in survivors:
@@ -309,13 +329,19 @@ def parsed() -> argparse.Namespace:
 
 
 def main() -> None:
-    given = parsed()
-    end = time.monotonic() + 3600.0 * given.hours
-    every = [one for one in candidates() if given.only in one[0].as_posix()]
-    chosen = random.Random(given.seed).sample(every, min(given.count, len(every)))
-    lines = given.journal.read_text("utf-8").splitlines() if given.journal.exists() else []
+    options = parsed()
+    end = time.monotonic() + 3600.0 * options.hours
+
+    # Draw the mutants, and read the results of earlier calls.
+    population = [
+        (module, place) for module, place in candidates() if options.only in module.as_posix()
+    ]
+    chosen = random.Random(options.seed).sample(population, min(options.count, len(population)))
+    lines = options.journal.read_text("utf-8").splitlines() if options.journal.exists() else []
     journal = {(row["module"], row["place"]): row for row in map(json.loads, lines)}
-    kernels = None if given.interpreted else given.kernels.resolve()
+
+    # Try the mutants without a valid result.
+    kernels = None if options.interpreted else options.kernels.resolve()
     tests, rows, passing = hash_of_tests(), [], False
     for module, place in chosen:
         row = journal.get((name_of(module), place))
@@ -326,12 +352,12 @@ def main() -> None:
                 require_passing_tests(kernels)
                 passing = True
             row = tried(module, place, kernels)
-            with given.journal.open("a", encoding="utf-8") as file:
+            with options.journal.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
             result = "killed" if row["killed"] else "survives"
             print(f"{result}: {row['module']}:{row['line']}", flush=True)
         rows.append(row)
-    sys.exit(report(rows, len(chosen) - len(rows), given.least))
+    sys.exit(report(rows, len(chosen) - len(rows), options.least))
 
 
 if __name__ == "__main__":
