@@ -12,30 +12,31 @@ import platformdirs
 import pytest
 from hypothesis import settings
 
-# Loops lie beside the cache of the user, whose own they would replace: by hashes of their sources,
-# for all clones.
+# Compiled loops are stored in a separate directory: in the cache of the user they would replace the
+# user's own loops. All clones share the directory, because names of loops contain a hash of their
+# sources.
 os.environ.setdefault(
     "TDINT_CACHE_DIR", str(platformdirs.user_cache_path("tdint-tests", appauthor=False))
 )
 
-# A run is compiled before it, whatever has been compiled.
+# Runs wait until their loop is compiled. By default, they could use a loop for all laws meanwhile.
 os.environ.setdefault("TDINT_COMPILE", "wait")
 
-# Where each process has a processor, threads of linear algebra wait for one another.
+# If each test process has one processor, threads of linear algebra only wait for each other.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# The heap is large, of libraries, and what the tests leave behind is little: garbage is searched
-# for seldom.
+# Libraries create many objects, and tests leave little garbage. Collect garbage seldom, because
+# each collection visits all objects.
 gc.set_threshold(50_000, 20, 20)
 
-# On a busy machine an example takes longer than on an idle one; no test fails for that.
+# Examples have no time limit, because they take longer on a busy machine.
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
 
-# Jobs that a script starts in the background, as .ci/run does, ignore an interrupt, and hand that
-# on to what they start: commands that a test interrupts would never end.
+# Background jobs of a script such as .ci/run ignore interrupts, and so do their child processes.
+# Restore the default: otherwise commands that a test interrupts would never end.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-if hasattr(signal, "SIGHUP"):  # nor those that nohup has started a hang-up
+if hasattr(signal, "SIGHUP"):  # nohup causes the same for hang-up signals.
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
@@ -52,18 +53,17 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     fixtures are created once. The process that finishes first takes tests from the end of another
     part.
     """
-    of_scenes = _few(config) and all(
+    has_few_loops = _selects_few_files(config) and all(
         "::" in argument or "/cli/" in argument for argument in map(str, config.args)
     )
-    os.environ.setdefault("TDINT_KERNELS", "" if of_scenes else "whole")
+    os.environ.setdefault("TDINT_KERNELS", "" if has_few_loops else "whole")
     if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
         config.option.dist = "worksteal"
 
 
 @pytest.fixture
 def laid_out() -> None:
-    """Lay out figures completely, for tests of positions in files whose other tests do not need a
-    layout."""
+    """Keep the complete layout of figures in a test that also uses `not_laid_out`."""
 
 
 @pytest.fixture
@@ -75,12 +75,14 @@ def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 
     import legible
 
-    whole = Figure.savefig
+    savefig = Figure.savefig
 
     def save(self: Figure, *arguments: Any, **options: Any) -> None:
         self.set_layout_engine(None)
         legible.check(self)
-        whole(self, *arguments, **options | ({"dpi": 40} if options.get("format") == "png" else {}))
+        savefig(
+            self, *arguments, **options | ({"dpi": 40} if options.get("format") == "png" else {})
+        )
 
     if "laid_out" not in request.fixturenames:
         monkeypatch.setattr(Figure, "savefig", save)
@@ -93,9 +95,10 @@ def pytest_collection_finish() -> None:
 
 
 _FEW_FILES = 3
+"""Maximum number of test files whose own loops are compiled faster than the loops for all laws."""
 
 
-def _few(config: pytest.Config) -> bool:
+def _selects_few_files(config: pytest.Config) -> bool:
     """Return True if so few test files are selected that compiling their specific kernels is faster
     than compiling all loops."""
     files = {Path(str(argument).partition("::")[0]) for argument in config.args}
@@ -106,7 +109,7 @@ def _few(config: pytest.Config) -> bool:
     )
 
 
-def _of_something_else(record: logging.LogRecord) -> bool:
+def _is_not_about_compilation(record: logging.LogRecord) -> bool:
     """Return False for messages about compilation, which are not a subject of the tests."""
     return not record.getMessage().startswith(("compiling ", "waiting for another tdint"))
 
@@ -115,17 +118,17 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the kernels before the first test, in parallel, so that no kernel is compiled in two
     processes or within a test."""
     config = session.config
-    written_ones = os.environ["TDINT_KERNELS"] == "python"
-    if written_ones or config.option.collectonly or hasattr(config, "workerinput"):
+    is_interpreted = os.environ["TDINT_KERNELS"] == "python"
+    if is_interpreted or config.option.collectonly or hasattr(config, "workerinput"):
         return
-    if _few(config):
+    if _selects_few_files(config):
         if not any("kernels" in str(argument) for argument in config.args):
-            logging.getLogger("tdint").addFilter(_of_something_else)
+            logging.getLogger("tdint").addFilter(_is_not_about_compilation)
         return
     from tdint.analysis.run.prepared import all_kernels
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
 
-    # What came in a wheel serves, too.
+    # Loops that were installed with a wheel are not compiled again.
     missing = [pair for pair in all_kernels() if not list_objects([pair])[0][2]]
     terminal = config.pluginmanager.get_plugin("terminalreporter") if missing else None
     if terminal:

@@ -1,16 +1,18 @@
-"""Operators and constants of modules changed one at a time: does a test notice?
+"""Mutants of modules: does a test fail if one operator or number is changed?
 
     python tests/benchmarks/mutants.py [--seed N] [--count N] MODULE.py ... -- TESTS ...
     python tests/benchmarks/mutants.py [--seed N] [--count N] --reached DATA MODULE.py ...
 
-MODULE are files of src/tdint, TESTS what pytest is given to try each mutant. A sample of all places
-is changed in a copy of the package, which stands before the installed one; kernels are those of the
-store, so modules of kernels are none for this. Survivors are shown with their line; what comes of
-it is for a person to judge.
+MODULE are files of src/tdint. TESTS are the arguments of pytest with which each mutant is tried. A
+random sample of all operators and numbers is changed, one at a time, in a copy of the package,
+which is imported instead of the installed one. Compiled kernels are not changed; mutants of kernels
+are tried by tests/mutants/kernels.py. The script prints the line of each survivor. A person must
+decide whether a test is missing or the mutant is equivalent.
 
-With DATA of coverage, each mutant gets the tests that reach its module in their own process, first
-those of its line, and of these first those that reach least besides. A module that none reaches
-counts as surviving. DATA is made once, by tests that all pass, in about fifteen minutes:
+DATA is a data file of coverage with the tests that reach each line. With DATA, each mutant is tried
+with the tests that reach its module: first those that reach the changed line, and of these first
+the tests that reach the fewest lines. A mutant of a module that no test reaches counts as a
+survivor. All tests must pass when DATA is made, which takes about fifteen minutes:
 
     printf '[run]\\nsource = src/tdint\\ndynamic_context = test_function\\n' > contexts.ini
     coverage run --rcfile contexts.ini --data-file DATA -m pytest -q
@@ -29,7 +31,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 60.0
-"""A test that takes longer hangs; the slowest of the suite takes ten."""
+"""Time limit of a test, s. The slowest test of the suite takes 10 s; a longer test has no end."""
 
 OTHER = {
     ast.Add: ast.Sub,
@@ -54,7 +56,7 @@ OTHER = {
 
 
 def places(source: str) -> list[int]:
-    """Numbers of the nodes that can be changed: operators, and numbers."""
+    """Return the indices of the nodes that can be changed: operators and numbers."""
     return [
         i
         for i, node in enumerate(ast.walk(ast.parse(source)))
@@ -65,8 +67,11 @@ def places(source: str) -> list[int]:
 
 
 def mutant(source: str, place: int) -> tuple[int, str]:
-    """Line and text with one node changed: an operator replaced, a number doubled, or raised if it
-    is whole or 0."""
+    """Return the line number of a node, and the source text with this node changed.
+
+    An operator is replaced by that of `OTHER`. A number with decimals is doubled; 1 is added to an
+    integer and to 0.0.
+    """
     tree = ast.parse(source)
     node = list(ast.walk(tree))[place]
     if isinstance(node, ast.BinOp | ast.BoolOp):
@@ -81,7 +86,7 @@ def mutant(source: str, place: int) -> tuple[int, str]:
 
 
 def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
-    """Whether all tests pass with a module's text in place of its own."""
+    """Return True if all tests pass with the text of a mutant as the source of the module."""
     file = package / "tdint" / module.relative_to(ROOT / "src" / "tdint")
     before = file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
@@ -102,7 +107,7 @@ def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
 
 
 class Reach:
-    """Which tests reach a module: `path::function`."""
+    """Tests that reach the lines of the modules, from a data file of coverage."""
 
     def __init__(self, file: Path) -> None:
         from coverage import CoverageData
@@ -115,12 +120,15 @@ class Reach:
                 self._lines.update(contexts)
 
     def tests(self, module: Path, line: int) -> list[str]:
-        """Those of the line, then those of the module's other lines: what is cached runs in the
-        first test alone."""
+        """Return the tests that reach a module; those that reach the line are first.
+
+        The other tests of the module are needed, because the code of a cached value is executed
+        only in the first test that uses the value.
+        """
         by_line = self._data.contexts_by_lineno(str(module))
         of_line = set(by_line.get(line, ()))
         of_module = set[str]().union(*by_line.values())
-        # hypothesis has functions that are called test, too.
+        # Contexts of functions of hypothesis that are also called "test" are left out.
         ours = [context for context in of_module if context.startswith("tests.")]
         return [
             _node(test)
@@ -129,8 +137,11 @@ class Reach:
 
 
 def _node(context: str) -> str:
-    """pytest's name of a test that coverage calls `tests.folder.test_file.Class.function`; all of a
-    file for one that hypothesis has wrapped, which is called `accept.<locals>.function`."""
+    """Return the name by which pytest selects a test.
+
+    Coverage calls the test `tests.folder.test_file.Class.function`. A test that is wrapped by
+    hypothesis is called `accept.<locals>.function`; in this case the name selects its file.
+    """
     parts = context.partition(".accept.<locals>")[0].split(".")
     size = next(
         i
@@ -149,17 +160,17 @@ def main() -> None:
     parser.add_argument("--reached", type=Path)
     parser.add_argument("modules", nargs="+", type=Path)
     split = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
-    given = parser.parse_args(sys.argv[1:split])
+    options = parser.parse_args(sys.argv[1:split])
     tests = sys.argv[split + 1 :]
-    if bool(tests) == bool(given.reached):
+    if bool(tests) == bool(options.reached):
         parser.error("give either tests, behind --, or the data of --reached")
-    reach = Reach(given.reached) if given.reached else None
-    every = [
-        (one.resolve(), place)
-        for one in given.modules
-        for place in places(one.read_text(encoding="utf-8"))
+    reach = Reach(options.reached) if options.reached else None
+    population = [
+        (module.resolve(), place)
+        for module in options.modules
+        for place in places(module.read_text(encoding="utf-8"))
     ]
-    chosen = random.Random(given.seed).sample(every, min(given.count, len(every)))
+    chosen = random.Random(options.seed).sample(population, min(options.count, len(population)))
     mutants = [
         (module, *mutant(module.read_text(encoding="utf-8"), place)) for module, place in chosen
     ]
@@ -169,10 +180,10 @@ def main() -> None:
         shutil.copytree(
             ROOT / "src" / "tdint", package / "tdint", ignore=shutil.ignore_patterns("__pycache__")
         )
-        # Tests that fail, or are not there, would be counted as noticing everything.
-        plain = given.modules[0].resolve()
+        # Tests that fail or do not exist would seem to kill each mutant: check them first.
+        plain = options.modules[0].resolve()
         asked = [reach.tests(module, line) if reach else tests for module, line, _ in mutants]
-        # Those of DATA passed when it was made: their names must still be right.
+        # The tests of DATA passed when it was made. Only check that they still exist.
         all_of_them = ["--collect-only", *sorted(set().union(*asked))] if reach else tests
         if not survives(package, plain, plain.read_text(encoding="utf-8"), all_of_them):
             sys.exit("the tests are not there, or do not pass with the modules as they stand")
@@ -197,6 +208,7 @@ def main() -> None:
 
 
 def _plain(module: Path) -> list[str]:
+    """Return the lines of a module, formatted like the text of a mutant."""
     return ast.unparse(ast.parse(module.read_text(encoding="utf-8"))).splitlines()
 
 
