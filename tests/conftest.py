@@ -19,7 +19,7 @@ os.environ.setdefault(
     "TDINT_CACHE_DIR", str(platformdirs.user_cache_path("tdint-tests", appauthor=False))
 )
 
-# Runs wait until their loop is compiled. By default, they could use a loop for all laws meanwhile.
+# Runs wait until their loops are compiled. By default, a short run is interpreted meanwhile.
 os.environ.setdefault("TDINT_COMPILE", "wait")
 
 # If each test process has one processor, threads of linear algebra only wait for each other.
