@@ -80,7 +80,7 @@ def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):
 
 
 def test_a_bomb_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(contents, "LARGEST", 2**20)
+    monkeypatch.setattr(contents, "MAX_FILE_BYTES", 2**20)
     (tmp_path / "a.zip").write_bytes(packed({"a": bytes(2**19), "b": bytes(2**21)}))
     with pytest.raises(RecordError, match="larger than 256 MiB uncompressed"):
         read_records(tmp_path / "a.zip")

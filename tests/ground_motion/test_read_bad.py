@@ -59,7 +59,7 @@ class TestNoFile:
             read_record(tmp_path / "*.mseed")
 
     def test_too_large(self, tmp_path, monkeypatch):
-        monkeypatch.setattr("tdint.ground_motion.reading.contents.LARGEST", 4096)
+        monkeypatch.setattr("tdint.ground_motion.reading.contents.MAX_FILE_BYTES", 4096)
         refused(write(tmp_path / "a", trace(wave())), "larger than")
 
     @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")

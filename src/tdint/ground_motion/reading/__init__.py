@@ -1,1 +1,1 @@
-"""From files to records: what a file holds, which units it has, what of it is taken."""
+"""Reading of record files: formats, units, selected components and suites of ground motions."""

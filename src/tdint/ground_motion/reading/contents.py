@@ -1,12 +1,12 @@
-"""Reading of record files: bytes of a file or of the records in a zip file, format and traces.
+"""Detect the format of a record file and read its traces, also from the files in a zip file.
 
-All errors are reported in terms of the file. Zip files, as delivered by data centers, are read in
-memory; their members are not written to disk.
+Each error message starts with the name of the file. Zip files, as delivered by data centers, are
+unpacked in memory and not on disk.
 
-`obspy.read` passes a file to every installed plugin. One of them unpickles files, so a crafted
-`.mseed` file could execute code. `obspy.read` also downloads URLs, expands wildcards and unpacks
-archives. This module avoids all of these. It uses only named plugins of two distributions, the
-plugins of ObsPy listed below and those of tdint, and passes bytes in memory instead of file names.
+`obspy.read` is not used. It passes a file to every installed plugin, and one plugin unpickles
+files, so a crafted `.mseed` file could execute code. `obspy.read` also downloads URLs, expands
+wildcards and unpacks archives. This module calls only the ObsPy plugins in `OBSPY_FORMATS` and the
+plugins of tdint, and passes them bytes in memory instead of file names.
 """
 
 from __future__ import annotations
@@ -33,37 +33,49 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint, EntryPoints
     from zipfile import ZipFile, ZipInfo
 
-LARGEST = MOST_BYTES
-"""Maximum size of a file, bytes; reading needs about six times as much memory."""
+MAX_FILE_BYTES = MOST_BYTES
+"""Maximum size of a record file, bytes; reading needs about six times as much memory."""
 
-_ZIP = b"PK\x03\x04"
-_MOST_MEMBERS = 2000  # maximum number of files in an archive; suites have tens to hundreds
-_DEEPEST = 2  # maximum depth of nested archives; databases use one level
-_LONGEST_NAME = 120  # characters; maximum length of a file name in a message
-_PIECE = 2**20  # bytes read in one step
+_ZIP_SIGNATURE = b"PK\x03\x04"  # first bytes of every zip file that is not empty
+_MAX_ARCHIVE_FILES = 2000  # files in a zip file; suites of ground motions have tens to hundreds
+_MAX_ARCHIVE_DEPTH = 2  # levels of zip files inside zip files; databases use one level
+_MAX_NAME_LENGTH = 120  # characters of the name of an archived file that messages show
+_CHUNK_BYTES = 2**20  # bytes uncompressed at a time, so that a huge file is rejected early
 
-_GROUP = "obspy.plugin.waveform"
+_ENTRY_POINT_GROUP = "obspy.plugin.waveform"  # registers the names of all waveform formats
 
-_FIRST = ("MSEED", "KNET")
-_REST = ("SAC", "GSE2", "GSE1", "SLIST", "TSPAIR", "SH_ASC", "KINEMETRICS_EVT", "GCF", "REFTEK130")
-OBSPY_FORMATS = _FIRST + _REST
+_TRIED_FIRST = ("MSEED", "KNET")
+_TRIED_LAST = (
+    "SAC",
+    "GSE2",
+    "GSE1",
+    "SLIST",
+    "TSPAIR",
+    "SH_ASC",
+    "KINEMETRICS_EVT",
+    "GCF",
+    "REFTEK130",
+)
+OBSPY_FORMATS = _TRIED_FIRST + _TRIED_LAST
 """ObsPy formats that are supported: recorder and exchange formats of ground motion with a plugin
 that reads from memory, does not execute code, does not open other files and detects truncated
 files. Not supported: PICKLE executes code; CSS, NNSA_KB_CORE and Q open files named in a header; AH
 and SACXY do not detect corrupt files; DMX, PDAS, SEISAN, WIN and Y require a file name; CYBERSHAKE
 contains velocities; the remaining formats are not ground motion."""
 
-_DAMAGE = re.compile(
+_CORRUPT_FILE_WARNING = re.compile(
     r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp",
     re.IGNORECASE,
 )
 """Pattern of reader warnings that indicate missing or wrong samples. Other warnings (for example of
 an unusual header) become notes. Warnings of the readers of tdint must not match this pattern."""
 
-TABLES = "TEXT"
-"""Format with a layout that the user may specify."""
+TEXT_TABLE = "TEXT"
+"""Name of the format of plain text tables, the only format with a layout that the user may specify
+(`TextLayout`)."""
 
-_ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
+_COMPRESSIONS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
+"""Compression programs by the first bytes of their files."""
 
 
 def read_bytes(source: str | Path) -> bytes:
@@ -96,20 +108,22 @@ def read_bytes(source: str | Path) -> bytes:
             "; wildcards are not expanded here, name one file (a shell expands them when they are "
             "not quoted)"
         )
-    told: dict[type[Exception], str] = {
+    message_by_error: dict[type[Exception], str] = {
         FileNotFoundError: f"file not found{hint}",
         IsADirectoryError: "this is a directory; specify a record file in it",
         PermissionError: "no permission to read the file",
     }
-    large = "the file is larger than 256 MiB; extract the event from it first"
-    content = read_whole(source, RecordError, told, large, LARGEST)
+    too_large = "the file is larger than 256 MiB; extract the event from it first"
+    content = read_whole(source, RecordError, message_by_error, too_large, MAX_FILE_BYTES)
     if not content:
         raise RecordError(f"{source}: the file is empty")
     return content
 
 
-def digested(data: bytes, source: str | Path) -> Input:
-    """Return the name of a file and the SHA-256 of its content, and register it as an input.
+def register_input(data: bytes, source: str | Path) -> Input:
+    """Return the name of a file with the SHA-256 of its content.
+
+    The file is also added to the inputs of the present command, which are listed with its results.
 
     Parameters
     ----------
@@ -122,17 +136,17 @@ def digested(data: bytes, source: str | Path) -> Input:
     return Input(str(source), hashlib.sha256(data).hexdigest())
 
 
-def is_archive(data: bytes) -> bool:
-    """Return True if the first bytes of a file are those of a zip file."""
-    return data.startswith(_ZIP)
+def is_zip(data: bytes) -> bool:
+    """Return True if the content of a file starts with the signature of a zip file."""
+    return data.startswith(_ZIP_SIGNATURE)
 
 
-def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
-    """Yield names (`archive.zip/directory/file`) and contents of the files in a zip file and in
-    nested zip files.
+def archive_files(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
+    """Yield the names and contents of the files in a zip file and in zip files inside it.
 
-    The checksums of the archive are compared. Sizes are counted during uncompression, because the
-    sizes stated in an archive may be wrong.
+    Names have the form `archive.zip/directory/file`. The checksum of each file is verified. The
+    uncompressed bytes are counted while they are read, because the sizes stated in an archive may
+    be wrong. Hidden and empty files are skipped.
 
     Parameters
     ----------
@@ -144,16 +158,19 @@ def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
     Raises
     ------
     RecordError
-        The archive is corrupt or encrypted, or its total uncompressed size exceeds 256 MiB.
+        The archive is corrupt or encrypted, contains more than 2000 files, or its total
+        uncompressed size exceeds 256 MiB.
     """
-    return _members(data, source, [LARGEST], 1)
+    return _archive_files(data, source, [MAX_FILE_BYTES], 1)
 
 
-def _members(
+def _archive_files(
     data: bytes, source: str, budget: list[int], depth: int
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield the files of an archive; `budget` has the remaining number of bytes, and `depth` is the
-    nesting level.
+    """Yield the names and contents of the files in a zip file.
+
+    A zip file in the archive is replaced by its files down to `_MAX_ARCHIVE_DEPTH` levels. A zip
+    file at a lower level is yielded as a file.
 
     Parameters
     ----------
@@ -170,28 +187,21 @@ def _members(
 
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
-            files = []
-            for info in archive.infolist():
-                # Skip hidden files and directories that operating systems add to archives.
-                is_hidden = any(
-                    part.startswith((".", "__MACOSX")) for part in info.filename.split("/")
-                )
-                if not (info.is_dir() or is_hidden):
-                    files.append(info)
-            if len(files) > _MOST_MEMBERS:
+            files = [entry for entry in archive.infolist() if _is_visible_file(entry)]
+            if len(files) > _MAX_ARCHIVE_FILES:
                 raise RecordError(
-                    f"{source}: the archive must contain at most {_MOST_MEMBERS} files, got "
+                    f"{source}: the archive must contain at most {_MAX_ARCHIVE_FILES} files, got "
                     f"{len(files)}; extract the files of the ground motion first"
                 )
-            for info in files:
-                name = f"{source}/{info.filename[:_LONGEST_NAME]}"
-                content = _content(archive, info, name, budget)
-                if is_archive(content) and depth < _DEEPEST:
-                    yield from _members(content, name, budget, depth + 1)
+            for entry in files:
+                name = f"{source}/{entry.filename[:_MAX_NAME_LENGTH]}"
+                content = _read_archive_file(archive, entry, name, budget)
+                if is_zip(content) and depth < _MAX_ARCHIVE_DEPTH:
+                    yield from _archive_files(content, name, budget, depth + 1)
                 elif content:
                     yield name, content
     except RecordError:
-        raise
+        raise  # The message already explains the error.
     except (
         zipfile.BadZipFile,
         NotImplementedError,
@@ -207,27 +217,43 @@ def _members(
         raise RecordError(f"{source}: the archive is corrupt: {one_line(str(error))}") from error
 
 
-def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> bytes:
-    """Read a file of an archive and reduce the remaining number of bytes in `budget`.
+def _is_visible_file(entry: ZipInfo) -> bool:
+    """Return True if an entry of a zip file is a file, not a directory, and is not hidden.
+
+    Operating systems add hidden entries to archives: names that start with a dot, and the directory
+    `__MACOSX`.
+    """
+    parts = entry.filename.split("/")
+    return not entry.is_dir() and not any(part.startswith((".", "__MACOSX")) for part in parts)
+
+
+def _read_archive_file(archive: ZipFile, entry: ZipInfo, name: str, budget: list[int]) -> bytes:
+    """Return the uncompressed content of a file in a zip file, and subtract its size from `budget`.
 
     Parameters
     ----------
     archive : ZipFile
         Open archive.
-    info : ZipInfo
+    entry : ZipInfo
         Entry of the file in the archive.
     name : str
         Name of the file, for messages.
     budget : list of int
-        Remaining number of uncompressed bytes; changed by this function.
+        List with one value, the number of bytes that may still be uncompressed; changed in place.
+
+    Raises
+    ------
+    RecordError
+        The file is encrypted, or is larger than the budget.
     """
-    if info.flag_bits & 1:
+    is_encrypted = entry.flag_bits & 1  # bit 0 of the flags in the zip specification
+    if is_encrypted:
         raise RecordError(f"{name}: the file is encrypted; unpack the archive first")
     content = bytearray()
-    with archive.open(info) as file:
-        while piece := file.read(_PIECE):
-            content += piece
-            budget[0] -= len(piece)
+    with archive.open(entry) as file:
+        while chunk := file.read(_CHUNK_BYTES):
+            content += chunk
+            budget[0] -= len(chunk)
             if budget[0] < 0:
                 raise RecordError(
                     f"{name}: the archive is larger than 256 MiB uncompressed; extract the ground "
@@ -238,7 +264,17 @@ def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> b
 
 @dataclass(frozen=True)
 class Plugin:
-    """Entry points of the two functions of a format, which are imported on first use."""
+    """File format with the entry points of its two functions, which are imported on first use.
+
+    Attributes
+    ----------
+    name : str
+        Name of the format.
+    is_format : EntryPoint
+        Function of a file that returns True if the file has this format.
+    read_format : EntryPoint
+        Function of a file that returns an ObsPy stream.
+    """
 
     name: str
     is_format: EntryPoint
@@ -273,78 +309,95 @@ class Contents:
 
 
 def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
-    """Return True if a file has a supported format, or if it cannot be read, so that reading it
-    reports the error.
+    """Return True if a file has a supported format or cannot be read.
 
-    A file with a supported format may still be corrupt.
+    A file that cannot be read counts as a record, so that the later attempt to read it reports the
+    error. A file with a supported format may still be corrupt.
 
     Parameters
     ----------
     source : str or Path
-        File to read.
+        File to check.
     layout : TextLayout
         Layout of text tables specified by the user. Default: none.
     """
     try:
         data = read_bytes(source)
-        if is_archive(data):  # Spreadsheets are also zip files, so the suffix is checked.
+        if is_zip(data):  # Spreadsheets are also zip files, so the suffix is checked.
             return str(source).lower().endswith(".zip")
-        return _format_of(data, layout) is not None
+        return _recognizing_plugin(data, layout) is not None
     except RecordError:
         return True
 
 
-def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
-    """Return names and formats of the records in a file: the file itself, or the files in an
-    archive. Raises the errors of `read_bytes`.
+def record_formats(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
+    """Return the names and formats of the records in a file.
 
     Parameters
     ----------
     source : str
-        File to read.
+        Record file or zip file.
     layout : TextLayout
         Layout of text tables specified by the user. Default: none.
+
+    Returns
+    -------
+    list of (str, str)
+        Name and format of the file, or of each record in the zip file. Files without a supported
+        format are omitted.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be read, or the archive is corrupt.
     """
     data = read_bytes(source)
-    parts = [*members(data, source)] if is_archive(data) else [(source, data)]
-    known = [(part, _format_of(content, layout)) for part, content in parts]
-    return [(part, plugin.name) for part, plugin in known if plugin]
+    files = [*archive_files(data, source)] if is_zip(data) else [(source, data)]
+    plugins_by_file = [(name, _recognizing_plugin(content, layout)) for name, content in files]
+    return [(name, plugin.name) for name, plugin in plugins_by_file if plugin]
 
 
-def read_parts(
+def read_all_contents(
     data: bytes, source: str, layout: TextLayout = AS_STATED
 ) -> list[tuple[str, Contents]]:
-    """Read a file, or all records in a zip file; return pairs of name and contents.
-
-    Parameters and errors are the same as for `read_contents`.
+    """Read the traces of a record file, or of each record in a zip file.
 
     Parameters
     ----------
     data : bytes
         Content of the file.
     source : str
-        Name of the file, for messages and as the start of the names in an archive.
+        Name of the file. The names of archived files start with it.
     layout : TextLayout
         Layout of text tables specified by the user. Default: none.
+
+    Returns
+    -------
+    list of (str, Contents)
+        Name and traces of each record. Archived files without a supported format are omitted.
+
+    Raises
+    ------
+    RecordError
+        The archive contains no record, or `read_contents` raises an error for a record.
     """
-    parts = [(source, data)]
-    if is_archive(data):
-        files = [*members(data, source)]
-        parts = [(part, content) for part, content in files if _format_of(content, layout)]
-        if not parts:
-            listed = (
-                ", ".join(part.removeprefix(f"{source}/")[:60] for part, _ in files[:10])
-                or "nothing"
-            )
+    records = [(source, data)]
+    if is_zip(data):
+        files = [*archive_files(data, source)]
+        records = [
+            (name, content) for name, content in files if _recognizing_plugin(content, layout)
+        ]
+        if not records:
+            names = [name.removeprefix(f"{source}/")[:60] for name, _ in files[:10]]
             raise RecordError(
                 f"{source}: the archive contains no record of a supported format; it contains "
-                f"{listed}"
+                f"{', '.join(names) or 'nothing'}"
             )
-    return [(part, read_contents(content, part, layout)) for part, content in parts]
+    return [(name, read_contents(content, name, layout)) for name, content in records]
 
 
 def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> Contents:
-    """Read all traces of a record.
+    """Detect the format of a record, read its traces, and check them against its header.
 
     Parameters
     ----------
@@ -358,25 +411,29 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     Returns
     -------
     Contents
-        At least one trace; text channels (the log of a recorder) are omitted.
+        At least one trace with numeric samples. Text channels, for example the log of a recorder,
+        are omitted.
 
     Raises
     ------
     RecordError
-        The format is not supported, the file is corrupt or cut off, or it has no numeric channel.
+        The format is not supported, the file is corrupt or cut off, it has no numeric channel, or
+        the layout contradicts the file.
     """
-    plugin = _detect(data, source, layout)
+    plugin = _require_plugin(data, source, layout)
     try:
-        if plugin.name != TABLES:
+        if plugin.name != TEXT_TABLE:
             layout.check_format(plugin.name)
         # Check the headers before the reader is called, because some readers crash or do not
         # terminate for invalid bytes.
-        looked_at = look_at(plugin.name, data)
+        stated_values = look_at(plugin.name, data)
         traces, messages = _read(plugin, data, layout)
-        if damage := next(filter(_DAMAGE.search, messages), None):
-            raise Damaged(damage)
+        # Some readers only warn about samples that they cannot read. The warning is an error here.
+        if warning := next(filter(_CORRUPT_FILE_WARNING.search, messages), None):
+            raise Damaged(warning)
+        # Small differences between the header and the samples are reported as warnings.
         with caught_messages() as differences:
-            compared = compare_with_statements(plugin.name, looked_at, traces)
+            compared = compare_with_statements(plugin.name, stated_values, traces)
         for trace in traces:
             layout.check_step(float(trace.stats.delta))
     except Damaged as error:
@@ -389,24 +446,28 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         raise RecordError(
             f"{source}: the file is truncated within its header ({plugin.name})"
         ) from error
-    # The log of a recorder is a text channel, which is omitted.
+    # Omit text channels, for example the log of a recorder.
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
         raise RecordError(
             f"{source}: the file ({plugin.name}) contains no samples of ground motion"
         )
-    origin = "" if plugin.is_own else "ObsPy: "
-    by_reader = [name for trace in numeric for name in trace.stats.get("tdint_compared", ())]
-    notes = (*(origin + message for message in messages), *differences)
-    return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *by_reader])))
+    prefix = "" if plugin.is_own else "ObsPy: "
+    notes = (*(prefix + message for message in messages), *differences)
+    # The readers of tdint compare header values themselves and list them in the traces.
+    compared_by_reader = [
+        name for trace in numeric for name in trace.stats.get("tdint_compared", ())
+    ]
+    all_compared = tuple(dict.fromkeys([*compared, *compared_by_reader]))  # without repetition
+    return Contents(plugin.name, numeric, notes, all_compared)
 
 
 @cache
 def plugins() -> tuple[Plugin, ...]:
     """Return the supported formats in the order in which they are tried.
 
-    The most frequent ObsPy formats, which have strict checks, are tried before the formats of
-    tdint.
+    MiniSEED and K-NET, the most frequent formats of ObsPy, are tried first, because their checks
+    are strict. The formats of tdint and the remaining formats of ObsPy follow.
     """
     from importlib.metadata import (
         EntryPoints,
@@ -414,28 +475,41 @@ def plugins() -> tuple[Plugin, ...]:
         distribution,
     )  # imported late: needed only to read a file
 
-    theirs = distribution("obspy").entry_points
+    obspy_entry_points = distribution("obspy").entry_points
     try:
-        ours = distribution("tdint").entry_points
+        tdint_entry_points = distribution("tdint").entry_points
     except PackageNotFoundError:  # tdint runs from a source tree that is not installed.
-        ours = EntryPoints()
-    names = sorted(ours.select(group=_GROUP).names)
-    return (*_named(theirs, _FIRST), *_named(ours, names), *_named(theirs, _REST))
+        tdint_entry_points = EntryPoints()
+    names = sorted(tdint_entry_points.select(group=_ENTRY_POINT_GROUP).names)
+    return (
+        *_plugins_by_name(obspy_entry_points, _TRIED_FIRST),
+        *_plugins_by_name(tdint_entry_points, names),
+        *_plugins_by_name(obspy_entry_points, _TRIED_LAST),
+    )
 
 
-def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
-    """Yield the formats with these names that have both functions."""
-    by_name = {(entry.group, entry.name): entry for entry in entries}
+def _plugins_by_name(entry_points: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
+    """Yield the formats that a distribution registers with a check and a reader.
+
+    Parameters
+    ----------
+    entry_points : EntryPoints
+        Entry points of the distribution.
+    names : iterable of str
+        Names of formats, in the order of the result. Unregistered names are skipped.
+    """
+    by_group_and_name = {(entry.group, entry.name): entry for entry in entry_points}
     for name in names:
-        is_format, read_format = (
-            by_name.get((f"{_GROUP}.{name}", function)) for function in ("isFormat", "readFormat")
-        )
+        # ObsPy uses one group of entry points for each format.
+        group = f"{_ENTRY_POINT_GROUP}.{name}"
+        is_format = by_group_and_name.get((group, "isFormat"))
+        read_format = by_group_and_name.get((group, "readFormat"))
         if is_format and read_format:
             yield Plugin(name, is_format, read_format)
 
 
-def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
-    """Return the format of a file; raise RecordError with a hint if it is not supported.
+def _require_plugin(data: bytes, source: str, layout: TextLayout) -> Plugin:
+    """Return the format of a file.
 
     Parameters
     ----------
@@ -445,15 +519,21 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
         Name of the file, for messages.
     layout : TextLayout
         Layout of text tables specified by the user.
+
+    Raises
+    ------
+    RecordError
+        The format is not supported. The message states the probable reason, such as a compressed
+        file or a text table without a header, and the remedy.
     """
-    plugin = _format_of(data, layout)
+    plugin = _recognizing_plugin(data, layout)
     if plugin is not None:
         return plugin
 
-    # Compressed files and pickled objects are recognized by their first bytes.
-    for start, archive in _ARCHIVES.items():
-        if data.startswith(start):
-            raise RecordError(f"{source}: the file is compressed ({archive}); uncompress it first")
+    for first_bytes, program in _COMPRESSIONS.items():
+        if data.startswith(first_bytes):
+            raise RecordError(f"{source}: the file is compressed ({program}); uncompress it first")
+    # Pickle data start with the PROTO opcode 0x80 and end with the STOP opcode, a dot.
     if data.startswith(b"\x80") and data.endswith(b"."):
         reason = (
             "probably a pickled object, which is not loaded because it may execute code; write the "
@@ -475,8 +555,11 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
     raise RecordError(f"{source}: unknown format{hint}; supported formats: {formats}")
 
 
-def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
+def _recognizing_plugin(data: bytes, layout: TextLayout) -> Plugin | None:
     """Return the first format that recognizes a file; None if no format does.
+
+    With a layout, the format of text tables is tried once more at the end, because the layout
+    permits tables that have no sufficient header.
 
     Parameters
     ----------
@@ -487,15 +570,17 @@ def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
     """
     attempts: list[tuple[Plugin, dict[str, Any]]] = [(plugin, {}) for plugin in plugins()]
     if layout:
-        attempts += [(plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TABLES]
-    with caught_messages():
+        attempts += [
+            (plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TEXT_TABLE
+        ]
+    with caught_messages():  # Warnings of formats that do not match are ignored.
         return next(
-            (plugin for plugin, options in attempts if _accepts(plugin, data, **options)), None
+            (plugin for plugin, options in attempts if _recognizes(plugin, data, **options)), None
         )
 
 
-def _accepts(plugin: Plugin, data: bytes, **options: Any) -> bool:
-    """Return True if a format recognizes a file.
+def _recognizes(plugin: Plugin, data: bytes, **options: Any) -> bool:
+    """Return True if the check of a format accepts a file.
 
     Parameters
     ----------
@@ -503,15 +588,17 @@ def _accepts(plugin: Plugin, data: bytes, **options: Any) -> bool:
         Format to test.
     data : bytes
         Content of the file.
+    **options
+        Arguments of the check: `layout` for the format of text tables.
     """
     try:
-        return bool(_load(plugin.is_format)(BytesIO(data), **options))
+        return bool(_import_function(plugin.is_format)(BytesIO(data), **options))
     except Exception:  # A check that fails on the bytes of another format has not recognized them.
         return False
 
 
 def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], list[str]]:
-    """Return the traces of a file and the messages of the reader.
+    """Read a file by the reader of its format; return the traces and the messages of the reader.
 
     Parameters
     ----------
@@ -521,12 +608,17 @@ def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], l
         Content of the file.
     layout : TextLayout
         Layout of text tables specified by the user; used only for the format of text tables.
+
+    Raises
+    ------
+    RecordError
+        The reader raises an exception.
     """
-    function = _load(plugin.read_format)
-    options = {"layout": layout} if plugin.name == TABLES else {}
+    read_function = _import_function(plugin.read_format)
+    options = {"layout": layout} if plugin.name == TEXT_TABLE else {}
     try:
         with caught_messages() as messages:
-            traces = list(function(BytesIO(data), **options))
+            traces = list(read_function(BytesIO(data), **options))
     except RecordError:  # The message of a tdint reader already explains the error.
         raise
     except Exception as error:  # Readers raise any type of exception for corrupt bytes.
@@ -537,7 +629,7 @@ def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], l
     return traces, messages
 
 
-def _load(entry: EntryPoint) -> Any:
-    """Import the function of an entry point."""
+def _import_function(entry: EntryPoint) -> Any:
+    """Import and return the function of an entry point; warnings of ObsPy are suppressed."""
     with quiet_import():
         return entry.load()

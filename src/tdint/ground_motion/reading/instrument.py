@@ -16,7 +16,7 @@ import numpy as np
 from tdint.arrays import Array
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
-from tdint.ground_motion.reading.contents import digested, read_bytes
+from tdint.ground_motion.reading.contents import read_bytes, register_input
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
 
@@ -67,7 +67,7 @@ def read_instruments(source: str | Path) -> Instruments:
     try:
         parser.Parse(data, True)
         with caught_messages():
-            return Instruments(function(BytesIO(data)), digested(data, source))
+            return Instruments(function(BytesIO(data)), register_input(data, source))
     except RecordError:
         raise
     except Exception as error:  # The XML parser and the ObsPy reader raise many exception types.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.formats.lines import equal_steps
 from tdint.ground_motion.formats.table_columns import name_and_units
-from tdint.ground_motion.reading.contents import digested, read_bytes
+from tdint.ground_motion.reading.contents import read_bytes, register_input
 from tdint.ground_motion.record import Input
 from tdint.ground_motion.signal import Signal
 from tdint.number_parsing import number_or_nan
@@ -105,7 +105,9 @@ def read_named_table(source: str | Path) -> NamedTable:
         rows.append((number, cells))
     if len(rows) < _FEWEST:
         raise RecordError(f"{source}: the table has fewer than {_FEWEST} rows")
-    return NamedTable(str(source), names, tuple(rows), mark in (";", "\t"), digested(data, source))
+    return NamedTable(
+        str(source), names, tuple(rows), mark in (";", "\t"), register_input(data, source)
+    )
 
 
 _TIMES = ("t", "time", "times")

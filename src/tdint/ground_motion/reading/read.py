@@ -19,7 +19,12 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
 from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
-from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
+from tdint.ground_motion.reading.contents import (
+    Contents,
+    read_all_contents,
+    read_bytes,
+    register_input,
+)
 from tdint.ground_motion.reading.sample_units import FileUnits, SampleUnits, file_units
 from tdint.ground_motion.reading.scale import (
     Motion,
@@ -481,7 +486,7 @@ def _components(
         raise RecordError(f"a record must be a file name, got {source!r:.60}")
     name, component = str(source), choice.component
     data = read_bytes(source)
-    parts = read_parts(data, name, choice.layout)
+    parts = read_all_contents(data, name, choice.layout)
     components = [channel for part, contents in parts for channel in _channels_of(part, contents)]
     if component is not None and not isinstance(component, str):
         raise UsageError(f"a component must be a text such as 'HNE', got {component!r}")
@@ -517,7 +522,7 @@ def _components(
             if not isclose(dt, first_dt, rel_tol=1e-6):
                 sampled = f"{trace.id} is sampled at {dt:g} s and {of_part[0].id} at {first_dt:g} s"
                 raise RecordError(f"{part}: {sampled}; choose one component")
-    return list(zip(components, traces, strict=True)), digested(data, source)
+    return list(zip(components, traces, strict=True)), register_input(data, source)
 
 
 def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Channel:

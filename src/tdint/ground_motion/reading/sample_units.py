@@ -62,7 +62,7 @@ class FileUnits:
         )
 
     def refuse_unfit(
-        self, files: Iterable[str], formats_of: Callable[[str], Iterable[tuple[str, str]]]
+        self, files: Iterable[str], record_formats: Callable[[str], Iterable[tuple[str, str]]]
     ) -> None:
         """Raise UsageError for an entry that matches no file, because units would be assumed for a
         file with a misspelled entry.
@@ -87,7 +87,7 @@ class FileUnits:
             if not left or file == STDIN:
                 return
             try:
-                parts = [(_lower(part), name) for part, name in formats_of(file)]
+                parts = [(_lower(part), name) for part, name in record_formats(file)]
             except RecordError:
                 return
             left = [pattern for pattern in left if not any(_fits(pattern, *part) for part in parts)]

@@ -24,7 +24,7 @@ from tdint.ground_motion.horizontals import (
     with_component,
 )
 from tdint.ground_motion.processing_steps import processed
-from tdint.ground_motion.reading.contents import formats_of, is_record
+from tdint.ground_motion.reading.contents import is_record, record_formats
 from tdint.ground_motion.reading.read import read_records
 from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
@@ -96,7 +96,7 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
         ]  # the license of the records is not reported
         if others:
             notes.append(f"{argument}: skipped (not records): {abbreviate(others, _MOST_NAMES)}")
-    file_units(choice.units).refuse_unfit(files, partial(formats_of, layout=layout))
+    file_units(choice.units).refuse_unfit(files, partial(record_formats, layout=layout))
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
 
