@@ -11,7 +11,7 @@ from building_cases import ten_bilinear
 from tdint.analysis.run.outcome import StoryPeaks
 from tdint.analysis.run.sequence import run_sequence, sequence_of
 from tdint.errors import UsageError
-from tdint.ground_motion.record import JoinedRecord, Record, one_after_another
+from tdint.ground_motion.record import JoinedRecord, Record, join_records
 from tdint.model.definition import Law
 
 NAMES = [
@@ -97,7 +97,7 @@ def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
     joined = sequence_of(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert joined.starts == (0, 700 + -700 % stride)
     alone = tdint.run(
-        ten_bilinear(), one_after_another([MAIN, AFTER], joined.starts), method="impulse4", dt=dt
+        ten_bilinear(), join_records([MAIN, AFTER], joined.starts), method="impulse4", dt=dt
     )
     found = run_sequence(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert np.array_equal(found.stories.peak_drift, alone.stories.peak_drift)
@@ -109,10 +109,10 @@ def test_the_whole_has_what_its_shocks_have_in_common():
         replace(MAIN, units="g", id="A"),
         replace(AFTER, units="g", id="B", component="HNN"),
     )
-    whole = one_after_another([one.scaled(2.0), other.scaled(2.0)], [0, 900])
+    whole = join_records([one.scaled(2.0), other.scaled(2.0)], [0, 900])
     assert (whole.scale, whole.units, whole.id) == (2.0, "g", "")
     assert (whole.component, whole.source) == ("HNE + HNN", "main + after")
-    assert one_after_another([one, other.scaled(2.0)], [0, 900]).scale == 1.0
+    assert join_records([one, other.scaled(2.0)], [0, 900]).scale == 1.0
 
 
 @pytest.mark.parametrize(("rest", "zeros"), [(0.5, 49), (None, 0)])

@@ -27,13 +27,15 @@ class Input:
     sha256: str
 
 
-_USUAL = (1e-4, 5.0)
-"""Usual range of peak accelerations of grounds and floors, g. Motions below it are not perceptible;
-values above it are more than twice the maximum ever recorded."""
+_USUAL_PEAKS = (1e-4, 5.0)
+"""Usual range of peak accelerations of the ground and of floors, g. Motions below this range are
+not perceptible; motions above it exceed twice the maximum ground acceleration ever recorded."""
 
 
 def peak_warnings(peak: float, name: str = "peak ground acceleration") -> tuple[str, ...]:
-    """Return a warning if a peak acceleration is unusual and a wrong unit may be the reason.
+    """Return a warning if a peak acceleration is unusual, because its unit may be wrong.
+
+    Zero, nan and infinite peaks give no warning: another unit would not make them usual.
 
     Parameters
     ----------
@@ -47,11 +49,13 @@ def peak_warnings(peak: float, name: str = "peak ground acceleration") -> tuple[
     tuple of str
         The warning; empty if the peak is in the usual range.
     """
-    low, high = _USUAL
+    low, high = _USUAL_PEAKS
     if not 0.0 < peak < math.inf or low <= peak / STANDARD_GRAVITY <= high:
         return ()
-    usual = f"usual: {low:g} g to {high:g} g"
-    return (f"{name} {peak / STANDARD_GRAVITY:.3g} g, {usual}; check the units of the record",)
+    usual_range = f"usual: {low:g} g to {high:g} g"
+    return (
+        f"{name} {peak / STANDARD_GRAVITY:.3g} g, {usual_range}; check the units of the record",
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -126,13 +130,22 @@ class Record(Tabular):
     event: str = ""
 
     def _headline(self) -> str:
+        """Return the first line of the text that represents the record: name, number of samples,
+        sampling interval and peak ground acceleration."""
         return (
             f"{self.name}: {pluralize(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA "
             f"{self.pga:.4g} m/s^2"
         )
 
     def __post_init__(self) -> None:
-        samples = _checked(self.acceleration, self.source)
+        """Validate the samples and the sampling interval, and make the samples read-only.
+
+        Raises
+        ------
+        RecordError
+            The samples or the sampling interval are invalid.
+        """
+        samples = _validated_samples(self.acceleration, self.source)
         dt = self.dt
         if (
             isinstance(dt, bool)
@@ -140,23 +153,27 @@ class Record(Tabular):
             or not 0.0 < float(dt) < math.inf
         ):
             raise RecordError(
-                f"{self.source or 'record'}: the sampling interval must be a positive number, got "
-                f"{dt!r}"
+                f"{self.source or 'record'}: the sampling interval must be a positive number of "
+                f"seconds, got {dt!r}"
             )
+        # The dataclass is frozen, so its attributes can only be replaced by object.__setattr__.
         object.__setattr__(self, "dt", float(dt))
-        if samples is self.acceleration or samples.base is not None:
+        # An array that shares memory with an array of the caller is copied, because it must neither
+        # become read-only for the caller nor be changed by the caller.
+        shares_memory = samples is self.acceleration or samples.base is not None
+        if shares_memory:
             samples = samples.copy()
         samples.flags.writeable = False
         object.__setattr__(self, "acceleration", samples)
 
     @property
     def name(self) -> str:
-        """File and component, if known."""
+        """File name and component name separated by a space; an unknown name is omitted."""
         return " ".join(filter(None, (self.source, self.component)))
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the samples and the sampling interval."""
+        """Hexadecimal SHA-256 checksum of the samples and the sampling interval."""
         return hashlib.sha256(self.acceleration.tobytes() + repr(self.dt).encode()).hexdigest()
 
     @property
@@ -166,22 +183,30 @@ class Record(Tabular):
 
     @property
     def pga(self) -> float:
-        """Peak ground acceleration at the samples, m/s^2."""
+        """Peak ground acceleration, m/s^2: the maximum absolute value of the samples."""
         return float(np.max(np.abs(self.acceleration)))
 
     def scaled(self, factor: float) -> Record:
-        """Return the record with the acceleration multiplied by `factor`.
+        """Return a copy of the record with the acceleration multiplied by `factor`.
+
+        The peak velocity and displacement of the file are multiplied by its absolute value.
 
         Parameters
         ----------
         factor : float
-            Factor on the acceleration.
+            Factor on the acceleration; may be negative.
+
+        Returns
+        -------
+        Record
+            Scaled record. Its attribute `scale` is the product of all factors since reading.
 
         Raises
         ------
         RecordError
             A product exceeds the range of floats.
         """
+        # Overflow is not reported here: infinite samples are an error in the new record.
         with np.errstate(over="ignore"):
             pgv, pgd = (None if peak is None else peak * abs(factor) for peak in self.peaks)
             return replace(
@@ -193,24 +218,35 @@ class Record(Tabular):
 
 
 def masked_samples(samples: NDArray[Any]) -> int:
-    """Return the number of masked samples. The numpy module for masks is not imported for plain
-    arrays."""
+    """Return the number of masked samples in a NumPy array, which is 0 for a plain array.
+
+    ObsPy returns traces with gaps as masked arrays.
+    """
+    # A plain array has no mask. Returning early avoids the import of numpy.ma at startup.
     return 0 if type(samples) is np.ndarray else int(np.sum(np.ma.getmaskarray(samples)))
 
 
-def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
-    """Return the samples as a contiguous float array, without a copy if possible.
+def _validated_samples(acceleration: Any, source: str) -> NDArray[np.float64]:
+    """Return acceleration samples as a contiguous float64 array, without a copy if possible.
+
+    Parameters
+    ----------
+    acceleration : array_like
+        Samples, m/s^2.
+    source : str
+        File name for messages; empty if unknown.
 
     Raises
     ------
     RecordError
-        The samples are not a one-dimensional array of at least two finite real numbers.
+        The samples are masked, or are not a one-dimensional array of at least two finite real
+        numbers.
     """
     label = source or "record"
     array = np.asanyarray(acceleration)
     if masked := masked_samples(array):
         raise RecordError(f"{label}: {pluralize(masked, 'sample')} masked; fill or remove them")
-    if array.dtype.kind not in "iuf":
+    if array.dtype.kind not in "iuf":  # signed integers, unsigned integers, floats
         raise RecordError(f"{label}: the acceleration must be real numbers, got {array.dtype.name}")
     if array.ndim != 1 or array.size < 2:
         raise RecordError(
@@ -228,41 +264,60 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
 
 
 def component_names(records: Sequence[Record]) -> list[str]:
-    """Return a name for each record: its component, or its full id if another record of the same
-    file has the same component. Floor motions exported by tdint are named by floor (F04)."""
-    components = {(record.source, record.id, record.component) for record in records}
-    count = Counter((source, component) for source, _, component in components)
+    """Return a name for each record that distinguishes it from the other records of its file.
+
+    The name is the component. If several channels of a file have the same component, the name is
+    the id NET.STA.LOC.CHA, or the station code alone for motions exported by tdint, in which the
+    station is the floor (F04).
+    """
+    channels = {(record.source, record.id, record.component) for record in records}
+    channel_count = Counter((source, component) for source, _, component in channels)
     names = []
     for record in records:
-        full = station_of(record.id) if record.id.split(".")[2:3] == [IN_SI] else record.id
-        names.append(record.component if count[record.source, record.component] == 1 else full)
+        location = record.id.split(".")[2:3]
+        is_exported = location == [SI_LOCATION]
+        unique_name = station_of(record.id) if is_exported else record.id
+        is_unique = channel_count[record.source, record.component] == 1
+        names.append(record.component if is_unique else unique_name)
     return names
 
 
-IN_SI = "SI"
-"""Location code of ground motions exported by tdint, which identifies SI units, because MiniSEED
-has no field for units."""
+SI_LOCATION = "SI"
+"""Location code of accelerations exported by tdint. It states that the samples are in SI units,
+because MiniSEED has no field for units."""
 
-UNITS_BY_LOCATION = {IN_SI: "m/s^2", "SV": "m/s", "SD": "m"}
+UNITS_BY_LOCATION = {SI_LOCATION: "m/s^2", "SV": "m/s", "SD": "m"}
 """Units of exported channels by location code: acceleration, velocity and displacement."""
 
 
 def station_of(id: str) -> str:
-    """Return the station in a channel id NET.STA.LOC.CHA; empty for any other id."""
+    """Return the station code in a channel id NET.STA.LOC.CHA; empty for an id of another form."""
     parts = id.split(".")
     return parts[1] if len(parts) == 4 else ""
 
 
-# ---- Sequences: the events of a sequence joined to one record, with rest between the events
+# ---- Sequences: main shock and aftershocks are joined to one record, with rest between them
 
-_SAME = 1e-9  # relative difference up to which sampling intervals are considered equal
+_INTERVAL_TOLERANCE = 1e-9
+"""Relative difference below which two sampling intervals are considered equal; it exceeds the
+rounding errors of intervals computed from sampling rates."""
 
 
 def at_one_interval(records: Sequence[Record]) -> list[Record]:
-    """Return the records at the shortest of their sampling intervals.
+    """Return records interpolated to the shortest of their sampling intervals.
 
-    The samples are interpolated linearly, which does not change motions that are linear between
+    Linear interpolation does not change the ground motion, which tdint assumes to be linear between
     samples.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        At least one record.
+
+    Returns
+    -------
+    list of Record
+        Records in the same order, all with the shortest sampling interval.
 
     Raises
     ------
@@ -272,71 +327,87 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
     shortest = min(record.dt for record in records)
     refined = []
     for record in records:
-        # Only integer multiples keep all samples. Linear interpolation then keeps the motion.
-        whole = round(record.dt / shortest)
-        if abs(record.dt / shortest - whole) > _SAME * whole:
+        # With an integer ratio, each original sample is also a sample of the refined record, so
+        # that the refined record is the same motion.
+        ratio = round(record.dt / shortest)
+        if abs(record.dt / shortest - ratio) > _INTERVAL_TOLERANCE * ratio:
             raise UsageError(
                 f"{record.name}: the sampling interval must be an integer multiple of the shortest "
                 f"in the sequence, {shortest:.6g} s, got {record.dt:.6g} s; change one of them "
                 "with --resample"
             )
         samples = record.acceleration
-        if whole > 1:
-            size = (samples.size - 1) * whole + 1
-            samples = np.interp(np.arange(size) / whole, np.arange(samples.size), samples)
+        if ratio > 1:
+            size = (samples.size - 1) * ratio + 1
+            samples = np.interp(np.arange(size) / ratio, np.arange(samples.size), samples)
         refined.append(replace(record, acceleration=samples, dt=shortest))
     return refined
 
 
-def samples_of(rest: float, dt: float) -> int:
-    """Return the number of samples from the end of a record to the start of the next, at least 1.
+def rest_intervals(rest: float, dt: float) -> int:
+    """Return the number of sampling intervals between the last sample of a record and the first
+    sample of the next record: at least 1, and at least the rest between the records.
 
     Parameters
     ----------
     rest : float
-        Time of rest between the records, s.
+        Duration of rest between the records, s.
     dt : float
         Sampling interval, s.
 
     Raises
     ------
     UsageError
-        The time of rest is negative or not finite.
+        The duration is negative or not finite.
     """
     if not (math.isfinite(rest) and rest >= 0.0):
         raise UsageError(
             f"the rest between events must be a non-negative number of seconds, got {rest!r}"
         )
-    return max(1, math.ceil(rest / dt * (1.0 - _SAME)))
+    # The tolerance prevents an additional interval if rest / dt is an integer except for rounding.
+    return max(1, math.ceil(rest / dt * (1.0 - _INTERVAL_TOLERANCE)))
 
 
-def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Record:
+def join_records(records: Sequence[Record], starts: Sequence[int]) -> Record:
     """Join records with the same sampling interval to one record, with zeros between them.
 
-    Attributes that are equal in all records are kept. Different sources and components are joined;
-    other different attributes are reset.
+    Attributes that are equal in all records are kept. Sources, components, notes, warnings, inputs,
+    processing and header checks are combined. Other attributes that differ get their default.
 
     Parameters
     ----------
     records : sequence of Record
-        Records in order of time.
+        Records in order of time, which must not overlap.
     starts : sequence of int
-        Index of the first sample of each record.
+        Index in the joined record of the first sample of each record.
+
+    Returns
+    -------
+    Record
+        Joined record. It starts at the first sample of the first record and ends at the last sample
+        of the last record.
     """
     samples = np.zeros(starts[-1] + records[-1].acceleration.size)
     for record, start in zip(records, starts, strict=True):
         samples[start : start + record.acceleration.size] = record.acceleration
 
-    taken: dict[str, Any] = {}
+    merged: dict[str, Any] = {}
     for name in ("notes", "warnings", "inputs", "processing"):
-        taken[name] = tuple(
+        # dict.fromkeys removes repeated items and keeps their order.
+        merged[name] = tuple(
             dict.fromkeys(item for record in records for item in getattr(record, name))
         )
-    others = {"id": "", "units": "", "units_from": "", "quantity": "acceleration", "scale": 1.0}
-    others["event"] = ""
-    for name, other in others.items():
+    defaults = {
+        "id": "",
+        "units": "",
+        "units_from": "",
+        "quantity": "acceleration",
+        "scale": 1.0,
+        "event": "",
+    }
+    for name, default in defaults.items():
         values = {getattr(record, name) for record in records}
-        taken[name] = values.pop() if len(values) == 1 else other
+        merged[name] = values.pop() if len(values) == 1 else default
     return replace(
         records[0],
         acceleration=samples,
@@ -344,16 +415,17 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
         source=" + ".join(record.source for record in records),
         header_checks=tuple(text for record in records for text in record.header_checks),
         peaks=(None, None),
-        **taken,
+        **merged,
     )
 
 
 @dataclass(frozen=True, repr=False)
 class JoinedRecord(Record):
-    """Events of a sequence, with a rest between them that may depend on the building.
+    """Ground motions of a main shock and its aftershocks, which an analysis applies in order.
 
-    The base record joins the events with the shortest rest. It is used only for intensity measures
-    of the sequence; buildings are not analyzed under it.
+    The attributes of `Record` describe the events joined with the specified rest, or without rest
+    if `rest` is None. They are used only for intensity measures of the sequence. An analysis
+    applies `shocks`, because the rest between them may depend on the building.
 
     Attributes
     ----------
@@ -362,8 +434,8 @@ class JoinedRecord(Record):
     rest : float or None
         Time between events, s; None means until the building is at rest.
     fixed : int
-        Number of events at the beginning that are not scaled, for analyses of the response to the
-        events that follow.
+        Number of events at the beginning that `scaled` does not change, for analyses that vary only
+        the intensity of the later events.
     """
 
     shocks: tuple[Record, ...] = ()
@@ -386,48 +458,67 @@ class JoinedRecord(Record):
         Raises
         ------
         UsageError
-            Raised by `at_one_interval` and `samples_of`.
+            A sampling interval is not an integer multiple of the shortest, or `rest` is negative or
+            not finite.
         """
         shocks, starts = at_one_interval(records), [0]
         for shock in shocks[:-1]:
-            starts.append(
-                starts[-1] + shock.acceleration.size - 1 + samples_of(rest or 0.0, shock.dt)
-            )
-        whole = one_after_another(shocks, starts)
-        plain = {field.name: getattr(whole, field.name) for field in fields(Record)}
-        return cls(**plain, shocks=tuple(shocks), rest=rest, fixed=fixed)
+            last_sample = starts[-1] + shock.acceleration.size - 1
+            starts.append(last_sample + rest_intervals(rest or 0.0, shock.dt))
+        joined = join_records(shocks, starts)
+        attributes = {field.name: getattr(joined, field.name) for field in fields(Record)}
+        return cls(**attributes, shocks=tuple(shocks), rest=rest, fixed=fixed)
 
     @property
     def digest(self) -> str:
+        """Hexadecimal SHA-256 checksum of the events, the rest between them and the number of
+        events that are not scaled."""
         parts = [*(shock.digest for shock in self.shocks), repr((self.rest, self.fixed))]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
-    def scaled(self, factor: float) -> Self:  # fixed events are not scaled
-        fixed, others = self.shocks[: self.fixed], self.shocks[self.fixed :]
-        return self.of([*fixed, *(shock.scaled(factor) for shock in others)], self.rest, self.fixed)
+    def scaled(self, factor: float) -> Self:
+        """Return a copy of the sequence in which the accelerations of all events except the first
+        `fixed` events are multiplied by `factor`.
+
+        Parameters
+        ----------
+        factor : float
+            Factor on the acceleration; may be negative.
+
+        Raises
+        ------
+        RecordError
+            A product exceeds the range of floats.
+        """
+        unscaled_events, other_events = self.shocks[: self.fixed], self.shocks[self.fixed :]
+        scaled_events = [event.scaled(factor) for event in other_events]
+        return self.of([*unscaled_events, *scaled_events], self.rest, self.fixed)
 
 
 # ---- Export of ground motions as MiniSEED
 
-_SAME_INTERVAL = 1e-12
-"""Relative difference above which a changed sampling interval is reported. MiniSEED stores the rate
-as a ratio of two small integers or in single precision."""
+_REPORTED_INTERVAL_CHANGE = 1e-12
+"""Relative change of the sampling interval by the export above which a note is returned. MiniSEED
+stores the sampling rate as a ratio of two 16-bit integers or in single precision."""
 
 
 def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
-    """Convert records to MiniSEED with accelerations in m/s^2, encoded as FLOAT64.
+    """Convert records to the content of a MiniSEED file, with samples encoded as FLOAT64.
+
+    A record without a start time starts at 1970-01-01T00:00:00.
 
     Parameters
     ----------
     motions : sequence of Record
-        Records with ids NET.STA.LOC.CHA, which become the channels.
+        Records with ids NET.STA.LOC.CHA, each of which becomes a channel. Their samples are written
+        without conversion of units.
 
     Returns
     -------
     content : bytes
         Content of the file.
     notes : tuple of str
-        Note if MiniSEED stores a different sampling interval.
+        Note about the sampling interval if MiniSEED cannot store it exactly; otherwise empty.
 
     Raises
     ------
@@ -449,11 +540,14 @@ def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
     content = io.BytesIO()
     try:
         stream.write(content, format="MSEED", encoding="FLOAT64")
-    except Exception as error:  # the writer of ObsPy raises many types of exceptions
-        raise OutputError(f"the motions cannot be written as MiniSEED: {error}") from error
+    except Exception as error:  # ObsPy does not document which exceptions its writer raises
+        raise OutputError(
+            f"ground motions with a sampling interval of {motions[0].dt:.6g} s cannot be written "
+            f"as MiniSEED: {error}"
+        ) from error
     dt = motions[0].dt
     stored = float(read(io.BytesIO(content.getvalue()), headonly=True)[0].stats.delta)
     notes = []
-    if not math.isclose(stored, dt, rel_tol=_SAME_INTERVAL):
+    if not math.isclose(stored, dt, rel_tol=_REPORTED_INTERVAL_CHANGE):
         notes.append(f"MiniSEED stores the sampling interval of {dt:.12g} s as {stored:.12g} s")
     return content.getvalue(), tuple(notes)

@@ -16,7 +16,7 @@ from pathlib import Path
 from tdint.ground_motion.formats.at2 import at2_text
 from tdint.ground_motion.horizontals import at_right_angles, azimuth, motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
-from tdint.ground_motion.record import IN_SI, Record, to_mseed
+from tdint.ground_motion.record import SI_LOCATION, Record, to_mseed
 from tdint.output.tables.spectra import ground_table
 
 FORMATS = ("mseed", "at2", "csv")
@@ -86,7 +86,7 @@ def motion_contents(
         for record, channel in zip(named_records, channels, strict=True):
             network, station, _, _ = _codes(record)
             # The location code states that the samples are in SI units.
-            record_id = ".".join((network[:2], stations[station], IN_SI, channel))
+            record_id = ".".join((network[:2], stations[station], SI_LOCATION, channel))
             content, mseed_notes = to_mseed([replace(record, id=record_id)])
             contents.append(content)
             notes += mseed_notes

@@ -25,7 +25,7 @@ from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
 from tdint.analysis.time_steps import Steps, choose_steps
 from tdint.errors import UsageError
-from tdint.ground_motion.record import Record, at_one_interval, one_after_another, samples_of
+from tdint.ground_motion.record import Record, at_one_interval, join_records, rest_intervals
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ShockSequence:
     @property
     def whole(self) -> Record:
         """All events as one record."""
-        return one_after_another(self.records, self.starts)
+        return join_records(self.records, self.starts)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -92,9 +92,9 @@ def sequence_of(
     for number, shock in enumerate(shocks[:-1], start=1):
         last = starts[-1] + shock.acceleration.size - 1
         if rest is not None:
-            begin = last + samples_of(rest, shock.dt)
+            begin = last + rest_intervals(rest, shock.dt)
         else:
-            preceding = one_after_another(shocks[:number], starts)
+            preceding = join_records(shocks[:number], starts)
             steps_to_rest, at_rest = until_rest(case.under(preceding), _steps(case, preceding, dt))
             samples = math.ceil(
                 steps_to_rest.count * steps_to_rest.stride / steps_to_rest.per_sample

@@ -9,7 +9,7 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.elastic import Spectrum, spectrum
 from tdint.arrays import Numbers
 from tdint.errors import UsageError
-from tdint.ground_motion.record import IN_SI, Record
+from tdint.ground_motion.record import SI_LOCATION, Record
 from tdint.number_parsing import pluralize
 from tdint.tabular import Tabular
 
@@ -93,7 +93,7 @@ def floor_motion(response: Response, floor: int) -> Record:
         acceleration=history.acceleration[:, floor - 1],
         dt=response.dt,
         start=ground.start if ground else "",
-        id=f".{station}.{IN_SI}.{channel}",
+        id=f".{station}.{SI_LOCATION}.{channel}",
         component=channel,
         source=f"floor {floor} of {response.model.name}",
     )

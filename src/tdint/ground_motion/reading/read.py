@@ -34,7 +34,7 @@ from tdint.ground_motion.reading.scale import (
     to_motion,
 )
 from tdint.ground_motion.record import (
-    IN_SI,
+    SI_LOCATION,
     UNITS_BY_LOCATION,
     Input,
     Record,
@@ -498,8 +498,8 @@ def _components(
     for member in components:
         if (id := member.id.upper()) != requested:
             station, location, code = id.rsplit(".", 2)  # a corrupt station code may contain dots
-            is_integral = location in UNITS_BY_LOCATION and location != IN_SI
-            if is_integral and f"{station}.{IN_SI}.{code}" in ids:
+            is_integral = location in UNITS_BY_LOCATION and location != SI_LOCATION
+            if is_integral and f"{station}.{SI_LOCATION}.{code}" in ids:
                 continue
         accelerations.append(member)
     components = accelerations
