@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.campaign.batch import RunRow, do
+from tdint.campaign.batch import RunRow, run_chunk
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import GridFile, GridMotions, GridSamples
 from tdint.campaign.plan import Plan, make_plan
@@ -66,7 +66,9 @@ def plan(folder: Path) -> Plan:
 
 
 def rows_of(whole: Plan) -> list[RunRow]:
-    return [row for number in range(whole.chunks) for row in do(whole.chunk(number)).rows.runs]
+    return [
+        row for number in range(whole.chunks) for row in run_chunk(whole.chunk(number)).rows.runs
+    ]
 
 
 def models(folder: Path) -> Iterator[tdint.Model]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tdint import spectrum, system
 from tdint.analysis.run.batch import Subject
-from tdint.campaign.batch import RunSettings, do, spectral_accelerations
+from tdint.campaign.batch import RunSettings, run_chunk, spectral_accelerations
 from tdint.campaign.buildings import model_buildings
 from tdint.campaign.execute import Advance, merge
 from tdint.campaign.motions import EveryMotion, MotionFactors
@@ -145,7 +145,7 @@ def small_plan(
 
 def test_the_time_of_a_chunk_is_a_part_of_the_time_around_it() -> None:
     began = time.perf_counter()
-    seconds = do(small_plan().chunk(0)).seconds
+    seconds = run_chunk(small_plan().chunk(0)).seconds
     assert 0.0 < seconds < time.perf_counter() - began
 
 

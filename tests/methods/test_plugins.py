@@ -25,7 +25,7 @@ from tdint.analysis.assessment import order
 from tdint.analysis.assessment.order import check_law, check_method
 from tdint.analysis.chart.problem import Problem, _cache_file
 from tdint.analysis.run import compiled_steps
-from tdint.campaign.cluster import do_with
+from tdint.campaign.cluster import run_chunk_with_plugins
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
@@ -500,15 +500,15 @@ def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
         "import pickle, sys; f, *a = pickle.load(sys.stdin.buffer); "
         "sys.stdout.buffer.write(pickle.dumps(f(*a)))"
     )
-    called = pickle.dumps((do_with, sent, chunk))
+    called = pickle.dumps((run_chunk_with_plugins, sent, chunk))
     done = subprocess.run(
         [sys.executable, "-c", worker], input=called, capture_output=True, cwd="/"
     )
     assert done.returncode == 0, done.stderr
-    assert pickle.loads(done.stdout).rows.runs == do_with(sent, chunk).rows.runs
-    assert len(do_with(sent, chunk).rows.runs) == 2
+    assert pickle.loads(done.stdout).rows.runs == run_chunk_with_plugins(sent, chunk).rows.runs
+    assert len(run_chunk_with_plugins(sent, chunk).rows.runs) == 2
     with pytest.raises(UsageError, match=r"verlet\.py: a worker has executed another version"):
-        do_with((("verlet.py", b"METHODS = ()"),), chunk)
+        run_chunk_with_plugins((("verlet.py", b"METHODS = ()"),), chunk)
 
 
 AGAIN = """

@@ -1,8 +1,9 @@
-"""Chunks of runs. A chunk contains all input of its runs, so that a thread or a remote worker can
-process it without reading files.
+"""Integrate the runs of a campaign in chunks.
 
-All runs of a building with the same time step are integrated by one compiled call. Failed runs are
-repeated with half the time step.
+A campaign runs many buildings under many scaled ground motions. A chunk is a part of its runs
+together with all their input, so that a thread or a remote worker can process it without reading
+files. All runs of a building with the same time step are integrated by one compiled call. Failed
+runs are repeated with half the time step.
 """
 
 from __future__ import annotations
@@ -39,8 +40,7 @@ from tdint.analysis.time_steps import Steps, finer
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
 
-# ---- Runs of a building with its method under ground motions, and rows of results: one for each
-# run and, if requested, one for each story
+# ---- Input of runs, and rows of results: one for each run and, if requested, one for each story
 
 REPEATS = 3
 """Maximum number of repetitions of a run that diverged or did not converge, each with half the time
@@ -55,7 +55,8 @@ class RunSettings:
     Attributes
     ----------
     dt, duration : float or None
-        Time step and duration, s; None: values of the model, otherwise of the record.
+        Time step and duration, s. None: the value in the model file or, if the model file has
+        none, the value of the record.
     until_rest : bool
         Continue after the record until free vibration has decayed (`tdint.analysis.run.case`).
     stories : bool
@@ -66,8 +67,8 @@ class RunSettings:
     check : bool
         Estimate the errors of the demands of each run, as `tdint.run` does.
     tolerance : float or None
-        Relative tolerance of the estimated errors of peak drifts, by which the time step of a
-        building is chosen.
+        Maximum estimated error of the peak drifts, relative to these drifts. The time step of each
+        building is chosen to meet this tolerance. None: the time step is not chosen by errors.
     """
 
     dt: float | None = None
@@ -85,16 +86,25 @@ class RunSettings:
 
 
 class Source(Protocol):
-    """Object that provides a building: a building that exists already, or a row of an inventory,
-    from which rules derive the building when `subject` is called."""
+    """Interface of the objects that provide a building: a building that exists already, or a row of
+    an inventory, from which rules derive the building when `subject` is called."""
 
     def subject(self) -> Subject:
-        """Return the building with its method."""
+        """Return the building with its time integration method."""
 
 
 class Run(NamedTuple):
-    """Run of a building: number of the ground motion, scale factor, and number of the sample of the
-    building (0: not sampled)."""
+    """Run of a building.
+
+    Attributes
+    ----------
+    motion : int
+        Number of the ground motion in the campaign.
+    scale : float
+        Scale factor of the ground motion; a negative factor reverses its direction.
+    sample : int
+        Number of the random sample of the building's parameters; 0: the building as specified.
+    """
 
     motion: int
     scale: float
@@ -124,10 +134,20 @@ class BuildingRuns(NamedTuple):
 
 
 class RunRow(NamedTuple):
-    """Values of a run in the order of `RUN`; missing values are None or NaN.
+    """Results of one run, as a row of the table of runs.
 
-    If errors were estimated, `errors` contains the errors of the demands in the order of
-    `RUN_WITH_ERROR`; otherwise it is empty. Values are also available by name: `row.status`.
+    Attributes
+    ----------
+    building : int
+        Number of the building in the campaign.
+    motion, scale, sample : int, float, int
+        Ground motion, scale factor and sample, as in `Run`.
+    values : tuple
+        One value per quantity of `RUN`, in that order. Missing values are None or NaN. Values are
+        also available by name, for example `row.status`.
+    errors : tuple of float or None
+        Estimated errors of the demands in the order of `RUN_WITH_ERROR`; empty if errors were not
+        estimated.
     """
 
     building: int
@@ -138,6 +158,7 @@ class RunRow(NamedTuple):
     errors: tuple[float | None, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
+        """Return the value of the quantity with this name."""
         if name not in _INDICES:
             raise AttributeError(name)
         return self.values[_INDICES[name]]
@@ -150,14 +171,16 @@ class RunRow(NamedTuple):
 
 
 _INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
-"""Index in `RunRow.values` by the name of the quantity."""
+"""Index of each quantity in `RunRow.values`, by the name of the quantity."""
 
 
 class ShockRow(NamedTuple):
-    """Demands of one event in a run of a sequence of earthquakes.
+    """Demands of one event in a run under a sequence of earthquakes.
 
-    `shock` is the number of the event, from 1; `start` is the time of its first sample, s; `pga` is
-    its peak ground acceleration, m/s^2. `values` contains the demands in the order of `DEMANDED`.
+    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `shock` is
+    the number of the event, from 1; `start` is the time of its first sample, s; `pga` is its peak
+    ground acceleration, m/s^2. `values` contains the demands in the order of
+    `tdint.analysis.run.demands.DEMANDED`.
     """
 
     building: int
@@ -171,8 +194,13 @@ class ShockRow(NamedTuple):
 
 
 class StoryRow(NamedTuple):
-    """Values of a story in a run, in the order of `STORY`, and their errors if these were
-    estimated."""
+    """Peak responses of one story in one run.
+
+    The run is identified by `building`, `motion`, `scale` and `sample`, as in `RunRow`. `story` is
+    the number of the story, from 1 at the ground; `height` is the story height, m (nan if unknown).
+    `values` contains one value per quantity of `STORY`, in that order; `errors` contains the
+    estimated errors of these values, or is empty if errors were not estimated.
+    """
 
     building: int
     motion: int
@@ -186,17 +214,18 @@ class StoryRow(NamedTuple):
 
 @dataclass
 class Rows:
-    """Rows of runs, stories and events. Rows of stories exist only if requested."""
+    """Results of runs: rows of runs, rows of stories (only if they are stored) and rows of events
+    (only of runs under sequences of earthquakes)."""
 
     runs: list[RunRow] = field(default_factory=list)
     stories: list[StoryRow] = field(default_factory=list)
     shocks: list[ShockRow] = field(default_factory=list)
 
-    def extend(self, others: Rows) -> None:
-        """Append other rows."""
-        self.runs += others.runs
-        self.stories += others.stories
-        self.shocks += others.shocks
+    def extend(self, added: Rows) -> None:
+        """Append the rows of another object."""
+        self.runs += added.runs
+        self.stories += added.stories
+        self.shocks += added.shocks
 
 
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
@@ -219,29 +248,48 @@ def story_rows(
     building : int
         Number of the building.
     run : Run
-        The run.
+        Ground motion, scale factor and sample of the run.
     stories : StoryPeaks
-        Peaks of the stories.
+        Peak responses of the stories in this run.
     check : ErrorEstimate, optional
         Error estimate of the run. Without it, the errors in the rows are empty.
     """
     values = _values_by_story(stories)
     errors = _values_by_story(check.errors) if check else repeat(())
     # `repeat` does not end, so the iterables may have different lengths.
-    cells = zip(stories.height.tolist(), values, errors, strict=False)
-    return [StoryRow(building, *run, story, *row) for story, row in enumerate(cells, start=1)]
+    cells_by_story = zip(stories.height.tolist(), values, errors, strict=False)
+    return [
+        StoryRow(building, *run, story, *cells)
+        for story, cells in enumerate(cells_by_story, start=1)
+    ]
 
 
 def _values_by_story(peaks: Any) -> Iterable[tuple[float, ...]]:
-    """Return one tuple per story with its values, or their errors, in the order of `STORY`."""
+    """Return one tuple per story, which contains one value per quantity of `STORY`.
+
+    Parameters
+    ----------
+    peaks : StoryPeaks or StoryErrors
+        Peak responses, or their errors: one array over the stories per quantity.
+    """
     return zip(*(getattr(peaks, quantity.name).tolist() for quantity in STORY), strict=True)
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
-    """Return the rows of the events of a run of a sequence, in chronological order."""
+    """Return the rows of the events of a run under a sequence of earthquakes.
+
+    Parameters
+    ----------
+    building : int
+        Number of the building.
+    run : Run
+        Ground motion, scale factor and sample of the run.
+    shocks : sequence of Shock
+        Responses to the events, in chronological order.
+    """
     rows = []
     for number, shock in enumerate(shocks, start=1):
-        # The peaks of an event belong to one run.
+        # The peaks of an event have one run on their first axis, so there is one dictionary.
         (demands,) = demand_cells(shock.stories)
         rows.append(
             ShockRow(building, *run, number, shock.start, shock.record.pga, tuple(demands.values()))
@@ -249,15 +297,17 @@ def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRo
     return rows
 
 
-# ---- Batch
+# ---- Time step of a building from a tolerance
 
 Item = TypeVar("Item")
 
 _MIN_EVALUATED, _MAX_EVALUATED = 4, 8
-"""Minimum and maximum number of runs with an error estimate; in between, a quarter of the runs."""
+"""Minimum and maximum number of runs of a building from which `building_step` chooses its time
+step. Between these limits it is a quarter of the runs of the building."""
 
 _MAX_TRIALS = 24
-"""Maximum number of runs tried. Runs in which the building collapses provide no error estimate."""
+"""Maximum number of runs that `building_step` tries. The limit bounds its cost, because a run in
+which the building collapses provides no error estimate and another run is tried instead."""
 
 
 def building_step(
@@ -267,12 +317,11 @@ def building_step(
     settings: RunSettings,
     tolerance: float,
 ) -> float | None:
-    """Return the maximum time step (s) at which the estimated errors of the peak drifts of a
-    building stay below a tolerance.
+    """Return the time step for all runs of a building, s: the maximum time step at which the
+    estimated errors of the peak drifts stay below a tolerance.
 
     The errors are estimated for a quarter of the runs, but for at least 4 and at most 8 runs. The
-    minimum of their time steps is used for all runs of the building. The result is None if no run
-    that was tried provides a time step.
+    result is the minimum of the time steps of these runs.
 
     Parameters
     ----------
@@ -286,6 +335,11 @@ def building_step(
         Settings of the runs.
     tolerance : float
         Maximum estimated error, relative to the peak drifts.
+
+    Returns
+    -------
+    float or None
+        Time step, s. None if no run that was tried provides a time step.
     """
     step, evaluated_count = math.inf, 0
     required_count = min(max(_MIN_EVALUATED, len(runs) // 4), _MAX_EVALUATED)
@@ -293,13 +347,14 @@ def building_step(
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
+            # Replace the events of a sequence by one record that joins them.
             sequence = sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt)
             case = case.under(sequence.whole)
         # Runs that collapse or fail provide no time step: try other runs instead.
         outcome = attempt(case, case.steps(settings.dt, settings.duration))
         if isinstance(outcome, Response) and outcome.collapse:
             continue
-        # With `largest`, the step of each run is at most the step of the previous runs.
+        # `largest` limits the time step of each run to the minimum of the previous runs.
         try:
             step = step_within(
                 case, tolerance, dt=settings.dt, duration=settings.duration, largest=step
@@ -313,12 +368,12 @@ def building_step(
 
 
 def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) -> Iterator[Run]:
-    """Yield the runs of a building in an order in which the first N are representative.
+    """Return the runs of a building, ordered so that the first few represent all of them.
 
-    The discretization error depends on the motion as much as on the building, so a single motion,
-    even the strongest, is not representative. The first N runs therefore use as many different
-    motions as possible, beginning with medium ones, with scale factors from the middle of the
-    range.
+    The discretization error depends on the ground motion as much as on the building, so a single
+    motion, even the strongest, is not representative. The first runs therefore use as many
+    different motions as possible. The motion of medium intensity is first, and the first run of
+    each motion has its median scale factor.
 
     Parameters
     ----------
@@ -330,10 +385,13 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
     runs_by_motion: dict[int, list[Run]] = {}
     for run in sorted(runs, key=lambda run: abs(run.scale)):
         runs_by_motion.setdefault(run.motion, []).append(run)
-    motions_by_pga = sorted(
-        runs_by_motion,
-        key=lambda motion: abs(runs_by_motion[motion][-1].scale) * records[motion].pga,
-    )
+
+    def strongest_pga(motion: int) -> float:
+        """Return the PGA of a motion at its maximum scale factor, m/s^2."""
+        strongest_run = runs_by_motion[motion][-1]
+        return abs(strongest_run.scale) * records[motion].pga
+
+    motions_by_pga = sorted(runs_by_motion, key=strongest_pga)
     # Each round has one run of every motion; None if the motion has no more runs.
     rounds = zip_longest(
         *(_middle_first(runs_by_motion[motion]) for motion in _middle_first(motions_by_pga))
@@ -342,7 +400,8 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
 
 
 def _middle_first(items: Sequence[Item]) -> Iterator[Item]:
-    """Yield the middle item, then the middle items of both halves, and so on."""
+    """Yield the middle item of a sequence, then the middle items of its two halves, then those of
+    the quarters, and so on until every item has been yielded one time."""
     segments = deque([items])
     while segments:
         segment = segments.popleft()
@@ -352,12 +411,16 @@ def _middle_first(items: Sequence[Item]) -> Iterator[Item]:
             segments += [segment[:middle], segment[middle + 1 :]]
 
 
-_EQUAL_STEPS = 1e-9  # relative difference up to which time steps are equal
+# ---- Integration of the runs of a building
+
+_EQUAL_STEPS = 1e-9
+"""Number of doublings by which a time step may exceed its limit, so that a step that equals the
+limit except for rounding is allowed."""
 
 
 @dataclass(frozen=True)
 class _Job:
-    """Run with its time steps and the number of repetitions so far."""
+    """Run with its time steps and the number of times it was repeated after a failure."""
 
     run: Run
     steps: Steps
@@ -366,7 +429,7 @@ class _Job:
 
 @dataclass(frozen=True)
 class Batch:
-    """Input of the runs of one building, which are integrated by `results`.
+    """Building and ground motions of a campaign. `results` integrates runs of the building.
 
     Attributes
     ----------
@@ -396,10 +459,10 @@ class Batch:
         runs : sequence of Run
             The runs.
         max_step : float or None
-            Maximum time step that meets the tolerance, s. The time step of each record is halved or
-            doubled to the maximum value up to this limit. None: no time step meets the tolerance;
-            the runs are not integrated, and the status in their rows states this reason. By default
-            (infinity) the time steps of the settings are used.
+            Maximum time step that meets the tolerance, s. The time step of the settings is halved
+            or doubled to obtain the longest step up to this limit. None: no time step meets the
+            tolerance; the runs are not integrated, and the status in their rows states this reason.
+            By default (infinity) the time step of the settings is used.
 
         Raises
         ------
@@ -413,37 +476,35 @@ class Batch:
         results = Rows()
         for run in runs:
             if isinstance(self.motions.records[run.motion], JoinedRecord):
-                results.extend(self._sequence(run, max_step))
-        runs = [
+                results.extend(self._run_sequence(run, max_step))
+        single_runs = [
             run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
         ]
         # The time step depends on the sampling interval of the motion, but not on the scale factor:
-        # compute it once for each motion. Without a step within the tolerance, the rows contain the
-        # time steps of the settings.
+        # compute it one time for each motion. Without a step within the tolerance, the rows contain
+        # the time steps of the settings.
         step_limit = math.inf if max_step is None else max_step
-        steps_of_motion = {
-            motion: self._steps(motion, step_limit)
-            for motion in dict.fromkeys(run.motion for run in runs)
-        }
-        jobs = [_Job(run, steps_of_motion[run.motion]) for run in runs]
+        motions = dict.fromkeys(run.motion for run in single_runs)
+        steps_of_motion = {motion: self._time_steps(motion, step_limit) for motion in motions}
+        jobs = [_Job(run, steps_of_motion[run.motion]) for run in single_runs]
         if max_step is None:
             results.runs += [self._row(job, NO_STEP) for job in jobs]
             return results
-        # `_at_step` appends the rows of the other runs to the results, and returns the failed runs
-        # with half the time step until the maximum number of repetitions is reached.
+        # Each pass integrates the jobs and keeps the failed ones, with half the time step, for the
+        # next pass. The loop ends because the number of repetitions of a job is limited.
         while jobs:
-            failed: list[_Job] = []
+            jobs_to_repeat: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
-                failed += self._at_step([job for job in jobs if job.steps.h == h], results)
-            jobs = failed
+                same_step_jobs = [job for job in jobs if job.steps.h == h]
+                jobs_to_repeat += self._integrate_together(same_step_jobs, results)
+            jobs = jobs_to_repeat
         return results
 
-    def _sequence(self, run: Run, max_step: float | None) -> Rows:
-        """Integrate a sequence of events and return its rows: the row of the run, the rows of its
-        stories, and one row per event.
+    def _run_sequence(self, run: Run, max_step: float | None) -> Rows:
+        """Run a building under a sequence of earthquakes, for example a main shock and aftershocks.
 
-        The events are joined to one record. The time between two events depends on the building if
-        each event starts after the free vibration of the previous event.
+        The events of the sequence are joined to one record. The time between two events depends on
+        the building if each event starts after the free vibration of the previous event.
 
         Parameters
         ----------
@@ -451,13 +512,18 @@ class Batch:
             Run with a JoinedRecord as ground motion.
         max_step : float or None
             Maximum time step, as for `results`.
+
+        Returns
+        -------
+        Rows
+            One row for the run, the rows of its stories if they are stored, and one row per event
+            if the run did not fail.
         """
         case, dt = self._case(run), self.settings.dt
         record = case.record
         assert isinstance(record, JoinedRecord)
         # The start times of events may depend on the decay of free vibration at this scale factor.
         sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
-        joined_case = case.under(sequence.whole)
         # The joined record includes the scale factor, so it is run at the scale factor 1 with
         # scaled intensities.
         spectral = self.spectral[run.motion]
@@ -469,36 +535,34 @@ class Batch:
         )
         joined_rows = single_run_batch.results([run._replace(scale=1.0)], max_step)
         (run_row,) = joined_rows.runs
-        # Compute the demands of each event, if the run has a result (a number of steps).
+        # A failed run has no number of steps, and no demands of its events.
+        event_rows: list[ShockRow] = []
         if run_row.steps is not None:
+            joined_case = case.under(sequence.whole)
             joined_steps = replace(
                 joined_case.steps(run_row.dt, sequence.whole.duration), count=run_row.steps
             )
-            shocks = event_responses(
+            events = event_responses(
                 joined_case,
                 sequence,
                 joined_steps,
                 check=self.settings.check and bool(record.fixed),
             )
-            joined_rows.shocks = shock_rows(self.number, run, shocks)
+            event_rows = shock_rows(self.number, run, events)
             # The first `fixed` events of the record are not scaled; they only damage the building
-            # before the event of interest. Then the demands of the run are those of the last event.
-            if record.fixed and len(shocks) > record.fixed:
-                last = shocks[-1]
-                last_errors = (
-                    demand_errors(last.stories, last.errors)
-                    if run_row.errors and last.errors
-                    else ()
-                )
-                run_row = run_row.changed(**demand_cells(last.stories)[0])._replace(
-                    errors=last_errors
-                )
+            # before the event of interest. In this case, report the demands of the last event.
+            if record.fixed and len(events) > record.fixed:
+                run_row = _with_demands_of_event(run_row, events[-1])
         stories = [story._replace(scale=run.scale) for story in joined_rows.stories]
-        return Rows([run_row._replace(scale=run.scale)], stories, joined_rows.shocks)
+        return Rows([run_row._replace(scale=run.scale)], stories, event_rows)
 
-    def _steps(self, motion: int, max_step: float) -> Steps:
-        """Return the time steps for a motion: the time step of the settings, doubled or halved as
-        often as necessary to be the longest one that does not exceed `max_step` (s)."""
+    def _time_steps(self, motion: int, max_step: float) -> Steps:
+        """Return the time steps for a ground motion: the longest steps of at most `max_step` (s)
+        that are obtained from the time step of the settings by repeated doubling or halving.
+
+        If `max_step` is infinity, the time step of the settings is not changed. `motion` is the
+        number of the ground motion.
+        """
         case, duration = self._case(Run(motion, 1.0)), self.settings.duration
         steps = case.steps(self.settings.dt, duration)
         if max_step == math.inf:
@@ -516,15 +580,16 @@ class Batch:
         """Return the analysis case of a run."""
         return self.subject.case(self.motions.records[run.motion], run.scale)
 
-    def _at_step(self, jobs: list[_Job], results: Rows) -> list[_Job]:
-        """Integrate runs with the same time step.
+    def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
+        """Integrate runs that have the same time step by one compiled call.
 
         Parameters
         ----------
         jobs : list of _Job
             The runs.
         results : Rows
-            Rows; the rows of completed runs are appended.
+            The rows of completed runs, and of failed runs that are not repeated, are appended to
+            this object.
 
         Returns
         -------
@@ -544,7 +609,7 @@ class Batch:
         jobs_to_repeat = []
         for index, failure in outcomes.failures.items():
             job = jobs[index]
-            # A time step above the limit of the method is reported and not repeated.
+            # A run that would fail again with half the time step is not repeated.
             if failure.finer_may_help and job.repeats < REPEATS:
                 jobs_to_repeat.append(_Job(job.run, finer(job.steps), job.repeats + 1))
             else:
@@ -555,7 +620,7 @@ class Batch:
             if index in outcomes.failures:
                 continue
             peaks = outcomes.stories_of(index)
-            # A run that was integrated separately includes its error estimate.
+            # Only a run that was integrated separately has a response, with an error estimate.
             response = outcomes.responses.get(index)
             error_estimate = None if response is None else response.check
             values = demands[index] | {
@@ -576,8 +641,8 @@ class Batch:
     def _row(
         self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any
     ) -> RunRow:
-        """Return the row of a run. If a run has no result, its row contains only time step, status,
-        PGA, Sa(T1) and number of repetitions.
+        """Return the row of a run with its time step, status, PGA, Sa(T1), number of repetitions
+        and collapse.
 
         Parameters
         ----------
@@ -588,7 +653,8 @@ class Batch:
         collapse : Collapse, optional
             Collapse of the building.
         **values : Any
-            Further values by name.
+            Further values by the name of their quantity in `RUN`, such as demands. A failed run has
+            none; its other quantities are None.
         """
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
@@ -604,9 +670,29 @@ class Batch:
         return RunRow(self.number, *job.run, tuple(values.get(quantity.name) for quantity in RUN))
 
 
+def _with_demands_of_event(row: RunRow, event: Shock) -> RunRow:
+    """Return a row in which the demands of the run, and their errors, are replaced by the demands
+    of one event.
+
+    Parameters
+    ----------
+    row : RunRow
+        Row of a run under a sequence of earthquakes.
+    event : Shock
+        Response to one event of this run.
+    """
+    # The peaks of an event have one run on their first axis.
+    (demands,) = demand_cells(event.stories)
+    errors = demand_errors(event.stories, event.errors) if row.errors and event.errors else ()
+    return row.changed(**demands)._replace(errors=errors)
+
+
+# ---- Chunks
+
+
 @dataclass(frozen=True)
 class Chunk:
-    """Runs with their complete input.
+    """Part of the runs of a campaign, with their complete input.
 
     Attributes
     ----------
@@ -627,16 +713,36 @@ class Chunk:
 
 
 @dataclass(frozen=True)
-class Done:
-    """Results of a chunk: its number, its rows and the processor time, s."""
+class ChunkResult:
+    """Results of the runs of a chunk.
+
+    Attributes
+    ----------
+    number : int
+        Number of the chunk in its campaign.
+    rows : Rows
+        Rows of its runs, stories and events.
+    seconds : float
+        Processor time, s.
+    """
 
     number: int
     rows: Rows
     seconds: float
 
 
-def do(chunk: Chunk) -> Done:
-    """Integrate the runs of a chunk and return their rows.
+def run_chunk(chunk: Chunk) -> ChunkResult:
+    """Integrate the runs of a chunk.
+
+    Parameters
+    ----------
+    chunk : Chunk
+        Runs with their complete input.
+
+    Returns
+    -------
+    ChunkResult
+        Rows of the runs, and processor time.
 
     Raises
     ------
@@ -646,29 +752,48 @@ def do(chunk: Chunk) -> Done:
         A method does not integrate a building.
     """
     # Measure the time of this thread: the time of the process includes chunks of other threads.
-    began = time.thread_time()
+    start_time = time.thread_time()
     motions = Motions(chunk.records)
     subjects = [building_runs.source.subject() for building_runs in chunk.buildings]
-
-    # Compute Sa(T1) for each motion at the periods of all buildings in one call.
-    # `spectral` has one dictionary per building, from the number of the motion to Sa(T1).
-    spectral: list[dict[int, float | None]] = [{} for _ in subjects]
-    subjects_of_motion: dict[int, list[int]] = {}
-    for index, building_runs in enumerate(chunk.buildings):
-        for motion in dict.fromkeys(run.motion for run in building_runs.runs):
-            subjects_of_motion.setdefault(motion, []).append(index)
-    for motion, indices in subjects_of_motion.items():
-        values = spectral_accelerations(
-            chunk.records[motion], [subjects[index].period for index in indices]
-        )
-        for index, value in zip(indices, values, strict=True):
-            spectral[index][motion] = value
+    spectral = _first_mode_accelerations(chunk, [subject.period for subject in subjects])
     rows = Rows()
     # All runs of a building with the same time step are integrated by one compiled call.
-    for building_runs, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
-        batch = Batch(building_runs.number, subject, motions, sa, chunk.settings)
+    for building_runs, subject, sa_t1 in zip(chunk.buildings, subjects, spectral, strict=True):
+        batch = Batch(building_runs.number, subject, motions, sa_t1, chunk.settings)
         rows.extend(batch.results(building_runs.runs, building_runs.max_step))
-    return Done(chunk.number, rows, time.thread_time() - began)
+    return ChunkResult(chunk.number, rows, time.thread_time() - start_time)
+
+
+def _first_mode_accelerations(
+    chunk: Chunk, periods: Sequence[float]
+) -> list[dict[int, float | None]]:
+    """Return Sa(T1) of the ground motions under which each building of a chunk is run.
+
+    Parameters
+    ----------
+    chunk : Chunk
+        Buildings with their runs.
+    periods : sequence of float
+        First natural period of each building, s.
+
+    Returns
+    -------
+    list of dict
+        One dictionary per building, from the number of the ground motion to its unscaled Sa(T1),
+        m/s^2; None if the period is too short for the record.
+    """
+    spectral: list[dict[int, float | None]] = [{} for _ in periods]
+    buildings_of_motion: dict[int, list[int]] = {}
+    for building, building_runs in enumerate(chunk.buildings):
+        for motion in dict.fromkeys(run.motion for run in building_runs.runs):
+            buildings_of_motion.setdefault(motion, []).append(building)
+    # Compute the values of a motion at the periods of all its buildings in one call.
+    for motion, buildings in buildings_of_motion.items():
+        motion_periods = [periods[building] for building in buildings]
+        values = spectral_accelerations(chunk.records[motion], motion_periods)
+        for building, value in zip(buildings, values, strict=True):
+            spectral[building][motion] = value
+    return spectral
 
 
 def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
@@ -690,13 +815,13 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
         values_by_period = zip(
             *(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True
         )
-        # `filter` removes zeros, too; the maximum of zeros alone is 0.
+        # `filter` also removes zeros; `default` is the maximum if all values are zero.
         return [
             None if None in values else max(filter(None, values), default=0.0)
             for values in values_by_period
         ]
-    # The call fails if one of the periods is too short for the record. Then compute each period
-    # separately, so that only this period has no result.
+    # The call fails if one of the periods is too short for the record. In this case, compute each
+    # period separately, so that only the short period has no result.
     try:
         return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
     except AnalysisError:

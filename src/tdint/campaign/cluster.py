@@ -18,7 +18,7 @@ from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
 
-from tdint.campaign.batch import Chunk, Done, do
+from tdint.campaign.batch import Chunk, ChunkResult, run_chunk
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
 from tdint.methods.catalogue import load_plugin
@@ -66,6 +66,7 @@ class Cluster:
                 raise UsageError(
                     f"{self.address}: --tls-ca, --tls-cert and --tls-key are all required"
                 )
+            # Report an unreadable file here, because the error of the connection does not name it.
             for file in certificates:
                 try:
                     read_at_most(str(file), MOST_BYTES, UsageError)
@@ -114,7 +115,7 @@ def is_loopback(host: str) -> bool:
 
 def on_cluster(
     cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]
-) -> Iterator[Done]:
+) -> Iterator[ChunkResult]:
     """Run chunks on a Dask cluster and yield their results in order of completion.
 
     Chunks of a worker that fails are re-run on another worker.
@@ -143,8 +144,15 @@ def on_cluster(
         client.close()
 
 
-def do_with(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> Done:
+def run_chunk_with_plugins(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> ChunkResult:
     """Run a chunk on a worker, after loading the plug-ins that it may need.
+
+    Parameters
+    ----------
+    plugins : tuple of (str, bytes)
+        File name and contents of each plug-in of the user.
+    chunk : Chunk
+        Runs with their complete input.
 
     Raises
     ------
@@ -154,11 +162,17 @@ def do_with(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> Done:
     """
     for file in files_received(plugins):
         load_plugin(file)
-    return do(chunk)
+    return run_chunk(chunk)
 
 
 def _connect(cluster: Cluster) -> Any:
-    """Return a client of a Dask scheduler; raise UsageError if no scheduler responds."""
+    """Connect to the Dask scheduler of a cluster and return the client.
+
+    Raises
+    ------
+    UsageError
+        Dask is not installed, or no scheduler responds at the address.
+    """
     try:
         from distributed import Client, Security
     except ImportError:
@@ -175,13 +189,16 @@ def _connect(cluster: Cluster) -> Any:
     )
     connection: Future[Any] = Future()
 
-    # Connections within this machine may be unencrypted; then there are no certificates.
     def connect() -> None:
+        """Create the client, and store it or its exception in `connection`."""
         try:
-            secured = security if cluster.ca else None
-            connection.set_result(
-                Client(cluster.address, security=secured, timeout=_TIMEOUT, set_as_default=False)
+            # Without certificates the connection is unencrypted, which is allowed within this
+            # machine.
+            used_security = security if cluster.ca else None
+            client = Client(
+                cluster.address, security=used_security, timeout=_TIMEOUT, set_as_default=False
             )
+            connection.set_result(client)
         except Exception as error:
             connection.set_exception(error)
 
@@ -208,35 +225,58 @@ def _connect(cluster: Cluster) -> Any:
     return connection.result()
 
 
-def _results(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
-    """Submit chunks a few at a time and yield their results in order of completion."""
+def _results(
+    client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]
+) -> Iterator[ChunkResult]:
+    """Submit chunks to the workers and yield their results in order of completion.
+
+    Parameters
+    ----------
+    client : distributed.Client
+        Client of the Dask scheduler.
+    chunk : callable
+        Returns the chunk with a number.
+    numbers : iterator of int
+        Numbers of the chunks.
+
+    Raises
+    ------
+    AnalysisError
+        Workers failed repeatedly, for example because their memory was exhausted.
+    """
     from distributed import KilledWorker, as_completed
 
     # Workers may not have the user's plug-ins, so the plug-in files are sent with every chunk.
     plugins = files_to_send()
     running = as_completed(loop=client.loop)
 
-    # Submit a few more chunks than there are threads, so that no worker is idle; workers may join
-    # and leave. Chunks are created when they are submitted, because all of them together may not
-    # fit in memory.
     def submit_more(pending: int) -> int:
-        """Submit chunks until there are enough, and return the number of pending chunks."""
-        threads_of_workers: dict[str, int] = client.nthreads()
-        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads_of_workers.values()))
+        """Submit further chunks and return the number of pending chunks.
+
+        `pending` is the number of chunks that are submitted and not completed. Its limit exceeds
+        the number of threads, so that no worker is idle.
+        """
+        # Workers may join and leave, so the number of threads is requested each time.
+        threads_by_worker: dict[str, int] = client.nthreads()
+        limit = _SUBMITTED_PER_THREAD * max(1, sum(threads_by_worker.values()))
+        # A chunk is created when it is submitted: all chunks together may not fit in memory.
         for number in islice(numbers, max(0, limit - pending)):
-            running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
+            # With `pure=False`, Dask does not look for equal chunks to reuse their results.
+            running.add(
+                client.submit(run_chunk_with_plugins, plugins, chunk(number), pure=False, retries=0)
+            )
             pending += 1
         return pending
 
     pending = submit_more(0)
     for future in running:
         try:
-            done: Done = future.result()
+            result: ChunkResult = future.result()
         except KilledWorker as error:
             raise AnalysisError(
                 f"workers failed repeatedly while processing the same runs: {error}"
             ) from None
         # The result was transferred; let the scheduler free its memory.
         future.release()
-        yield done
+        yield result
         pending = submit_more(pending - 1)

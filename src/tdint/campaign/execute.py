@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint.analysis.run.compiled_steps import kernels
 from tdint.campaign import store_schema as schema
-from tdint.campaign.batch import Done, do, spectral_accelerations
+from tdint.campaign.batch import ChunkResult, run_chunk, spectral_accelerations
 from tdint.campaign.cluster import Cluster, on_cluster
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
@@ -41,7 +41,7 @@ from tdint.tabular import Progress, Tabular, progress_reporter
 if TYPE_CHECKING:
     from tdint.model.limits import LimitCheck
 
-Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
+Engine = Callable[[Plan, Sequence[int]], Iterator[ChunkResult]]
 """Function that runs chunks: threads of this process, or workers of a cluster."""
 
 
@@ -162,7 +162,9 @@ def threads(jobs: int) -> Engine:
     """
     if jobs < 1:
         raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
-    return lambda plan, numbers: on_threads(lambda number: do(plan.chunk(number)), numbers, jobs)
+    return lambda plan, numbers: on_threads(
+        lambda number: run_chunk(plan.chunk(number)), numbers, jobs
+    )
 
 
 def cluster(scheduler: Cluster) -> Engine:

@@ -16,7 +16,7 @@ from tdint.analysis.arguments import AnyModel, AnyMotion, model_of, motion_of
 from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import UNSTABLE
 from tdint.analysis.run.prepared import Motions
-from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
+from tdint.campaign.batch import Batch, ChunkResult, Rows, Run, RunRow, RunSettings
 from tdint.campaign.buildings import ModelBuilding
 from tdint.campaign.ida_curve import (
     DamagedState,
@@ -464,13 +464,13 @@ class _Work:
         batch = Batch(0, subject, Motions({number: run_record}), {number: None}, run_settings)
         return cls(number, batch, measure, intensity, levels, record, damaged_state)
 
-    def done(self) -> tuple[Done, RecordRuns]:
+    def done(self) -> tuple[ChunkResult, RecordRuns]:
         """Integrate all runs of the record. A run without a result is repeated with half the time
         step.
 
         Returns
         -------
-        Done
+        ChunkResult
             Rows of the runs for the store, and the computing time.
         RecordRuns
             The runs in ascending order of their levels.
@@ -494,7 +494,7 @@ class _Work:
             return row
 
         runs = self._runs_at_levels(run)
-        return Done(self.number, rows, time.thread_time() - began), runs
+        return ChunkResult(self.number, rows, time.thread_time() - began), runs
 
     def stored_runs(self, rows: Sequence[RunRow]) -> RecordRuns | None:
         """Return the runs from their stored rows; None if the levels of the rows are not the levels

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from tdint.arrays import cached_property
 from tdint.campaign import store_schema as schema
-from tdint.campaign.batch import Done, RunRow
+from tdint.campaign.batch import ChunkResult, RunRow
 from tdint.campaign.buildings import (
     NO_LIMITS,
     BuildingLimits,
@@ -381,7 +381,7 @@ class Store:
         (count,) = self.connection.execute(query).fetchone()
         return int(count)
 
-    def add(self, done: Done) -> None:
+    def add(self, done: ChunkResult) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in one transaction.
 
         Raises
