@@ -50,7 +50,8 @@ from tdint.units import SI, OutputUnits
 
 if TYPE_CHECKING:
     from tdint.analysis.chart.profiles import FieldChart
-    from tdint.analysis.compare import Comparison, FloorComparison
+    from tdint.analysis.chart.work_precision import PerformanceProfile
+    from tdint.analysis.compare import Comparison, FloorComparison, FloorSpectra
     from tdint.analysis.matching import Match
     from tdint.analysis.spectra.fourier import FourierSpectrum
     from tdint.analysis.static import CyclicTest, Pushover
@@ -58,34 +59,44 @@ if TYPE_CHECKING:
 
 _RECORDED, _COMPUTED = LIGHT, MARK
 _MAX_ROWS, _WORST_ROWS = 6, 4
-"""Maximum number of floors in the figure. Of more floors, only those with the least agreement have
-a row."""
-_ENERGY = (0.0005, 0.9995)  # fractions of the recorded energy at the ends of the time histories
-_CYCLES = 8  # number of recorded cycles in the close-up
+"""Maximum number of floors that have a row of panels each, and the number of floors with a row if
+there are more. These are then the floors with the lowest correlation; a fifth row would not fit on
+a page with the overview of all floors."""
+_ENERGY_BOUNDS = (0.0005, 0.9995)
+"""Fractions of the final integral of the squared recorded motion. They determine the start and the
+end of the time axis, so that it excludes the quiet parts of a recording."""
+_CYCLES = 8  # number of recorded cycles in the close-up; single oscillations remain visible
 _UNITS = {"acceleration": "m/s^2", "displacement": "m"}
-"""SI unit of each quantity."""
+"""SI unit of each recorded quantity."""
 
 
 def comparison_picture(
     comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits = SI
 ) -> Figure:
-    """Draw comparisons with recordings, with a row for each floor of each event, roof on top.
+    """Plot the computed and the recorded floor motions of a building and their response spectra.
+
+    Each floor of each event has a row of three panels, with the highest floor of an event on top.
+    If there are more than `_MAX_ROWS` floors, only the floors with the lowest correlation have a
+    row, and two panels below show the correlation and the peak ratio of all floors.
 
     Parameters
     ----------
     comparisons : sequence of Comparison
-        Comparisons; at least one.
+        Comparisons of one building, one per event; at least one.
     periods : ndarray, shape (k,)
         Periods of the spectra, s.
     damping : float
         Damping ratio of the spectra.
     units : OutputUnits
         Units of lengths and accelerations; SI by default.
+
+    Returns
+    -------
+    Figure
+        The figure. Its title names the building, the first recording and the method.
     """
     units = units.in_figures
     period = assemble(comparisons[0].response.model).first_period
-    # Of many floors, those with the least agreement have a row; the overview below shows all
-    # floors.
     rows: list[_FloorRow] = []
     for comparison in comparisons:
         all_spectra = comparison.spectra(periods, damping)
@@ -98,7 +109,8 @@ def comparison_picture(
     has_overview = floor_count > _MAX_ROWS
     if has_overview:
         rows = sorted(rows, key=lambda row: row.floor.correlation)[:_WORST_ROWS]
-    # Height of a row, inches; in one column of a page, labels need more of it.
+    # A row is 1.55 inches high. If the figure has the width of a column of a page, the labels are
+    # wrapped to more lines, which need more height.
     row_height = 2.7 if is_narrow() else 1.55
     height = 1.5 + row_height * len(rows) + (2.6 if has_overview else 0.0)
     figure = Figure(figsize=(7.5, height), layout="constrained")
@@ -117,7 +129,8 @@ def comparison_picture(
     lines = [*panels[0, 0].get_lines()[:2], *panels[0, 2].get_lines()[2:]]
     names = ["recorded", "computed", *(str(line.get_label()) for line in lines[2:])]
     figure.legend(lines, names, loc="outside lower center", ncols=len(lines), handlelength=3.0)
-    # The method, and the processing of the recordings.
+    # The second line of the title states the conditions of the comparison: the method, and the
+    # processing of the recordings.
     first = comparisons[0]
     response, recording = first.response, first.event.recording
     facts = [f"{response.method}, dt {response.dt:.4g} s"]
@@ -134,30 +147,40 @@ def comparison_picture(
 
 
 class _FloorRow(NamedTuple):
-    """Floor of a comparison with its spectra, one row of the figure."""
+    """Content of one row of panels in the figure of comparisons.
+
+    Attributes
+    ----------
+    comparison : Comparison
+        Comparison of a building with the recordings of an event.
+    floor : FloorComparison
+        Computed and recorded motion of a floor.
+    spectra : FloorSpectra
+        Response spectra of this floor: `periods` (s), `recorded` and `computed` (m/s^2).
+    """
 
     comparison: Comparison
     floor: FloorComparison
-    spectra: Any
+    spectra: FloorSpectra
 
 
 def _draw_floor(
     panels: Any, row: _FloorRow, units: OutputUnits, period: float, *, name_event: bool
 ) -> None:
-    """Draw the motion of a floor, a close-up of the strongest cycles, and the spectra.
+    """Plot the motion of a floor, a close-up of the strongest cycles, and the response spectra.
 
     Parameters
     ----------
     panels : sequence of Axes
-        The three panels.
+        The panels of the motion, the close-up and the spectra.
     row : _FloorRow
         Floor with its spectra.
     units : OutputUnits
         Units of the axes.
     period : float
-        First period of the building, s, which the spectra mark.
+        First period of the building, s, which is marked in the panel of the spectra.
     name_event : bool
-        True to name the event in the title.
+        True to write the name of the event in the title of the row.
     """
     comparison, floor, spectra = row
     history, close_up, spectrum = panels
@@ -184,7 +207,18 @@ def _draw_floor(
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
-    """Draw correlation and peak ratio of every floor over the events, or over the floors."""
+    """Plot the correlation and the peak ratio of every floor.
+
+    With several events, the x axis is the number of the event, and the highest floor has a dark
+    marker. With a single event, the x axis is the number of the floor.
+
+    Parameters
+    ----------
+    panels : sequence of Axes
+        The panels of the correlation and of the peak ratio, with a common x axis.
+    comparisons : sequence of Comparison
+        Comparisons of one building, one per event.
+    """
     correlation_axes, ratio_axes = panels
     for event_number, comparison in enumerate(comparisons, start=1):
         for floor in comparison.floors:
@@ -203,7 +237,7 @@ def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
 
 
 def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> None:
-    """Draw the recorded and the computed motion of a floor."""
+    """Plot the recorded and the computed motion of a floor over the time in the unit of `units`."""
     unit = _UNITS[floor.quantity]
     axes.plot(floor.time, units.of(floor.recorded, unit), color=_RECORDED, linewidth=1.6)
     axes.plot(floor.time, units.of(floor.computed, unit), color=_COMPUTED, linewidth=0.7)
@@ -212,15 +246,17 @@ def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> No
 
 
 def _strong_motion(comparison: Comparison) -> tuple[float, float]:
-    """Return start and end of the strong motion of the floors, s.
+    """Return the start and the end of the strong motion of all floors, s.
 
-    They are the first and the last time at which a floor has the fractions `_ENERGY` of its energy,
-    or the ends of the comparison if these times are equal.
+    The energy of a floor is the integral of its squared recorded motion. The strong motion starts
+    when the first floor reaches the first fraction in `_ENERGY_BOUNDS` of its final energy, and
+    ends when the last floor reaches the second fraction. If these times are equal, the start and
+    the end of the recorded motion are returned.
     """
     times = []
     for floor in comparison.floors:
         energy = np.cumsum(floor.recorded**2)
-        for fraction in _ENERGY:
+        for fraction in _ENERGY_BOUNDS:
             times.append(floor.time[int(np.searchsorted(energy, fraction * energy[-1]))])
     if min(times) < max(times):
         return min(times), max(times)
@@ -228,7 +264,12 @@ def _strong_motion(comparison: Comparison) -> tuple[float, float]:
 
 
 def _strongest_cycles(comparison: Comparison) -> tuple[float, float]:
-    """Return the interval of some cycles around the recorded maximum of the highest floor, s."""
+    """Return the start and the end of a close-up, s.
+
+    The interval contains the `_CYCLES` cycles around the recorded peak of the highest floor. If the
+    recording has fewer than two zero crossings near the peak, the interval of the strong motion is
+    returned.
+    """
     floor = comparison.floors[-1]
     zero_crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
     middle = int(np.searchsorted(zero_crossings, int(np.argmax(np.abs(floor.recorded)))))
@@ -243,17 +284,20 @@ def _strongest_cycles(comparison: Comparison) -> tuple[float, float]:
 
 
 def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
-    """Draw a cyclic test: shear over drift, and energies over the cycles.
+    """Plot a cyclic test of a story: shear over drift, and energies over the cycles.
 
     Parameters
     ----------
     test : CyclicTest
         A result of `tdint.analysis.static.cyclic_test`.
+    units : OutputUnits
+        Units of drifts, shears and energies; SI by default.
     """
     figure = Figure(figsize=(6.5, 7.6), layout="constrained")
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     draw_loop(loop, test, units)
-    # A cycle has four quarters with `points` points each. A path has no cycles: count its steps.
+    # Each cycle has four quarters with `points` points. A path of drifts has no cycles, so that the
+    # axis counts its steps.
     cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
     factor, unit = scaled_unit(
         float(np.max(test.path.strain_energy + test.path.hysteretic_energy)), "J", units
@@ -276,17 +320,27 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
 
 
 def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
-    """Draw the shear of the story over its drift."""
+    """Plot the shear of a story over its drift, with and without the P-delta effect.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    test : CyclicTest
+        Cyclic test of the story. If it exceeds the yield drift, the yield drift is marked.
+    units : OutputUnits
+        Units of drifts and shears.
+    """
     factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
     drift = units.of(test.path.drift, "m")
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(drift, test.path.shear * factor, color=COLORS[0], label="restoring force of the law")
     if test.geometric_stiffness:
-        # Solid, because the dashes of one cycle would fill the gaps of another cycle.
+        # A dashed line would look solid, because dashes of a cycle fill gaps of other cycles.
         force = test.shear_with_p_delta * factor
         axes.plot(drift, force, color=LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
-    # First yield, if the test exceeds it.
+    # The yield drift is outside of the panel if the story remains elastic.
     if test.yield_drift < float(np.max(test.path.drift)):
         yielding = units.of(test.yield_drift, "m")
         label = f"yield drift {yielding:.3g} {units.label('m')}"
@@ -302,7 +356,15 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
 
 
 def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
-    """Draw a pushover curve and the drifts of the stories."""
+    """Plot the pushover curve of a building and the drifts of its stories.
+
+    Parameters
+    ----------
+    result : Pushover
+        Result of a pushover analysis.
+    units : OutputUnits
+        Units of displacements and forces; SI by default.
+    """
     narrow = is_narrow()
     figure = Figure(figsize=(8.4, 9.2 if narrow else 4.6), layout="constrained")
     curve, profile = (
@@ -314,7 +376,17 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
 
 
 def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
-    """Draw the base shear over the roof displacement."""
+    """Plot the base shear over the roof displacement of a pushover, and mark the maximum.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel. If the model has heights, an axis of the roof drift ratio is added on top.
+    result : Pushover
+        Result of a pushover analysis.
+    units : OutputUnits
+        Units of displacements and forces.
+    """
     factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
     roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
@@ -340,10 +412,17 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
 
 
 def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = SI) -> Figure:
-    """Draw target displacements.
+    """Plot the target displacements of a building that several methods give.
 
     The panels show the pushover curve with its idealizations, the equivalent oscillator with the
-    elastic demand (acceleration over displacement), and story drifts.
+    elastic demand (acceleration over displacement), and the story drifts at each target.
+
+    Parameters
+    ----------
+    results : sequence of TargetDisplacement
+        Results of the methods for one pushover; the result of the method `n2` is required.
+    units : OutputUnits
+        Units of displacements, forces and accelerations; SI by default.
     """
     pushed = results[0].pushed
     narrow = is_narrow()
@@ -381,10 +460,20 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
 
 
 def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) -> None:
-    """Draw the equivalent oscillator and the elastic demand as acceleration over displacement.
+    """Plot the equivalent oscillator and the elastic demand as acceleration over displacement.
 
-    The displacement of the oscillator is the roof displacement divided by the participation factor;
-    its acceleration is the base shear divided by the participation factor and by its mass.
+    The displacement of the oscillator is the roof displacement divided by the participation factor.
+    Its acceleration is the base shear divided by the participation factor and by its mass. A dashed
+    line from the origin with the period T* leads to the elastic demand.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    result : TargetDisplacement
+        Target displacement of the N2 method.
+    units : OutputUnits
+        Units of displacements and accelerations.
     """
     target, pushed = result.target, result.pushed
     displacement, acceleration = (
@@ -424,7 +513,8 @@ def _draw_oscillator(axes: Any, result: TargetDisplacement, units: OutputUnits) 
         label="target displacement",
     )
     axes.legend(loc="best")
-    # Long periods of the demand are far to the right of all other parts.
+    # The axis ends before the long periods of the demand, which are far to the right of the target
+    # displacement.
     axis_end = 1.6 * max(target_displacement, elastic)
     axes.set(xlim=(0.0, units.of(axis_end, "m")), ylim=(0.0, None))
     axes.set(
@@ -438,7 +528,7 @@ def _draw_profile(
     units: OutputUnits,
     drifts: Sequence[tuple[Array, int, str]] | None = None,
 ) -> None:
-    """Draw story drifts over the height; drift ratios if all stories have heights.
+    """Plot story drifts over the stories; drift ratios if the heights of all stories are known.
 
     Parameters
     ----------
@@ -475,25 +565,28 @@ def _draw_profile(
 
 # ---- Figure of records: acceleration, velocity, displacement and cumulative Arias intensity
 
-_LEAST_AMPLITUDE = 1e-4
-"""Minimum Fourier amplitude divided by the maximum in figures; smaller amplitudes are residues of
-filters."""
+_MIN_AMPLITUDE = 1e-4
+"""Lower end of the axis of Fourier amplitudes divided by the maximum amplitude. Filters of the
+record leave smaller amplitudes, which have no meaning."""
 
 MOST_RECORDS = 3
 """Maximum number of records in a figure; further records are omitted."""
 
-_ENERGY_FRACTIONS = (0.05, 0.75, 0.95)  # of the significant durations
+_ENERGY_FRACTIONS = (0.05, 0.75, 0.95)
+"""Fractions of the Arias intensity that bound the significant durations D5-75 and D5-95."""
 _MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 """Quantities over time from top to bottom, with their SI units."""
 
 
 def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure:
-    """Draw the first records, at most MOST_RECORDS, with a column each.
+    """Plot acceleration, velocity, displacement and Arias intensity of records over the time.
+
+    Each record has a column; only the first `MOST_RECORDS` records are plotted.
 
     Parameters
     ----------
     infos : sequence of RecordInfo
-        Records; at least one.
+        Records with their intensity measures; at least one.
     units : OutputUnits
         Units of the axes; SI by default.
     """
@@ -512,10 +605,17 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
 
 
 def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
-    """Draw a matched ground motion and its scaled seed.
+    """Plot a spectrally matched ground motion and the scaled record from which it was computed.
 
-    The figure has the spectra with the target, and time histories and cumulative energy of each
-    component.
+    The upper panel shows the response spectra with the target spectrum. The panels below show
+    acceleration, velocity, displacement and Arias intensity of each component over the time.
+
+    Parameters
+    ----------
+    matched : Match
+        Result of the matching, with one or two components.
+    units : OutputUnits
+        Units of the axes; SI by default.
     """
     from tdint.analysis.spectra.target import source_of
 
@@ -524,10 +624,10 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
     grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
     draw_match(figure.add_subplot(grid[0, :]), matched, units)
-    # Time histories, with the seed behind the matched ground motion.
     for column, part in enumerate(parts):
         panels = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
-        # `motions` begins with the matched ground motion, `_MATCHED` with the seed.
+        # The seed is plotted first, so that the matched ground motion is in front. The first item
+        # of `motions` is the matched ground motion, the first style of `_MATCHED` is for the seed.
         for record, motion, look in zip(
             (part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True
         ):
@@ -556,14 +656,23 @@ _MATCHED: dict[str, dict[str, Any]] = {
     "scaled seed": {"color": "0.6", "linewidth": 0.9},
     "matched": {"color": COLORS[0], "linewidth": 0.9},
 }
+"""Line style of the record before and after spectral matching, by the label in the legend."""
 
 
 def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
-    """Draw the spectra of a matched ground motion, its components, its scaled seed, and the target.
+    """Plot the response spectra of a matched ground motion and of its scaled seed, and the target.
 
     The axes contain the spectra for each damping ratio; the legend has a single entry for all
-    ratios.
-    Periods outside of the matched range have a gray background.
+    ratios. Periods outside of the matched range have a gray background.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    matched : Match
+        Result of the matching. For a pair, the spectra of both components are plotted also.
+    units : OutputUnits
+        Unit of the accelerations.
     """
     shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
     periods = matched.shown_periods
@@ -574,7 +683,8 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
         inside = (periods >= target.periods[0]) & (periods <= target.periods[-1])
         values = units.of(target.at(periods[inside]), "m/s^2")
         axes.plot(periods[inside], values, color=COLORS[1], linewidth=2.2, label=f"{hidden}target")
-        # The matched spectrum; for a pair also the spectrum of each component.
+        # The first item of `spectra` is the demand that was matched. For a pair, the spectra of the
+        # two components follow. Each item contains the matched ground motion and the seed.
         spectra = spectrum.spectra_at(periods)
         for psa, (name, look) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
             axes.plot(periods, units.of(psa, "m/s^2"), label=f"{hidden}{name}", **look)
@@ -582,7 +692,7 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
             name = f"{hidden}matched, {part.after.component or 'component'}"
             look = _MATCHED["matched"] | {"linestyle": style}
             axes.plot(periods, units.of(after, "m/s^2"), label=name, **look)
-    # Periods outside of the matched range.
+    # The gray background marks the periods outside of the matched range.
     for first, last in ((periods[0], shortest), (longest, periods[-1])):
         if first < last:
             axes.axvspan(first, last, color="0.92", zorder=0)
@@ -593,7 +703,15 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
 
 
 def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI) -> Figure:
-    """Draw Fourier amplitude spectra on logarithmic axes, with a line per component."""
+    """Plot Fourier amplitude spectra on logarithmic axes, with a line per component.
+
+    Parameters
+    ----------
+    spectra : sequence of FourierSpectrum
+        Spectra with the same smoothing; at least one.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    """
     figure = Figure(figsize=(7.5, 5.0), layout="constrained")
     axes = figure.subplots()
     draw_fourier(axes, spectra, units)
@@ -602,13 +720,24 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
     if len(spectra) == 1:
         subject = f"{subject} {spectra[0].record.component}".rstrip()
     subject += changed(spectrum.record for spectrum in spectra)
+    # The bandwidth coefficient b of Konno and Ohmachi is nan for a spectrum without smoothing.
     b = spectra[0].bandwidth
     smoothing = "not smoothed" if math.isnan(b) else f"Konno-Ohmachi smoothing, b = {b:g}"
     return titled(figure, f"Fourier amplitude spectrum of {subject}\n{smoothing}")
 
 
 def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUnits) -> None:
-    """Draw amplitudes over the frequency, down to four decades below the maximum."""
+    """Plot Fourier amplitudes over the frequency, down to four decades below the maximum.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel, which becomes logarithmic.
+    spectra : sequence of FourierSpectrum
+        Spectra of the components of one or several records.
+    units : OutputUnits
+        Unit of the amplitudes; m/s in SI.
+    """
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
     for number, (spectrum, name) in enumerate(zip(spectra, names, strict=True)):
@@ -622,14 +751,14 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
     axes.set(xscale="log", yscale="log")
     axes.set(xlabel="frequency (Hz)", ylabel=f"Fourier amplitude ({units.label('m/s')})")
     largest = max(float(np.max(spectrum.amplitude)) for spectrum in spectra)
-    axes.set_ylim(units.of(_LEAST_AMPLITUDE * largest, "m/s") or None, None)
+    axes.set_ylim(units.of(_MIN_AMPLITUDE * largest, "m/s") or None, None)
     plain_numbers(axes.xaxis)
     if len(spectra) > 1:
         axes.legend(loc="best")
 
 
 def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
-    """Draw the acceleration over time with its peak."""
+    """Plot the acceleration of a record over the time, and write its peak in the panel."""
     time = np.arange(record.acceleration.size) * record.dt
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
@@ -640,7 +769,17 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
 
 
 def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
-    """Draw acceleration, velocity, displacement and Husid plot of a record, one per panel."""
+    """Plot acceleration, velocity, displacement and Husid plot of a record over the time.
+
+    Parameters
+    ----------
+    column : sequence of Axes
+        The four panels from top to bottom.
+    info : RecordInfo
+        Record with its intensity measures, whose values are written in the panels.
+    units : OutputUnits
+        Units of the motion and of the Arias intensity.
+    """
     record, measures = info.record, info.measures
     motion = integrate(record)
     time = np.arange(record.acceleration.size) * record.dt
@@ -653,8 +792,8 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
-    # The integral of the squared acceleration divided by its final value (Husid 1969), with
-    # significant durations.
+    # A Husid plot (1969) shows the integral of the squared acceleration divided by its final value.
+    # Its marks bound the significant durations.
     energy = cumulative_energy(record)
     total = float(energy[-1])
     husid = column[3]
@@ -672,15 +811,18 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
 
 # ---- Performance profiles: methods compared over many problems
 
-_LARGEST_RATIO = 30.0  # maximum cost ratio of a panel
+_MAX_COST_RATIO = 30.0  # end of the axis of cost ratios; slower methods are not of interest
 _BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
-"""Line widths of emphasized methods: the default of tdint, and the method of most programs."""
+"""Line widths (points) of emphasized methods: the methods that tdint recommends, and the method
+that most programs use."""
 
-_PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters per line of the footnote; in one column
+_PROFILE_FOOT, _NARROW_FOOT = 110, 64
+"""Characters per line of the footnote in a figure of full width, and in a figure with the width of
+one column of a page."""
 
 
 def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> Figure:
-    """Draw performance profiles (Dolan and More 2002), with a panel for each tolerance.
+    """Plot performance profiles (Dolan and More 2002), with a panel for each tolerance.
 
     A profile is the fraction of problems that a method solves within a factor of the minimum cost.
 
@@ -691,7 +833,8 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     target : str
         Quantity of the error, a key of `PEAKS`.
     highlight : str
-        Method to draw as a thick line in front, as in `method_looks`; empty by default.
+        Method that has a thick line in front of the other lines; empty by default, which emphasizes
+        the methods in `_BOLD`.
     """
     quantity = target.replace("-", "_")
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
@@ -700,30 +843,12 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     looks = method_looks(chart.lines, highlight)
-    # Thick lines in front: the highlighted method, or the emphasized methods.
-    line_widths = {
-        line: look["linewidth"] for line, look in looks.items() if "linewidth" in look
-    } or _BOLD
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
-        for profile in sorted(shown, key=lambda profile: line_widths.get(profile.method, 0.0)):
-            # The profile rises by one problem at each cost ratio. It continues to the end of the
-            # panel at the fraction of problems that the method solves at all.
-            steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
-            solved_fractions = np.arange(len(steps) + 1) / max(profile.problems, 1)
-            x, y = [1.0, *steps, _LARGEST_RATIO], [*solved_fractions, solved_fractions[-1]]
-            look = looks[profile.method] | {"markersize": 3.5, "markevery": 0.2}
-            look |= {"linewidth": line_widths.get(profile.method, 1.0)}
-            look |= {"markerfacecolor": "white"} if PEER in profile.method else {}
-            (handles[profile.method],) = axes.step(x, y, where="post", **look)
+        handles |= _plot_profiles(axes, shown, looks)
         count = max(profile.problems for profile in shown)
         axes.set_title(f"error within {100.0 * tolerance:g} % ({pluralize(count, 'problem')})")
-        axes.set(xscale="log", xlim=(1.0, _LARGEST_RATIO), ylim=(0.0, 1.03))
-        axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 30.0]))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        plain_numbers(axes.xaxis)
-        axes.axvline(2.0, color=LIGHT, linewidth=0.6)
     for axes in panels.flat[len(tolerances) :]:
         axes.set_axis_off()
     for axes in panels[:, 0]:
@@ -742,7 +867,73 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         ],
         NARROW,
     )
-    # The title of the legend states conditions and machine; a single method has no legend.
+    _add_profile_footnote(figure, chart, narrow)
+    return titled(
+        figure,
+        f"Performance profiles over {pluralize(len(chart.measured), 'problem')}\n{PEAKS[target]}",
+    )
+
+
+def _plot_profiles(
+    axes: Any, profiles: Sequence[PerformanceProfile], looks: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
+    """Plot the performance profiles of all methods for one tolerance.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel; its x axis is the cost divided by the minimum cost.
+    profiles : sequence of PerformanceProfile
+        Profile of each method.
+    looks : dict
+        Line style of each method (`method_looks`). If a style has a line width, its method is
+        emphasized instead of the methods in `_BOLD`.
+
+    Returns
+    -------
+    dict
+        Line of each method, for the legend.
+    """
+    line_widths = {
+        method: look["linewidth"] for method, look in looks.items() if "linewidth" in look
+    } or _BOLD
+    lines: dict[str, Any] = {}
+    # Emphasized methods are plotted last, so that their lines are in front.
+    for profile in sorted(profiles, key=lambda profile: line_widths.get(profile.method, 0.0)):
+        # The profile rises by one problem at each cost ratio. At the end of the panel it reaches
+        # the fraction of problems that the method solves within the maximum cost ratio.
+        ratios = [ratio for ratio in profile.ratios if ratio <= _MAX_COST_RATIO]
+        solved_fractions = np.arange(len(ratios) + 1) / max(profile.problems, 1)
+        x, y = [1.0, *ratios, _MAX_COST_RATIO], [*solved_fractions, solved_fractions[-1]]
+        look = looks[profile.method] | {"markersize": 3.5, "markevery": 0.2}
+        look |= {"linewidth": line_widths.get(profile.method, 1.0)}
+        # Methods of other programs have hollow markers.
+        look |= {"markerfacecolor": "white"} if PEER in profile.method else {}
+        (lines[profile.method],) = axes.step(x, y, where="post", **look)
+    axes.set(xscale="log", xlim=(1.0, _MAX_COST_RATIO), ylim=(0.0, 1.03))
+    axes.xaxis.set_major_locator(FixedLocator([1.0, 2.0, 5.0, 10.0, 30.0]))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    plain_numbers(axes.xaxis)
+    axes.axvline(2.0, color=LIGHT, linewidth=0.6)
+    return lines
+
+
+def _add_profile_footnote(figure: Figure, chart: FieldChart, narrow: bool) -> None:
+    """Write the conditions of the measurement below performance profiles.
+
+    The text is the title of the legend, because the layout reserves space for a legend. The height
+    of the figure increases by the lines of the text. A figure of a single method has no legend and
+    no such text.
+
+    Parameters
+    ----------
+    figure : Figure
+        Figure with its legend.
+    chart : FieldChart
+        Measurements, with clock, processor and versions of the programs.
+    narrow : bool
+        True if the figure has the width of one column of a page.
+    """
     timing = chart.timing
     programs = [
         f"tdint {version_of_sources()[0]}",
@@ -751,7 +942,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     conditions = (
         "Each method has the cheapest time step that is within the tolerance together with all "
         "smaller time steps; lines end at the fraction solved within "
-        f"{_LARGEST_RATIO:g} times the minimum cost. Times: "
+        f"{_MAX_COST_RATIO:g} times the minimum cost. Times: "
         f"{CLOCKS[timing.clock]}, {timing.description}, {timing.processor}; {', '.join(programs)}"
     )
     for legend in figure.legends:
@@ -759,7 +950,3 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(footnote))
         legend.set_title("\n".join(footnote), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
-    return titled(
-        figure,
-        f"Performance profiles over {pluralize(len(chart.measured), 'problem')}\n{PEAKS[target]}",
-    )

@@ -67,6 +67,7 @@ _STYLE = {
 _LATEX = ("latex", "dvipng")
 """Programs that matplotlib starts if text.usetex is set."""
 
+# Settings of figures with a printed width, which journals print without enlargement.
 _PRINT = {
     "font.size": 8.0,
     "axes.titlesize": 8.0,
@@ -81,10 +82,13 @@ _PRINT = {
     "mathtext.fontset": "stixsans",
 }
 _LAID_OUT_HERE = {"figure.autolayout": False, "figure.constrained_layout.use": False}
-_SMALLEST, _LARGEST = 6.0, 8.0
+"""Settings while a figure is saved: its layout is already complete, and no style sheet may change
+it."""
+
+_MIN_FONT_SIZE, _MAX_FONT_SIZE = 6.0, 8.0  # points; the range that journals require in print
 INCH = 0.0254  # m
-_RESOLUTION = {True: 600, False: 160}
-_ON_PAGE = 100  # dpi of figures in a notebook, which is the default of matplotlib
+_PRINT_DPI, _SCREEN_DPI = 600, 160  # with and without a printed width
+_NOTEBOOK_DPI = 100  # the default of matplotlib
 _MAX_SHEET = 1_000_000  # bytes; a style sheet that sets every parameter of matplotlib has 40 kB
 INK = "#1f4e79"
 LIGHT = "0.55"
@@ -125,7 +129,7 @@ _METHODS = (
 )
 """Methods that are often drawn together, in the order of their colors and markers. Each method of
 tdint in this list has a separate color."""
-_FRONT_WIDTH = 3.0  # points; width of the highlighted line
+_HIGHLIGHT_WIDTH = 3.0  # points; width of the highlighted line
 NARROW = 31
 """Maximum number of characters of method labels in a legend with three columns."""
 
@@ -136,14 +140,14 @@ _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"Creator": "tdint", "CreationDate": None},
     "svg": {"Creator": "tdint", "Date": None},
 }
+"""Metadata of each file format. They contain no date, so that equal figures are equal files."""
 
+_MAX_PLAIN_NUMBER = 1e5
+"""Value above which the label of an axis in units other than N and J contains a power of ten."""
 
-_LONG = 1e5
-"""Value above which units other than N and J get a power of ten."""
-
-_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LABEL_SIZE = 6.5  # points
-_LETTER = 0.6  # width of a character divided by its height
+_LETTER = 0.6  # estimated width of a character divided by the font size
 _COLUMN = 0.12
 """Figure width, m, below which a figure occupies one of two columns: columns are 80 to 95 mm wide,
 pages 160 to 190 mm."""
@@ -205,12 +209,18 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
             "marker": _METHOD_MARKERS[number % len(_METHOD_MARKERS)],
         }
         if method in highlighted:
-            looks[method] |= {"linewidth": _FRONT_WIDTH, "zorder": 4}
+            looks[method] |= {"linewidth": _HIGHLIGHT_WIDTH, "zorder": 4}
     return looks
 
 
 def picture_format(suffix: str) -> str:
-    """Return the figure format of a file suffix; raise OutputError for an unknown suffix."""
+    """Return the format of a figure, `png`, `pdf` or `svg`, for a file suffix such as `.png`.
+
+    Raises
+    ------
+    OutputError
+        The suffix is none of the three.
+    """
     file_format = suffix.lower().lstrip(".")
     if file_format not in _METADATA:
         raise OutputError(
@@ -251,62 +261,77 @@ class ShownFigure(Figure):
     printed: PrintedAs
 
     def _repr_png_(self) -> bytes:
+        """Return the figure as PNG; notebooks call this method."""
         stream = io.BytesIO()
         settings = _settings(self.printed) | _LAID_OUT_HERE
         with (
             mpl.rc_context(settings),
-            _quiet(),
-            _room(self.printed.width),
-            _laid_out(self, _ON_PAGE),
+            _latex_errors_reported(),
+            _panels_must_fit(self.printed.width),
+            _fixed_layout(self, _NOTEBOOK_DPI),
         ):
-            self.savefig(stream, format="png", dpi=_ON_PAGE)
+            self.savefig(stream, format="png", dpi=_NOTEBOOK_DPI)
         return stream.getvalue()
 
 
 @dataclass(frozen=True)
 class Picture:
-    """Figure that is drawn on request or when it is written to a binary stream."""
+    """Figure that is drawn when it is requested or when it is written to a binary stream.
+
+    Attributes
+    ----------
+    kind : str
+        File format: png, pdf or svg.
+    draw : callable
+        Function that draws the figure.
+    """
 
     kind: str
     draw: Callable[[], Figure]
 
     def figure(self) -> Figure:
-        """Draw the figure and return it; pyplot does not manage it, and notebooks show it."""
+        """Draw the figure with the print settings of the command, and return it.
+
+        Notebooks show the returned figure as the result of a cell; pyplot does not manage it.
+        """
         printed = PRINTED.get()
-        with mpl.rc_context(_settings(printed)), _quiet():
+        with mpl.rc_context(_settings(printed)), _latex_errors_reported():
             figure = self.draw()
             FigureCanvasAgg(figure)
             figure.__class__ = ShownFigure
             assert isinstance(figure, ShownFigure)
             figure.printed = printed
             if printed != ON_SCREEN:
-                with _room(printed.width):
-                    _print(figure, printed)
+                with _panels_must_fit(printed.width):
+                    _apply_print_settings(figure, printed)
         return figure
 
     def __call__(self, stream: BinaryIO) -> None:
+        """Draw the figure and write it to a stream."""
         self.save(self.figure(), stream)
 
     def save(self, figure: Figure, stream: BinaryIO) -> None:
-        """Write a drawn figure."""
+        """Write a figure that has already been drawn (`figure`) to a stream in the file format."""
         printed = PRINTED.get()
-        dpi, metadata = _RESOLUTION[bool(printed.width)], _METADATA[self.kind]
+        dpi = _PRINT_DPI if printed.width else _SCREEN_DPI
         # Only for PNG, the layout can be computed before the file is written: in vector formats,
         # the viewer determines the widths of characters, which differ from widths in pixels.
-        placed = _laid_out(figure, dpi) if self.kind == "png" else nullcontext()
+        layout_context = _fixed_layout(figure, dpi) if self.kind == "png" else nullcontext()
         with (
             mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
-            _quiet(),
-            _room(printed.width),
-            placed,
+            _latex_errors_reported(),
+            _panels_must_fit(printed.width),
+            layout_context,
         ):
-            figure.savefig(stream, format=self.kind, dpi=dpi, metadata=metadata)
+            figure.savefig(stream, format=self.kind, dpi=dpi, metadata=_METADATA[self.kind])
 
 
 @contextmanager
-def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """Compute the layout of a figure once; otherwise, matplotlib would draw all parts twice to save
-    it.
+def _fixed_layout(figure: Figure, dpi: float) -> Iterator[None]:
+    """Compute the layout of a figure for a resolution, and keep it during the context.
+
+    With an active layout engine, matplotlib would draw all parts twice to save the figure. At the
+    end, the figure has its layout engine and its resolution again.
     """
     engine, before = figure.get_layout_engine(), figure.dpi
     figure.dpi = dpi
@@ -321,10 +346,11 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """Ignore missing glyphs, which are drawn as boxes, and report errors of LaTeX as UsageError.
+def _latex_errors_reported() -> Iterator[None]:
+    """Convert errors of LaTeX to UsageError, and suppress warnings about missing glyphs.
 
-    A style sheet can select LaTeX (text.usetex).
+    Only a style sheet can select LaTeX (text.usetex), so that the message names the style sheet.
+    Matplotlib draws a box for a glyph that the font does not contain.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
@@ -339,8 +365,11 @@ def _quiet() -> Iterator[None]:
 
 
 @contextmanager
-def _room(width: float | None) -> Iterator[None]:
-    """Raise UsageError if the panels do not fit into the width."""
+def _panels_must_fit(width: float | None) -> Iterator[None]:
+    """Convert the warning of matplotlib that panels do not fit into the figure to UsageError.
+
+    `width` is the requested width of the figure, m, for the message.
+    """
     warnings.filterwarnings("error", message="constrained_layout not applied")
     try:
         yield
@@ -353,9 +382,9 @@ def _room(width: float | None) -> Iterator[None]:
 
 
 def _settings(printed: PrintedAs) -> dict[str, Any]:
-    """Return the settings of matplotlib.
+    """Return the matplotlib parameters (rcParams) for the print settings of a figure.
 
-    A style sheet overrides the settings of tdint, and a font overrides both.
+    A style sheet overrides the parameters of tdint, and a requested font overrides both.
     """
     settings = _STYLE | (_PRINT if printed.width else {})
     if printed.style:
@@ -406,8 +435,14 @@ def check_print(printed: PrintedAs) -> None:
             )
 
 
-def _print(figure: Figure, printed: PrintedAs) -> None:
-    """Set the width of a figure, its font sizes for print, and its labels."""
+def _apply_print_settings(figure: Figure, printed: PrintedAs) -> None:
+    """Set the width, the title, the font sizes and the labels of a figure that is drawn for print.
+
+    Raises
+    ------
+    UsageError
+        A label that should be replaced is not in the figure.
+    """
     width, height = figure.get_size_inches()
     if printed.width:
         # Texts need more height in a narrower figure, so that the height is reduced less.
@@ -416,44 +451,60 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
         width *= ratio
     title = figure.get_suptitle()
     if title:
-        max_letters = int(width * 72.0 / (_LARGEST * _LETTER))
+        max_letters = int(width * 72.0 / (_MAX_FONT_SIZE * _LETTER))
         lines: list[str] = []
         for line in title.splitlines():
             lines += wrap(line, max_letters, break_on_hyphens=False)
         figure.suptitle("\n".join(lines) if printed.title else "")
+    original_texts = _replace_texts(figure, printed)
+    if printed.width:
+        _fit(figure)
+    for label, _ in printed.labels:
+        if not any(text == label or text.startswith(f"{label}:") for text in original_texts):
+            raise UsageError(
+                f"label {label!r} not found in the figure; specify a label as the figure shows it"
+            )
+
+
+def _replace_texts(figure: Figure, printed: PrintedAs) -> set[str]:
+    """Replace the labels of a figure as requested, and set their font sizes for print.
+
+    Returns
+    -------
+    set of str
+        Texts of the figure before the replacement, without surrounding spaces.
+    """
+    # Tick labels exist only after the figure has been drawn. They do not depend on the layout,
+    # which would need time.
     engine = figure.get_layout_engine()
     figure.set_layout_engine("none")
-    figure.draw_without_rendering()  # creates tick labels, which do not depend on the layout
+    figure.draw_without_rendering()
     figure.set_layout_engine(engine)
     original_texts: set[str] = set()
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         tick_labels = [text.get_text() for text in axis.get_ticklabels()]
         if isinstance(axis.get_major_locator(), FixedLocator) and any(tick_labels):
-            # Each drawing would restore fixed tick labels: replace them in the axis.
+            # Matplotlib restores fixed tick labels whenever it draws the figure, so that they must
+            # be replaced in the axis.
             original_texts.update(tick_labels)
             axis.set_ticklabels([in_print(label, printed) for label in tick_labels])
     for text in figure.findobj(Text):
         original_texts.add(text.get_text().strip())
         text.set_text(in_print(text.get_text(), printed))
         if printed.width:
-            text.set_fontsize(min(max(text.get_fontsize(), _SMALLEST), _LARGEST))
-    if printed.width:
-        _fit(figure)
-    for label, _ in printed.labels:
-        if not any(text == label or text.startswith(f"{label}:") for text in original_texts):
-            raise UsageError(
-                f"label {label!r} not found in the figure; specify a label as it is printed there"
-            )
+            text.set_fontsize(min(max(text.get_fontsize(), _MIN_FONT_SIZE), _MAX_FONT_SIZE))
+    return original_texts
 
 
-_MOST_THINNINGS = 3
-"""Maximum number of times that the ticks of an axis are halved: of eight ticks one remains."""
+_MAX_THINNINGS = 3
+"""Maximum number of times that the ticks of an axis are halved: a single tick of eight remains."""
 
 
 def _fit(figure: Figure) -> None:
     """Fit the texts of a narrow figure into the available space.
 
-    Labels and titles are wrapped, and axes get fewer ticks, until tick labels do not overlap.
+    Labels and titles are wrapped, and axes get fewer ticks, until tick labels do not overlap. Then
+    the labels of points that have no space are hidden.
     """
     FigureCanvasAgg(figure)
     for axes in figure.axes:
@@ -466,10 +517,11 @@ def _fit(figure: Figure) -> None:
     number_axes = [
         axis for axis in every_axis if not isinstance(axis.get_major_locator(), FixedLocator)
     ]
-    for _ in range(_MOST_THINNINGS):
+    for _ in range(_MAX_THINNINGS):
         _grow(figure)
         changed = [_thin(axis) for axis in number_axes]
-        # The panels now have their final positions, and other parts have reduced their height.
+        # The layout has now reduced the panels by the space of all other parts, so that labels are
+        # wrapped to the actual size of their panel.
         changed += [_wrap(panel.xaxis.label, 1.2 * panel.bbox.width) for panel in panels]
         changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
         if not any(changed):
@@ -480,7 +532,8 @@ def _fit(figure: Figure) -> None:
 
 def _wrap_texts(figure: Figure, axes: Any) -> None:
     """Wrap the title, the axis labels and the texts of a panel to its size."""
-    # Before the layout, the space is the fraction of the page of the panel with its labels.
+    # Before the layout is computed, the space of a panel with its labels follows from its position
+    # in the grid of panels.
     grid_position = axes.get_subplotspec()
     panel_box = grid_position.get_position(figure) if grid_position else axes.get_position()
     width = _TEXT_FRACTION * (figure.bbox.width * panel_box.width)
@@ -522,16 +575,17 @@ _POINT_LABEL = "point"
 """Identifier of point labels, which are omitted if there is no space."""
 
 _MAX_GROWTH = 2.0
-"""Maximum factor by which a figure grows for wrapped text; beyond it, the panels are too narrow."""
+"""Maximum factor of the height of a figure for wrapped text; if the panels do not fit then, they
+are too narrow."""
 
 
 def _grow(figure: Figure) -> None:
-    """Draw a figure and increase its height as its layout requires.
+    """Increase the height of a figure, in steps up to `_MAX_GROWTH`, until its panels fit.
 
     Raises
     ------
     UserWarning
-        The panels do not fit at any height.
+        The panels do not fit at the maximum height.
     """
     width, height = figure.get_size_inches()
     for factor in (1.0, 1.15, 1.3, 1.5, 1.75, _MAX_GROWTH):
@@ -573,12 +627,13 @@ def _thin(axis: Any) -> bool:
         for label in (tick.label1, tick.label2)
         if label.get_visible() and label.get_text()
     ]
-    # Start and end of each label along the axis, pixels. A distance of one pixel is sufficient.
+    # A span is the start and the end of a label along the axis, pixels. Labels are distinguishable
+    # if their distance is at least a pixel.
     spans = [(box.x0, box.x1) if axis.axis_name == "x" else (box.y0, box.y1) for box in boxes]
     spans.sort()
     if all(end + 1.0 <= start for (_, end), (start, _) in itertools.pairwise(spans)):
         return False
-    # First omit the labels of minor ticks.
+    # Labels of minor ticks are less important, so that they are omitted first.
     if any(label.get_text() for label in axis.get_minorticklabels()):
         axis.set_minor_formatter(NullFormatter())
     else:
@@ -620,27 +675,36 @@ def _evenly(line: str, max_letters: int) -> list[str]:
 
 
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
-    """Write text in the upper right of a panel.
+    """Write a text on a white background into the upper right of a panel.
 
-    `x` and `y` are the position of its upper right corner in axes coordinates, from 0 to 1.
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    text : str
+        Text of one or more lines.
+    x, y : float
+        Position of the upper right corner of the text as fractions of the width and the height of
+        the panel.
     """
-    white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-    place = {"transform": axes.transAxes, "ha": "right", "va": "top"}
-    axes.text(x, y, text, **place, fontsize=8.0, color=MARK, bbox=white)
+    background = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+    anchor = {"transform": axes.transAxes, "ha": "right", "va": "top"}
+    axes.text(x, y, text, **anchor, fontsize=8.0, color=MARK, bbox=background)
 
 
 FirstPeriods = Sequence[tuple[str, float]]
 """Names of buildings and their first periods, s."""
 
-_MAX_PERIODS = 3  # maximum number of first periods that have a line each
+_MAX_PERIODS = 3  # maximum number of separate lines for first periods; more periods have a band
 _MAX_NAME = 28  # maximum length of the name of a building in a legend
 
 
 def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> None:
     """Mark the first periods of buildings in a panel over the period; the legend states them.
 
-    A few periods have a line each, more periods a band from the shortest to the longest. A label at
-    the line could cover other text.
+    Up to `_MAX_PERIODS` distinct periods are marked by lines, more periods by a band from the
+    shortest to the longest period. The periods are in the legend, because a label at a line
+    could cover other text.
 
     Parameters
     ----------
@@ -652,7 +716,7 @@ def mark_first_periods(axes: Any, periods: FirstPeriods, color: str = MARK) -> N
         Color of the marks; red by default.
     """
     low, high = axes.get_xlim()
-    # Buildings whose periods are printed equally have a common line.
+    # Buildings have a common line if their periods are printed as the same number.
     groups: dict[str, list[tuple[str, float]]] = {}
     for name, period in periods:
         if low <= period <= high:
@@ -703,8 +767,22 @@ def add_legend(
 ) -> None:
     """Add a legend below the panels, and increase the height of the figure accordingly.
 
-    A single line has no legend. If all labels have at most `narrow` characters, there are three
-    columns.
+    A figure with a single line has no legend. If there are more than `_MAX_ENTRIES` lines, the last
+    entry states the number of lines without an entry.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    axes : Axes
+        Any panel of the figure.
+    lines : list of Line2D
+        Lines with an entry.
+    labels : list of str
+        Label of each line.
+    narrow : int
+        Maximum number of characters of the labels for three columns; otherwise there are two. The
+        available width can require fewer columns.
     """
     if len(lines) == 1:
         return
@@ -722,17 +800,27 @@ def add_legend(
 
 
 def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:
-    """Return the factor from an SI unit to the unit of the output, and the label of this unit.
+    """Return the factor from an SI unit to the unit of an axis, and the label of this unit.
 
-    N and J get the prefix M or k if the maximum value is then at least 1.
+    The unit of an axis has a prefix or a power of ten if the numbers would otherwise be long.
+
+    Parameters
+    ----------
+    largest : float
+        Maximum absolute value on the axis, in the SI unit.
+    si : str
+        SI unit, such as `N`. N and J get the prefix M or k if the maximum value is then at least 1.
+    units : OutputUnits
+        Units of the output. An output unit that is not the SI unit gets a power of ten if the
+        maximum value is at least `_MAX_PLAIN_NUMBER`.
     """
     if units.unit(si)[0] != si:
         factor, label = 1.0 / units.unit(si)[1], units.label(si)
-        if largest * factor < _LONG:
+        if largest * factor < _MAX_PLAIN_NUMBER:
             return factor, label
-        # Use a power of ten that is a multiple of three.
+        # As for the prefixes of SI units, the power of ten is a multiple of three.
         power = 3 * math.floor(math.log10(largest * factor) / 3.0)
-        return factor / 10.0**power, f"10{str(power).translate(_RAISED)} {label}"
+        return factor / 10.0**power, f"10{str(power).translate(_SUPERSCRIPTS)} {label}"
     for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
         if largest * factor >= 1.0:
             return factor, prefix + si
@@ -740,8 +828,11 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
 
 
 def changed(records: Iterable[Record]) -> str:
-    """Return a suffix for the name of records: ` (processed)` for processed records, ` x 1.7` for
-    records that are scaled by the same factor, or nothing."""
+    """Return a suffix for the name of records in a title.
+
+    The suffix is ` x 1.7` if all records are scaled by this factor, followed by ` (processed)` if a
+    record is processed; it is empty for unchanged records.
+    """
     record_list = list(records)
     scales = {record.scale for record in record_list}
     text = ""
@@ -753,9 +844,9 @@ def changed(records: Iterable[Record]) -> str:
 
 
 def record_name(source: str) -> str:
-    """Return the name of a record in figures.
+    """Return the name of a record in figures: its file name, or `standard input` for `-`.
 
-    Bytes of a file name that are not valid UTF-8 are replaced, because they cannot be drawn.
+    Bytes of a file name that are not valid UTF-8 are replaced, because no font contains them.
     """
     name = "standard input" if source == "-" else Path(source).name
     return name.encode("utf-8", "replace").decode("utf-8")
@@ -764,7 +855,8 @@ def record_name(source: str) -> str:
 def record_names(sources: Iterable[str]) -> dict[str, str]:
     """Return the name of each record in figures.
 
-    The name is the file name with as many directories as are needed to distinguish the records.
+    The name is the file name. Records with equal file names also have the last directories of their
+    paths, so many that the names differ.
     """
     names = {source: record_name(source) for source in sources}
     sources_of_name: dict[str, list[str]] = {}
@@ -772,8 +864,8 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
         sources_of_name.setdefault(name, []).append(source)
     for group in sources_of_name.values():
         for source in group if len(group) > 1 else ():
-            # Find the smallest number of last parts of the path that differ from those of all
-            # other paths with the same file name.
+            # `count` increases until the last parts of this path differ from the last parts of
+            # every other path with the same file name.
             parts = Path(source).parts
             others = [Path(other).parts for other in group if other != source]
             count = 1
@@ -784,7 +876,7 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
 
 
 def over_stories(axes: Any, values: Array, **style: Any) -> None:
-    """Draw values of the stories over the height as steps."""
+    """Plot a value of each story, from the lowest, as steps over the number of the story."""
     axes.stairs(values, np.arange(values.size + 1) + 0.5, orientation="horizontal", **style)
 
 
@@ -794,10 +886,14 @@ def plain_numbers(axis: Any) -> None:
 
 
 def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
-    """Write minor tick labels of a logarithmic axis as decimals: at 2 and 5, or at all ticks."""
+    """Write minor tick labels of a logarithmic axis as decimals.
+
+    Ticks with the first digit 2 or 5 have labels; with `every`, all minor ticks have labels.
+    """
 
     def label(value: float, position: Any) -> str:
-        # 1e-9 allows for the rounding of the logarithm.
+        """Return the label of a tick; matplotlib calls this function with value and position."""
+        # The logarithm of a power of ten can be rounded down, which 1e-9 compensates.
         decade = math.floor(math.log10(value) + 1e-9) if value > 0.0 else 0
         first_digit = f"{value / 10.0**decade:.0f}"
         return _plain(value, position) if every or first_digit in "25" else ""
@@ -820,13 +916,21 @@ def minor_ticks(axis: Any) -> None:
 
 
 def _plain(value: float, _: Any) -> str:
+    """Return the label of a tick; matplotlib passes its value and its position."""
     return f"{value:g}"
 
 
 def add_ratio_axis(axes: Any, height: float, label: str) -> None:
-    """Add an axis of displacement ratios in percent above an axis of displacements.
+    """Add an axis of displacements divided by a height, percent, on top of a panel.
 
-    `height` has the unit of the displacements; without a height (nan) there is no such axis.
+    Parameters
+    ----------
+    axes : Axes
+        Panel with displacements on the x axis.
+    height : float
+        Height in the unit of the displacements. If it is nan (unknown), no axis is added.
+    label : str
+        Label of the added axis.
     """
     if math.isnan(height):
         return
@@ -843,10 +947,10 @@ def write_labels(
     labels: Iterable[tuple[float, float, str]],
     marks: Sequence[tuple[float, float]],
 ) -> None:
-    """Write each label next to its point if it covers no mark and no other label.
+    """Write labels next to their points so that no label covers a mark or another label.
 
-    The order of the labels is their priority; a label without space is omitted. Call this function
-    after the layout of the figure is complete.
+    Four positions around each point are tried, and a label is omitted if no position is free. The
+    first labels have priority. Call this function after the layout of the figure is complete.
 
     Parameters
     ----------
@@ -862,7 +966,7 @@ def write_labels(
     figure.draw_without_rendering()
     point = figure.dpi / 72.0  # pixels
     frame = axes.get_window_extent()
-    # Boxes of marks and labels: left, bottom, right, top, in pixels.
+    # Each box is the left, bottom, right and top end of a mark or label, pixels.
     occupied: list[Box] = []
     if len(marks):
         half = _MARKER * point
