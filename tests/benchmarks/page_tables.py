@@ -25,7 +25,7 @@ WORDS = {
     "peak_total_shear": "peak total shear",
 }
 ALIKE = 1.1
-"""Costs within this factor of the least are the same: clocks do not distinguish them."""
+"""Costs that differ by at most this factor count as equal: repeated measurements differ as much."""
 NEAR = (0.95, 1.05)
 """Range of the ratio of two errors of the same method by two programs."""
 TOLERANCE_NOTE = """\
@@ -140,17 +140,19 @@ def mean_costs(measured: Sequence[Measured], tolerance: float) -> dict[str, floa
     """
     ratios = defaultdict(list)
     judged = 0
-    for one, quantity in product(measured, PEAKS):
-        if not one.judges(quantity, tolerance):
+    for problem, quantity in product(measured, PEAKS):
+        if not problem.judges(quantity, tolerance):
             continue
-        costs = {
-            line: cost for line, cost in one.costs(quantity, tolerance).items() if of_steps(line)
-        }
-        least = min((cost for cost in costs.values() if cost == cost), default=math.nan)
         judged += 1
+        # The cost of a method that does not solve the problem is nan.
+        costs = {
+            line: cost
+            for line, cost in problem.costs(quantity, tolerance).items()
+            if of_steps(line) and not math.isnan(cost)
+        }
+        minimum = min(costs.values(), default=math.nan)
         for line, cost in costs.items():
-            if cost == cost:  # not nan: the method solves the problem
-                ratios[line].append(cost / least)
+            ratios[line].append(cost / minimum)
     return {
         line: geometric_mean(values) for line, values in ratios.items() if len(values) == judged
     }
@@ -165,24 +167,22 @@ def cheapest(measured: Sequence[Measured], tolerance: float) -> list[str]:
 def by_building(chart: FieldChart) -> dict[str, list[Measured]]:
     """Return the problems of each building."""
     buildings: dict[str, list[Measured]] = {}
-    for one in chart.measured:
-        buildings.setdefault(one.name, []).append(one)
+    for problem in chart.measured:
+        buildings.setdefault(problem.name, []).append(problem)
     return buildings
 
 
 def statements(chart: FieldChart) -> list[str]:
     """Return sentences on the cheapest methods, one for each range of tolerances."""
     buildings = by_building(chart)
-    found = {
-        tolerance: {name: cheapest(of_one, tolerance) for name, of_one in buildings.items()}
-        for tolerance in TOLERANCES
-    }
     sentences = []
     for tolerance in TOLERANCES:
+        # Number of buildings for which a method is the cheapest, by method.
         counts: dict[str, int] = defaultdict(int)
-        for lines in found[tolerance].values():
-            for line in lines[:1]:
-                counts[line] += 1
+        for problems in buildings.values():
+            methods = cheapest(problems, tolerance)
+            if methods:
+                counts[methods[0]] += 1
         leaders = sorted(counts.items(), key=lambda item: -item[1])
         listed = ", ".join(f"`{line}` for {count}" for line, count in leaders)
         sentences.append(
@@ -191,23 +191,24 @@ def statements(chart: FieldChart) -> list[str]:
     return sentences
 
 
-def cheapest_said(chart: FieldChart) -> str:
+def cheapest_methods(chart: FieldChart) -> str:
     """Return the table of the cheapest methods by building and tolerance, with statements."""
     rows = [
         [
             name,
             *(
-                ", ".join(f"`{line}`" for line in cheapest(of_one, tolerance)[:3]) or "-"
+                ", ".join(f"`{line}`" for line in cheapest(problems, tolerance)[:3]) or "-"
                 for tolerance in TOLERANCES
             ),
         ]
-        for name, of_one in by_building(chart).items()
+        for name, problems in by_building(chart).items()
     ]
     listed = "\n".join(f"- {sentence}" for sentence in statements(chart))
     return (
-        "The cheapest methods of a building: least geometric mean of the cost over the least cost, "
-        "over its motions and all three quantities, of the methods that solve all of them. Methods "
-        f"within {ALIKE:g} times the least mean are listed too, at most three.\n\n{listed}\n\n"
+        "The cheapest method of a building has the smallest geometric mean, over its ground "
+        "motions and the three quantities, of the cost divided by the minimum cost. Only methods "
+        f"that solve all cases are compared. Methods with at most {ALIKE:g} times the smallest "
+        f"mean are listed also; at most three methods are listed.\n\n{listed}\n\n"
         f"{table(['building', *map(percent, TOLERANCES)], rows)}"
     )
 
@@ -216,32 +217,44 @@ def cheapest_said(chart: FieldChart) -> str:
 
 
 def ratios_of_errors(chart: FieldChart, line: str, quantity: str) -> dict[str, list[float]]:
-    """Return the errors of OpenSees over those of our method of the same name, by building.
+    """Return errors of OpenSees divided by those of the method of tdint with the same name.
 
-    Steps longer than the sampling interval are left out, because peaks between them differ.
+    Steps longer than the sampling interval are omitted, because peaks between the steps differ.
+
+    Parameters
+    ----------
+    chart : FieldChart
+        Results.
+    line : str
+        Line of OpenSees, such as `openseespy/hht`.
+    quantity : str
+        Quantity of the errors.
+
+    Returns
+    -------
+    dict of str to list of float
+        Ratios of all ground motions and time steps, by building.
     """
-    ours = line.partition("/")[2]
-    found: dict[str, list[float]] = {}
-    for one in chart.measured:
-        errors = {
-            round(point.dt / one.interval, 6): point.error(quantity)
-            for point in one.points
-            if point.line == ours
+    own_method = line.partition("/")[2]
+    ratios: dict[str, list[float]] = {}
+    for problem in chart.measured:
+        own_errors = {
+            round(point.dt / problem.interval, 6): point.error(quantity)
+            for point in problem.points
+            if point.line == own_method
         }
-        for point in one.points:
-            own = errors.get(round(point.dt / one.interval, 6), math.nan)
+        for point in problem.points:
+            # The margin of 0.1 % absorbs rounding of the step.
+            if point.line != line or point.dt > 1.001 * problem.interval:
+                continue
+            own_error = own_errors.get(round(point.dt / problem.interval, 6), math.nan)
             error = point.error(quantity)
-            if (
-                point.line == line
-                and point.dt <= 1.001 * one.interval
-                and own > 0.0
-                and error > 0.0
-            ):
-                found.setdefault(one.name, []).append(error / own)
-    return found
+            if own_error > 0.0 and error > 0.0:
+                ratios.setdefault(problem.name, []).append(error / own_error)
+    return ratios
 
 
-def same_method_said(chart: FieldChart, lines: Sequence[str]) -> str:
+def errors_of_same_methods(chart: FieldChart, lines: Sequence[str]) -> str:
     """Return a table of the ratios of errors of two programs.
 
     Parameters
@@ -260,31 +273,32 @@ def same_method_said(chart: FieldChart, lines: Sequence[str]) -> str:
             cells.append(f"{median(values):.3g} ({near}/{len(values)})")
         if found:
             rows.append([f"`{line}`", WORDS[quantity], *cells])
-            heads = ["error over ours", "quantity", *found]
+            heads = ["ratio of errors", "quantity", *found]
     if not rows:
         return ""
     return (
-        "Errors of OpenSees over errors of our method of the same name at the same time step, up "
-        "to the sampling interval: median, and how many of the ratios are "
-        f"{NEAR[0]:g} to {NEAR[1]:g}. Accelerations and shears agree. Drifts differ because our "
-        "peaks include those between the time steps; OpenSees integrates the law of "
-        f"{OTHER_SCHEME} with a scheme of order 1.\n\n{table(heads, rows)}"
+        "The next table contains errors of OpenSees divided by errors of the method of tdint with "
+        "the same name and time step, up to the sampling interval: the median, and in parentheses "
+        f"the number of ratios between {NEAR[0]:g} and {NEAR[1]:g}. Accelerations and shears "
+        "agree. Drifts differ because the peaks of tdint include peaks between the time steps. "
+        f"OpenSees integrates the hysteresis model of {OTHER_SCHEME} with a scheme of order 1."
+        f"\n\n{table(heads, rows)}"
     )
 
 
 # ---- A plain loop, and the cost of a call
 
 
-def plain_loop_said() -> str:
+def plain_loop_tables() -> str:
     """Return the tables of plain_loop.csv and fixed_cost.csv."""
     times: dict[str, dict[str, dict[str, float]]] = {}
     for row in raw_points.read(HERE / "plain_loop.csv"):
-        of_one = times.setdefault(row["tolerance"], {}).setdefault(row["building"], {})
-        of_one[row["program"]] = float(row["time_s"])
+        building = times.setdefault(row["tolerance"], {}).setdefault(row["building"], {})
+        building[row["program"]] = float(row["time_s"])
     rows = []
     for tolerance, buildings in times.items():
-        both = [one for one in buildings.values() if len(one) == 2]
-        ratios = sorted(one["plain loop"] / one["run_case"] for one in both)
+        both = [programs for programs in buildings.values() if len(programs) == 2]
+        ratios = sorted(programs["plain loop"] / programs["run_case"] for programs in both)
         wins = sum(ratio > 1.0 for ratio in ratios)
         numbers = (f"{ratios[0]:.2g}", f"{median(ratios):.2g}", f"{ratios[-1]:.2g}")
         rows.append([percent(float(tolerance)), *numbers, f"{wins} of {len(ratios)}"])
@@ -297,18 +311,18 @@ def plain_loop_said() -> str:
         ]
         for row in raw_points.read(HERE / "fixed_cost.csv")
     ]
-    of_fixed = raw_points.read(HERE / "fixed_cost.csv")[0]
+    first_call = raw_points.read(HERE / "fixed_cost.csv")[0]
     return (
-        "Time of a plain loop over the time of `run_case` with `impulse4`, without error estimate, "
-        "for an error of the peak drifts of ten random bilinear buildings under the shipped "
-        "motions. The plain loop is 40 lines of average acceleration for bilinear stories, "
-        "compiled with numba, without energies, peaks between steps and checks. Each uses the "
-        "longest time step that is within the tolerance, as are all shorter steps (`python "
-        "tests/benchmarks/plain_loop.py`; the calls take turns in one process).\n\n"
+        "The table contains the time of a plain loop divided by the time of `run_case` with "
+        "`impulse4` and without error estimate, for ten random bilinear buildings under the "
+        "shipped motions. The plain loop is 40 lines of average acceleration for bilinear stories, "
+        "compiled with numba, without energies, peaks between steps and checks. Each program uses "
+        "the longest time step for which it and all shorter steps meet the tolerance (`python "
+        "tests/benchmarks/plain_loop.py`; the programs run alternately in one process).\n\n"
         f"{table(heads, rows)}\n"
-        f"A call without error estimate for {of_fixed['stories']} stories and {of_fixed['steps']} "
-        "steps, compared with its time loop, which takes "
-        f"{1e3 * float(of_fixed['loop_s']):.2f} ms:\n\n"
+        f"A call without error estimate for {first_call['stories']} stories and "
+        f"{first_call['steps']} steps, compared with its time loop, which takes "
+        f"{1e3 * float(first_call['loop_s']):.2f} ms:\n\n"
         f"{table(['call', 'ms more than the loop', 'times the loop'], fixed)}"
     )
 
@@ -316,37 +330,37 @@ def plain_loop_said() -> str:
 # ---- Loops for all laws
 
 
-def loops_said() -> str:
+def loops_table() -> str:
     """Return the table of loops.csv."""
-    found = raw_points.read(HERE / "loops.csv")
-    kinds = list(dict.fromkeys(row["loops"] for row in found))
-    methods = list(dict.fromkeys(row["method"] for row in found))
+    measurements = raw_points.read(HERE / "loops.csv")
+    sources = list(dict.fromkeys(row["loops"] for row in measurements))  # of the loops
+    methods = list(dict.fromkeys(row["method"] for row in measurements))
     ratios: dict[str, dict[tuple[str, str], str]] = {}
-    for row in found:
+    for row in measurements:
         ratios.setdefault(row["model"], {})[row["loops"], row["method"]] = row["ratio"]
-    heads = ["model", *(f"`{method}`, {kind}" for kind, method in product(kinds, methods))]
+    heads = ["model", *(f"`{method}`, {source}" for source, method in product(sources, methods))]
     rows = [
         [
             model,
             *(
-                f"{float(of_one[key]):.2f}" if key in of_one else "-"
-                for key in product(kinds, methods)
+                f"{float(model_ratios[key]):.2f}" if key in model_ratios else "-"
+                for key in product(sources, methods)
             ),
         ]
-        for model, of_one in ratios.items()
+        for model, model_ratios in ratios.items()
     ]
-    values = {
-        kind: [float(row["ratio"]) for row in found if row["loops"] == kind] for kind in kinds
-    }
-    total = "; ".join(
-        f"{kind}: median {median(of_one):.2f}, {min(of_one):.2f} to {max(of_one):.2f}"
-        for kind, of_one in values.items()
-    )
+    ranges = []
+    for source in sources:
+        values = [float(row["ratio"]) for row in measurements if row["loops"] == source]
+        ranges.append(
+            f"{source}: median {median(values):.2f}, {min(values):.2f} to {max(values):.2f}"
+        )
     return (
         "All methods of this page run in loops that are compiled for the laws of the building. "
-        "A method or a law of a plug-in always does. With a cache that was filled by `tdint "
-        "compile --all`, or from a wheel, built-in methods run in loops for all laws. Time of "
-        "these loops over the time of loops for the building "
-        f"(`python tests/benchmarks/loops.py`): {total}.\n\n"
+        "Methods and laws of plug-ins always run in such loops. If the cache was filled by `tdint "
+        "compile --all`, or tdint was installed from a wheel with compiled loops, built-in methods "
+        "run in loops for all laws. The table contains the time of loops for all laws divided by "
+        "the time of loops for the building (`python tests/benchmarks/loops.py`; "
+        f"{'; '.join(ranges)}).\n\n"
         f"{table(heads, rows)}"
     )

@@ -30,8 +30,9 @@ from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
-sys.path.insert(0, str(Path(__file__).parent))  # of this folder
+# Modules of the tests, and those of this directory.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).parent))
 import page_tables
 import raw_points
 from page_tables import WORDS, percent, table
@@ -71,11 +72,13 @@ COMMAND = "python tests/benchmarks/run.py"
 """The command of the page, stored in its figures."""
 
 CHARTS = (("linear", "near-fault"), ("bilinear", "near-fault"), ("bouc-wen", "near-fault"))
-"""Problems whose points are drawn: methods of order 4 at home, kinks, smooth hysteresis."""
+"""Problems whose points are drawn: a smooth problem that suits methods of order 4, one with kinks
+of the force, and one with smooth hysteresis."""
 
 SAME = ("openseespy/newmark-average", "openseespy/hht")
 """Lines of OpenSees whose errors are compared with those of our method of the same name."""
 MINUTES = 20.0
+"""Default time after which no further problem is started, min."""
 REPEATS = 3
 """Number of times that the lines by tolerance are timed."""
 
@@ -84,8 +87,18 @@ REPEATS = 3
 
 
 def journal(methods: Sequence[str], peers: bool) -> Path:
-    """The folder of what is finished: another one for other methods, other loops, another way of
-    measuring."""
+    """Return the directory of finished problems.
+
+    The directory depends on everything that changes the measured times and errors: methods, time
+    loops, the version of OpenSeesPy, and the modules that measure.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of the methods.
+    peers : bool
+        True if OpenSeesPy is measured if it is installed.
+    """
     sources = [
         Path(module.__file__).read_text(encoding="utf-8")
         for module in (profiles, work_precision, peers_module, opensees_worker)
@@ -93,16 +106,20 @@ def journal(methods: Sequence[str], peers: bool) -> Path:
     program = (
         (version("openseespy") if find_spec("openseespy") else "missing") if peers else "without"
     )
-    told = (*methods, program, digest_of_all(), *sources)
-    digest = hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
-    folder = system.cache_subfolder(f"benchmarks-{digest}")
-    if folder is None:
-        sys.exit("no cache folder can be written: set TDINT_CACHE_DIR to one that can")
-    return folder
+    identity = (*methods, program, digest_of_all(), *sources)
+    digest = hashlib.sha256("\n".join(identity).encode()).hexdigest()[:16]
+    directory = system.cache_subfolder(f"benchmarks-{digest}")
+    if directory is None:
+        sys.exit("the cache directory cannot be written: set TDINT_CACHE_DIR to another directory")
+    return directory
 
 
-def place(folder: Path, problem: FieldProblem) -> Path:
-    """The file of a problem: of its names and of what it is."""
+def problem_file(directory: Path, problem: FieldProblem) -> Path:
+    """Return the file for the results of a problem.
+
+    Its name contains a digest of the building and the ground motion, so a changed problem has
+    another file.
+    """
     posed = problem.posed
     tables = (
         posed.building.linear_terms,
@@ -111,19 +128,33 @@ def place(folder: Path, problem: FieldProblem) -> Path:
         posed.ground,
     )
     digest = hashlib.sha256(b"".join(table.tobytes() for table in tables)).hexdigest()[:12]
-    return folder / f"{problem.name}-{problem.motion}-{digest}.pickle"
+    return directory / f"{problem.name}-{problem.motion}-{digest}.pickle"
 
 
-def work(number: int, file: Path, methods: Sequence[str], peers: bool) -> str:
-    """Measure one of the standard problems and keep it."""
+def measure_standard_problem(number: int, file: Path, methods: Sequence[str], peers: bool) -> str:
+    """Measure one of the standard problems, store its results, and return a line about it.
+
+    Parameters
+    ----------
+    number : int
+        Index of the problem in the file of standard problems.
+    file : Path
+        File for the results.
+    methods : sequence of str
+        Names of the methods.
+    peers : bool
+        True to measure OpenSeesPy also, if it is installed.
+    """
     problem = read_problems(STANDARD)[number]
-    # Loops of one kind for all methods, whatever the cache has: those for all laws are slower.
+    # Loops for all laws are slower than loops for the laws of the building. The cache may contain
+    # either for a method, so all methods are compiled for the laws of the building.
     problem.posed.prepared.compile(
         [parse(name) for name in dict.fromkeys([*methods, "impulse4", "moment4"])], own_loops=True
     )
     began = time.process_time()
     measured = measure_problem(problem, chosen(methods), tolerances=TOLERANCES, peers=peers)
-    # The next command measures a problem again whose peers had no process on a busy machine.
+    # On a busy machine the process of OpenSees may not start. Such a result is not stored, so that
+    # the next command measures the problem again.
     if peers_module.NO_PROCESS in measured.peer_note:
         return f"{problem.name}, {problem.motion}: not kept, openseespy: {measured.peer_note}"
     day = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
@@ -134,11 +165,26 @@ def work(number: int, file: Path, methods: Sequence[str], peers: bool) -> str:
     return f"{problem.name}, {problem.motion}: {seconds:.0f} s of processor time"
 
 
-def work_by_tolerance(number: int, file: Path, methods: Sequence[str]) -> str:
-    """Measure the lines by tolerance of one of the standard problems again and keep them.
+def measure_tolerance_lines(number: int, file: Path, methods: Sequence[str]) -> str:
+    """Measure the lines `by tolerance` of a standard problem again, and replace the stored ones.
 
-    The times are multiplied by the ratio of the former to the present time of a run that both
-    measurements have, impulse4 at the sampling interval, because the machine may now be slower.
+    The machine may be slower now than in the first measurement. The times are therefore multiplied
+    by the ratio of the former to the present time of a run that both measurements contain: impulse4
+    at the sampling interval.
+
+    Parameters
+    ----------
+    number : int
+        Index of the problem in the file of standard problems.
+    file : Path
+        File with the results of the problem; it is replaced.
+    methods : sequence of str
+        Names of the methods. Only those whose step can be chosen by a tolerance are measured.
+
+    Returns
+    -------
+    str
+        A line about the measurement.
     """
     problem = read_problems(STANDARD)[number]
     measured, day, load, seconds = pickle.loads(file.read_bytes())
@@ -156,8 +202,9 @@ def work_by_tolerance(number: int, file: Path, methods: Sequence[str]) -> str:
     ratio = former.fastest / now
     lines = [replace(p, times=tuple(ratio * time for time in p.times), walls=()) for p in lines]
     kept = [p for p in measured.points if not p.line.endswith(work_precision.BY_TOLERANCE)]
-    place_of_peers = next((i for i, p in enumerate(kept) if profiles.PEER in p.line), len(kept))
-    new_points = (*kept[:place_of_peers], *lines, *kept[place_of_peers:])
+    # The lines of other programs are the last.
+    first_peer = next((i for i, p in enumerate(kept) if profiles.PEER in p.line), len(kept))
+    new_points = (*kept[:first_peer], *lines, *kept[first_peer:])
     new = file.with_suffix(".new")
     new.write_bytes(pickle.dumps((replace(measured, points=new_points), day, load, seconds)))
     new.replace(file)
@@ -165,7 +212,17 @@ def work_by_tolerance(number: int, file: Path, methods: Sequence[str]) -> str:
 
 
 def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -> None:
-    """Measure all that is not finished; none is begun after so many minutes."""
+    """Call functions in processes and print their results.
+
+    Parameters
+    ----------
+    todo : sequence of callable
+        Functions that measure a problem and return a line about it.
+    processes : int
+        Number of processes.
+    minutes : float
+        Time after which no further function is called, min.
+    """
     deadline = time.monotonic() + 60.0 * minutes
     waiting = list(todo)
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
@@ -181,7 +238,7 @@ def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -
 # ---- The page
 
 
-def whole_chart(entries: Sequence[Entry], conditions: Conditions | None = None) -> FieldChart:
+def complete_chart(entries: Sequence[Entry], conditions: Conditions | None = None) -> FieldChart:
     """Return the chart of all problems, with the largest load during the measurement.
 
     The conditions are the stored conditions; without them the conditions are those of now.
@@ -198,12 +255,17 @@ def conditions_of(entries: Sequence[Entry]) -> Conditions:
     packages = {"NumPy": "numpy", "numba": "numba", "llvmlite": "llvmlite"}
     versions = [f"tdint {tdint.__version__}", f"Python {platform.python_version()}"]
     versions += [f"{name} {version(package)}" for name, package in packages.items()]
-    chart = whole_chart(entries)
+    chart = complete_chart(entries)
     return Conditions(", ".join(versions), platform.system(), chart.timing, chart.peers)
 
 
 def cell(profile: PerformanceProfile | None) -> str:
-    """Solved within twice the least cost, median and worst ratio, not solved, and not run."""
+    """Return the cell of a method in a table of profiles.
+
+    Its numbers, separated by slashes, are: problems solved within twice the minimum cost, median
+    and largest ratio of the cost to the minimum cost, and problems that are not solved (in
+    parentheses those that were not run). It is empty for a method without a profile.
+    """
     if profile is None:
         return ""
     failed = profile.problems - profile.solved
@@ -214,127 +276,155 @@ def cell(profile: PerformanceProfile | None) -> str:
 
 
 def tables_of_profiles(chart: FieldChart) -> str:
-    """A table for each quantity: a row a method, a column a tolerance."""
-    found = {(one.quantity, one.tolerance, one.method): one for one in chart.profiles}
+    """Return a table for each quantity: a row for each method, a column for each tolerance."""
+    profiles_by_key = {
+        (profile.quantity, profile.tolerance, profile.method): profile for profile in chart.profiles
+    }
     text = ""
     for quantity in PEAKS:
-        judged = {
-            tolerance: max(
-                p.problems
-                for p in chart.profiles
-                if (p.quantity, p.tolerance) == (quantity, tolerance)
-            )
-            for tolerance in TOLERANCES
-            if any((p.quantity, p.tolerance) == (quantity, tolerance) for p in chart.profiles)
-        }
+        # Number of problems by tolerance. A problem is omitted if its reference is too inexact.
+        counts: dict[float, int] = {}
+        for profile in chart.profiles:
+            if profile.quantity == quantity:
+                former = counts.get(profile.tolerance, 0)
+                counts[profile.tolerance] = max(former, profile.problems)
+        tolerances = [tolerance for tolerance in TOLERANCES if tolerance in counts]
         heads = [
             "method",
-            *(f"{percent(tolerance)} ({count})" for tolerance, count in judged.items()),
+            *(f"{percent(tolerance)} ({counts[tolerance]})" for tolerance in tolerances),
         ]
         rows = [
             [
                 f"`{line}`{chart.named(line).removeprefix(line)}",
-                *(cell(found.get((quantity, tolerance, line))) for tolerance in judged),
+                *(cell(profiles_by_key.get((quantity, t, line))) for t in tolerances),
             ]
             for line in chart.lines
-            if any((quantity, tolerance, line) in found for tolerance in judged)
+            if any((quantity, t, line) in profiles_by_key for t in tolerances)
         ]
         text += f"### {WORDS[quantity].capitalize()}\n\n{table(heads, rows)}\n"
     return text
 
 
-def dearest(chart: FieldChart, line: str = "impulse4") -> str:
-    """Where a method costs most over the least: of each error of some percent the two dearest
-    problems, and what it and the cheapest method do there."""
-    rows, costs, counts = [], [], []
+def _cheapest_points(problem: Measured, quantity: str, tolerance: float) -> dict[str, Point]:
+    """Return the cheapest run of each method that meets a tolerance, by method."""
+    points = [point for point in problem.points if profiles.of_steps(point.line)]
+    # The last run of a method that is entered is the cheapest.
+    return {
+        point.line: point
+        for point in sorted(points, key=lambda point: -point.fastest)
+        if point in within(points, point.line, quantity, tolerance)
+    }
 
-    def done(point: Point, interval: float, quantity: str) -> list[str]:
-        solves = point.iterations / point.steps
-        return [
-            f"{point.dt / interval:.3g}",
-            f"{100.0 * point.error(quantity):.2g} %",
-            f"{solves:.1f}",
-            f"{1e6 * point.fastest / point.iterations:.2f}",
-        ]
 
+def _describe_run(point: Point, interval: float, quantity: str) -> list[str]:
+    """Return samples per step, error, solves per step and microseconds per solve of a run."""
+    return [
+        f"{point.dt / interval:.3g}",
+        f"{100.0 * point.error(quantity):.2g} %",
+        f"{point.iterations / point.steps:.1f}",
+        f"{1e6 * point.fastest / point.iterations:.2f}",
+    ]
+
+
+def most_expensive(chart: FieldChart, line: str = "impulse4") -> str:
+    """Return a table of the problems on which a method costs most, compared with the cheapest.
+
+    For each quantity and each tolerance of some percent, the table contains the two problems with
+    the largest ratio of the cost to the minimum cost.
+
+    Parameters
+    ----------
+    chart : FieldChart
+        Results of the problems.
+    line : str
+        Name of the method.
+
+    Returns
+    -------
+    str
+        Explanation and table; empty if the method solves no problem.
+    """
+    rows = []
+    time_ratios, solve_ratios = [], []  # of the method to the cheapest: per solve, and per step
     for tolerance, quantity in product((0.1, COARSE), PEAKS):
-        found = []
-        for one in chart.measured:
-            points = [point for point in one.points if profiles.of_steps(point.line)]
-            best = {
-                point.line: point
-                for point in sorted(points, key=lambda point: -point.fastest)
-                if point in within(points, point.line, quantity, tolerance)
-            }
-            if line in best and one.judges(quantity, tolerance):
-                least = min(best.values(), key=lambda point: point.fastest)
-                found.append((best[line].fastest / least.fastest, one, best[line], least))
-        for ratio, one, ours, least in sorted(found, key=lambda entry: -entry[0])[:2]:
+        comparisons = []
+        for problem in chart.measured:
+            runs = _cheapest_points(problem, quantity, tolerance)
+            if line in runs and problem.judges(quantity, tolerance):
+                cheapest = min(runs.values(), key=lambda point: point.fastest)
+                ratio = runs[line].fastest / cheapest.fastest
+                comparisons.append((ratio, problem, runs[line], cheapest))
+        comparisons.sort(key=lambda comparison: -comparison[0])
+        for ratio, problem, own, cheapest in comparisons[:2]:
             rows.append(
                 [
                     f"{WORDS[quantity]}, {percent(tolerance)}",
-                    f"{one.name}, {one.motion}",
+                    f"{problem.name}, {problem.motion}",
                     f"{ratio:.1f}",
-                    *done(ours, one.interval, quantity),
-                    f"`{least.line}`",
-                    *done(least, one.interval, quantity),
+                    *_describe_run(own, problem.interval, quantity),
+                    f"`{cheapest.line}`",
+                    *_describe_run(cheapest, problem.interval, quantity),
                 ]
             )
-            costs.append(ours.fastest / ours.iterations / (least.fastest / least.iterations))
-            counts.append(ours.iterations / ours.steps / (least.iterations / least.steps))
-    each = ["samples a step", "error", "solves a step", "us a solve"]
-    heads = ["error within", "problem", "cost over least", *each, "cheapest", *each]
+            own_time = own.fastest / own.iterations
+            time_ratios.append(own_time / (cheapest.fastest / cheapest.iterations))
+            own_solves = own.iterations / own.steps
+            solve_ratios.append(own_solves / (cheapest.iterations / cheapest.steps))
     if not rows:
         return ""
+    run_heads = ["samples per step", "error", "solves per step", "us per solve"]
+    heads = ["tolerance", "problem", "cost over minimum", *run_heads, "cheapest", *run_heads]
     return (
-        f"Where an error of some percent will do, `{line}` costs most over the least on these "
-        "problems. It takes "
-        "forces at two times of a step and solves for displacements and velocities together: here "
-        "a solve takes "
-        f"{min(costs):.1f} to {max(costs):.1f} times as long as one of the cheapest method. "
-        "Within a step it goes from "
-        "one turn or kink of a story's force to the next, but for those that matter less than "
-        "what the step errs by; "
-        "smooth hysteresis (bouc-wen, fluid-dampers) turns in each story: a step has "
-        f"{min(counts):.1f} to {max(counts):.1f} times as many solves. That keeps small errors "
-        "small and is wasted on "
-        "large ones: "
-        f"{PARTS[0]:g} samples, the longest step here, may err far less.\n\n"
+        f"If an error of some percent is sufficient, `{line}` is most expensive, relative to the "
+        "cheapest method, on the following problems. The method evaluates the story forces at two "
+        "times of a step, and solves for displacements and velocities together: on these problems "
+        f"a solve takes {min(time_ratios):.1f} to {max(time_ratios):.1f} times as long as a solve "
+        "of the cheapest method. Within a step, the method stops at each reversal and each kink of "
+        "a story force, unless its effect is smaller than the error of the step. With smooth "
+        "hysteresis (bouc-wen, fluid-dampers) each story reverses. A step has "
+        f"{min(solve_ratios):.1f} to {max(solve_ratios):.1f} times as many solves. This makes "
+        "small errors possible, and costs time where large errors are allowed: with the longest "
+        f"step, {PARTS[0]:g} samples, the error may be far below the tolerance.\n\n"
         f"{table(heads, rows)}"
     )
 
 
 def failures(chart: FieldChart) -> str:
-    """A row for each method, a column for each building: what it does not solve at the smallest
-    tolerance."""
+    """Return a table of the number of cases that a method does not solve at the smallest tolerance.
+
+    It has a row for each method and a column for each building.
+    """
     buildings = list(dict.fromkeys(one.name for one in chart.measured))
     rows = []
     for line in chart.lines:
         cells = []
         for name in buildings:
-            tried = [
-                one.costs(quantity, TOLERANCES[-1])
-                for one in chart.measured
+            cases = [
+                problem.costs(quantity, TOLERANCES[-1])
+                for problem in chart.measured
                 for quantity in PEAKS
-                if one.name == name and one.judges(quantity, TOLERANCES[-1])
+                if problem.name == name and problem.judges(quantity, TOLERANCES[-1])
             ]
-            costs = [costs_of_all[line] for costs_of_all in tried if line in costs_of_all]
-            failed = sum(cost != cost for cost in costs)  # nan
+            costs = [case[line] for case in cases if line in case]
+            failed = sum(math.isnan(cost) for cost in costs)
             cells.append("-" if not costs else f"**{failed}**" if failed else "0")
         rows.append([f"`{line}`", *cells])
     return table(["method", *buildings], rows)
 
 
 def problems(chart: FieldChart) -> str:
-    """What the problems are, and how well their references are known."""
+    """Return a list of the buildings with their purpose, and a table of all problems.
+
+    The table states the uncertainty of each reference solution.
+    """
     rows = []
-    for one in chart.measured:
-        ductility = f"{one.ductility:.1f}" if one.ductility == one.ductility else "-"
-        gaps = "/".join(f"{one.gap.of(name):.0e}" for name in PEAKS)
-        rows.append([one.name, one.motion, str(one.stories), ductility, str(one.changes), gaps])
-    reasons = "\n".join(
-        f"- **{one.name}**: {one.reason}." for one in {m.name: m for m in chart.measured}.values()
-    )
+    for problem in chart.measured:
+        ductility = "-" if math.isnan(problem.ductility) else f"{problem.ductility:.1f}"
+        gaps = "/".join(f"{problem.gap.of(name):.0e}" for name in PEAKS)
+        changes = str(problem.changes)
+        rows.append([problem.name, problem.motion, str(problem.stories), ductility, changes, gaps])
+    purposes = {problem.name: problem.reason for problem in chart.measured}
+    reasons = "\n".join(f"- **{name}**: {reason}." for name, reason in purposes.items())
     heads = [
         "building",
         "motion",
@@ -346,16 +436,31 @@ def problems(chart: FieldChart) -> str:
     return f"{reasons}\n\n{table(heads, rows)}"
 
 
-def chart_of(one: Measured, whole: FieldChart) -> Chart:
-    """The points of one problem as `tdint chart` has them."""
+def chart_of(problem: Measured, chart: FieldChart) -> Chart:
+    """Return the results of one problem as a chart of `tdint chart`.
+
+    Parameters
+    ----------
+    problem : Measured
+        Results of the problem.
+    chart : FieldChart
+        Results of all problems; it states how times were measured.
+    """
     usual = next(
-        p for p in one.points if p.line == "newmark-average" and abs(p.dt - one.interval) < 1e-9
+        point
+        for point in problem.points
+        if point.line == "newmark-average" and abs(point.dt - problem.interval) < 1e-9
     )
-    reference = Reference("impulse4", one.interval / 32, one.confirmed_by, one.gap, NO_MOTION)  # type: ignore[arg-type]
-    return Chart(one.stories, one.interval, True, one.points, reference, usual, whole.timing)
+    reference = Reference(
+        "impulse4", problem.interval / 32, problem.confirmed_by, problem.gap, NO_MOTION
+    )  # type: ignore[arg-type]
+    return Chart(
+        problem.stories, problem.interval, True, problem.points, reference, usual, chart.timing
+    )
 
 
 NO_MOTION = FloorMotion(1, *4 * (None,))  # type: ignore[arg-type]
+"""Placeholder for the motion of the reference, which the figures do not use."""
 
 
 def pictures(chart: FieldChart) -> list[tuple[str, str, Callable[[], object]]]:
@@ -366,20 +471,20 @@ def pictures(chart: FieldChart) -> list[tuple[str, str, Callable[[], object]]]:
         file = f"profile-{quantity.replace('_', '-')}.png"
         shown.append((file, f"Performance profiles, errors of {WORDS[quantity]}", figure))
     for name, motion in CHARTS:
-        one = next(
-            (one for one in chart.measured if (one.name, one.motion) == (name, motion)), None
-        )
-        if one is not None:
+        problem = next((m for m in chart.measured if (m.name, m.motion) == (name, motion)), None)
+        if problem is not None:
             title = f"{name}, {motion}"
-            figure = partial(chart_picture, chart_of(one, chart), name=title, target="peak-drift")
+            figure = partial(
+                chart_picture, chart_of(problem, chart), name=title, target="peak-drift"
+            )
             text = f"Time over error of the peak drifts: {title}"
             shown.append((f"chart-{name}.png", text, figure))
     return shown
 
 
 def write(file: Path, figure: Callable[[], object]) -> None:
-    """A picture of few bytes: 64 colors do."""
-    from PIL import Image  # comes with matplotlib
+    """Write a figure as PNG with 64 colors, which makes the file small."""
+    from PIL import Image  # Pillow is a dependency of matplotlib
 
     stream = io.BytesIO()
     picture(".png", figure)(stream)  # type: ignore[arg-type]
@@ -405,77 +510,84 @@ def machine(entries: Sequence[Entry], chart: FieldChart, conditions: Conditions)
     )
 
 
-def apart_said(chart: FieldChart) -> str:
+def separate_lines(chart: FieldChart) -> str:
     """Return a table of the lines that are not among the profiles, and the reason."""
     text = ""
     for line in profiles.APART:
-        having = [one for one in chart.measured if any(p.line == line for p in one.points)]
+        measured = [m for m in chart.measured if any(p.line == line for p in m.points)]
         rows = []
         for quantity in PEAKS:
             cells = []
             for tolerance in TOLERANCES:
-                sure = [one for one in having if one.judges(quantity, tolerance)]
-                solved = sum(math.isfinite(one.costs(quantity, tolerance)[line]) for one in sure)
-                unknown = sum(one.is_unknown(line, quantity, tolerance) for one in sure)
-                cells.append(f"{solved}/{len(sure) - solved - unknown}/{unknown}")
+                # Problems whose reference is exact enough for the tolerance.
+                judged = [m for m in measured if m.judges(quantity, tolerance)]
+                solved = sum(math.isfinite(m.costs(quantity, tolerance)[line]) for m in judged)
+                not_run = sum(m.is_unknown(line, quantity, tolerance) for m in judged)
+                cells.append(f"{solved}/{len(judged) - solved - not_run}/{not_run}")
             rows.append([quantity.replace("_", " "), *cells])
-        if having:
+        if measured:
             heads = ["solved/not solved/not run", *map(percent, TOLERANCES)]
             text += (
-                f"`{line}` is not among the profiles, because it is not the method of this name. "
-                f"{peers_module.ITERATED}.\n\n{table(heads, rows)}"
+                f"`{line}` is not among the profiles, because it does not implement the method of "
+                f"this name. {peers_module.ITERATED}.\n\n{table(heads, rows)}\n"
             )
     return text
 
 
-def peers_said(chart: FieldChart) -> str:
-    """What of other programs is on this page."""
-    if chart.peers:
-        named = "; ".join(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers)
-        given = [
-            one
-            for one in chart.measured
-            if any(profiles.PEER in point.line for point in one.points)
-        ]
-        motions = list(dict.fromkeys(one.motion for one in chart.measured))
-        gap = {(one.name, one.motion): one.peer_gap for one in chart.measured}
-        left_out = {
-            one.name: one.peer_note.removeprefix("omitted: ")
-            for one in chart.measured
-            if one not in given
-        }
-        rows = [
-            [
-                name,
-                *(f"{gap.get((name, motion), math.nan):.1e}" for motion in motions),
-                left_out.get(name, "-"),
-            ]
-            for name in dict.fromkeys(one.name for one in chart.measured)
-        ]
-        gaps = table(["from the reference", *motions, "why left out"], rows).replace("|nan", "|-")
-        late = sum(
-            int(count) for one in given for count in re.findall(r"(\d+) of \d+ runs", one.peer_note)
-        )
-        return (
-            f"OpenSees runs on {len(given)} of {len(chart.measured)} problems: those whose laws it "
-            "has, shown by its average acceleration, extrapolated to dt 0: its histories of drift "
-            "and absolute acceleration (L2) are those of the reference but for a fifth of the "
-            f"smallest tolerance, {profiles._SURE * TOLERANCES[-1]:.0e}. Medians are of these "
-            "problems alone. Its accelerations are those of equilibrium at the end of each step, "
-            "as ours. Its costs are over the least of ours; it is timed once, and begins no "
-            f"run after {profiles._SHARE * opensees_worker.SECONDS:g} s of processor time of a "
-            "problem with an integrator, largest steps first, for which "
-            f"{late} with small steps are not run. Its BoucWen errs with order 1. {named}.\n\n"
-            f"{gaps}\n{apart_said(chart)}"
-        )
-    try:
-        version("openseespy")
-        why = "was left out (--no-peers), or does none of these problems"
-    except PackageNotFoundError:
-        why = "is not installed on this machine"
+def _opensees_gaps(chart: FieldChart) -> str:
+    """Return a table of the differences between OpenSees and the reference, by building."""
+    motions = list(dict.fromkeys(problem.motion for problem in chart.measured))
+    gaps = {(problem.name, problem.motion): problem.peer_gap for problem in chart.measured}
+    # All motions of a building are omitted for the same reason.
+    reasons = {
+        problem.name: problem.peer_note.removeprefix("omitted: ")
+        for problem in chart.measured
+        if not _has_peers(problem)
+    }
+    rows = []
+    for name in dict.fromkeys(problem.name for problem in chart.measured):
+        differences = [gaps.get((name, motion), math.nan) for motion in motions]
+        cells = ["-" if math.isnan(gap) else f"{gap:.1e}" for gap in differences]
+        rows.append([name, *cells, reasons.get(name, "-")])
+    return table(["difference from the reference", *motions, "reason for omission"], rows)
+
+
+def _has_peers(problem: Measured) -> bool:
+    """Return True if another program solved the problem."""
+    return any(profiles.PEER in point.line for point in problem.points)
+
+
+def other_programs(chart: FieldChart) -> str:
+    """Return the text and tables about OpenSees, or the reason why it was not measured."""
+    if not chart.peers:
+        try:
+            version("openseespy")
+            reason = "was omitted (--no-peers), or can solve none of these problems"
+        except PackageNotFoundError:
+            reason = "is not installed on this machine"
+        return f"No other program was measured for this page: OpenSeesPy {reason}.\n"
+    programs = "; ".join(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers)
+    solved = [problem for problem in chart.measured if _has_peers(problem)]
+    # The note of a problem contains "3 of 15 runs" if time was too short for three runs.
+    not_run = sum(
+        int(count)
+        for problem in solved
+        for count in re.findall(r"(\d+) of \d+ runs", problem.peer_note)
+    )
+    limit = profiles._SHARE * opensees_worker.SECONDS  # s
     return (
-        f"No other program ran for this page: OpenSeesPy {why}, and no number of it is carried "
-        "over.\n"
+        f"OpenSees is measured on {len(solved)} of {len(chart.measured)} problems, those whose "
+        "hysteresis models it contains. To show that it solves the same problem, its results with "
+        "average acceleration are extrapolated to a time step of zero. Their histories of drift "
+        "and absolute acceleration differ from the reference (L2 norm) by at most a fifth of the "
+        f"smallest tolerance, {profiles._SURE * TOLERANCES[-1]:.0e}. Medians refer to these "
+        "problems only. As in tdint, accelerations are those of equilibrium at the end of each "
+        "step. Costs are divided by the minimum cost of the methods of tdint. Each run is timed "
+        f"once. For each problem and integrator, no run starts after {limit:g} s of processor "
+        f"time; long steps are run first. Therefore {not_run} runs with short steps are missing. "
+        "The BoucWen material of OpenSees has errors of order 1. "
+        f"{programs}.\n\n"
+        f"{_opensees_gaps(chart)}\n{separate_lines(chart)}"
     )
 
 
@@ -502,7 +614,7 @@ def adaptive_table() -> str:
 
 def page(
     entries: Sequence[Entry],
-    whole: int,
+    problem_count: int,
     pictures: Sequence[tuple[str, str]],
     conditions: Conditions,
 ) -> str:
@@ -512,45 +624,45 @@ def page(
     ----------
     entries : sequence of Entry
         Results of the problems.
-    whole : int
-        Number of problems of the set.
+    problem_count : int
+        Number of standard problems.
     pictures : sequence of tuple of str
         File and description of each figure.
     conditions : Conditions
         Conditions of the measurement.
     """
-    chart = whole_chart(entries, conditions)
+    chart = complete_chart(entries, conditions)
     leaders = chart.leaders()
     ours = sum(map(profiles.of_steps, chart.lines))
-    missing = f" {whole - len(entries)} of {whole} problems were not reached in the time given." * (
-        whole > len(entries)
-    )
+    missing = ""
+    if len(entries) < problem_count:
+        not_measured = problem_count - len(entries)
+        missing = f" {not_measured} of {problem_count} problems were not measured in time."
     images = [f"![{text}]({file})\n" for file, text in pictures]
     sections = {
         "Performance profiles": PROFILES + "\n" + "\n".join(images[: len(PEAKS)]),
         "Tables": TABLES
         + "\n"
         + tables_of_profiles(chart)
-        + f"### Where `impulse4` costs most\n\n{dearest(chart)}",
+        + f"### Where `impulse4` costs most\n\n{most_expensive(chart)}",
         "Cost of a tolerance": page_tables.cost_of_tolerances(chart),
-        "Which method is cheapest": page_tables.cheapest_said(chart),
+        "Which method is cheapest": page_tables.cheapest_methods(chart),
         "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
         "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
-        "Other programs": peers_said(chart) + page_tables.same_method_said(chart, SAME),
+        "Other programs": other_programs(chart) + page_tables.errors_of_same_methods(chart, SAME),
         "Adaptive solvers": adaptive_table(),
-        "A plain loop and the cost of a call": page_tables.plain_loop_said(),
-        "Loops for all laws": page_tables.loops_said(),
+        "A plain loop and the cost of a call": page_tables.plain_loop_tables(),
+        "Loops for all laws": page_tables.loops_table(),
         "The problems": problems(chart),
         "A method or a problem of your own": OWN,
     }
     contents = "\n".join(f"- [{title}](#{anchor(title)})" for title in sections)
     body = "\n".join(f"## {title}\n\n{text.rstrip()}\n" for title, text in sections.items())
     return (
-        f"{INTRODUCTION}\n{len(entries)} problems, {ours} methods.{missing} Best overall (most "
-        "within "
-        f"twice the least cost, all quantities and tolerances): `{leaders.overall}`; for errors "
-        f"of {percent(COARSE)} "
-        f"and more: `{leaders.coarse}`; safest (fails least): `{leaders.safest}`.\n\n"
+        f"{INTRODUCTION}\n{len(entries)} problems, {ours} methods.{missing} The method that most "
+        "often costs at most twice the minimum (all quantities and tolerances) is "
+        f"`{leaders.overall}`; for errors of {percent(COARSE)} and more it is `{leaders.coarse}`. "
+        f"The method that fails least often is `{leaders.safest}`.\n\n"
         f"Measured with {machine(entries, chart, conditions)}; all methods in loops that are "
         "compiled for the laws of the building.\n\n"
         f"{contents}\n\n{body}"
@@ -558,7 +670,7 @@ def page(
 
 
 def anchor(title: str) -> str:
-    """As GitHub makes it."""
+    """Return the anchor that GitHub generates for a heading."""
     return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c == "-")
 
 
@@ -612,10 +724,10 @@ method cannot be applied to the building, for example `exact` to a nonlinear one
 """  # noqa: E501
 
 MATRIX = """
-Twelve problems with known answers, on which methods lose or make energy, ring or blow up, are in
-[the methods' README](../../src/tdint/methods/README.md#where-methods-fail):
+Twelve problems with known solutions, on which methods dissipate or generate energy, oscillate or diverge, are on
+[the page of the methods](../../src/tdint/methods/README.md#where-methods-fail):
 
-![Matrix of methods and problems: who keeps energy, settles, stays stable](../../configs/failures.png)
+![Matrix of methods and problems: which methods conserve energy, decay and remain stable](../../configs/failures.png)
 """  # noqa: E501
 
 OWN = """\
@@ -635,56 +747,56 @@ of [profiles.py](../../src/tdint/analysis/chart/profiles.py). Then run the comma
 
 
 def main() -> int:
-    """The command."""
+    """Measure the problems, store the results, and write the page and its figures."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument(
-        "--minutes", type=float, default=MINUTES, help="no problem is begun after so many (20)"
+        "--minutes", type=float, default=MINUTES, help="start no problem after this time (20)"
     )
     parser.add_argument(
-        "--processes", type=int, default=min(2, system.processors()), help="at a time (2)"
+        "--processes", type=int, default=min(2, system.processors()), help="number of processes (2)"
     )
-    parser.add_argument("--method", default=",".join(METHODS), help="methods, with commas")
+    parser.add_argument("--method", default=",".join(METHODS), help="methods, separated by commas")
+    parser.add_argument("--no-peers", action="store_true", help="do not measure OpenSeesPy")
     parser.add_argument(
-        "--no-peers", action="store_true", help="without OpenSeesPy, which runs if it is installed"
-    )
-    parser.add_argument(
-        "--page", action="store_true", help="measure nothing: write the page from the CSV files"
+        "--page", action="store_true", help="write the page from the CSV files; measure nothing"
     )
     parser.add_argument(
-        "--tolerances", action="store_true", help="measure only the lines by tolerance again"
+        "--tolerances", action="store_true", help="measure only the lines `by tolerance` again"
     )
-    asked = parser.parse_args()
-    methods = asked.method.split(",")
-    folder = journal(methods, not asked.no_peers)
-    given = read_problems(STANDARD)
-    files = {place(folder, problem): problem for problem in given}
-    if not asked.page:
-        todo = [
-            partial(work, number, file, methods, not asked.no_peers)
-            for number, (file, problem) in enumerate(files.items())
-            if not file.exists()
-        ]
-        if asked.tolerances:
+    arguments = parser.parse_args()
+    methods = arguments.method.split(",")
+    peers = not arguments.no_peers
+    directory = journal(methods, peers)
+    standard = read_problems(STANDARD)
+    files = [problem_file(directory, problem) for problem in standard]
+    if not arguments.page:
+        if arguments.tolerances:
             todo = [
-                partial(work_by_tolerance, number, file, methods)
+                partial(measure_tolerance_lines, number, file, methods)
                 for number, file in enumerate(files)
                 if file.exists()
             ]
-        measure(todo, asked.processes, asked.minutes)
+        else:
+            todo = [
+                partial(measure_standard_problem, number, file, methods, peers)
+                for number, file in enumerate(files)
+                if not file.exists()
+            ]
+        measure(todo, arguments.processes, arguments.minutes)
         entries = [Entry(*pickle.loads(file.read_bytes())) for file in files if file.exists()]
         if not entries:
-            sys.exit("no problem is finished yet")
+            sys.exit("no problem was measured completely; run the command again")
         raw_points.store(entries, conditions_of(entries))
     # The page is made from the stored files alone.
     entries, conditions = raw_points.load()
-    shown = pictures(whole_chart(entries, conditions))
+    shown = pictures(complete_chart(entries, conditions))
     for name, _, figure in shown:
         write(HERE / name, figure)
-    text = page(entries, len(given), [one[:2] for one in shown], conditions)
+    text = page(entries, len(standard), [(name, title) for name, title, _ in shown], conditions)
     PAGE.write_text(text, encoding="utf-8")
-    print(f"{PAGE.name}: {len(entries)} of {len(given)} problems")
+    print(f"{PAGE.name}: {len(entries)} of {len(standard)} problems")
     return 0
 
 

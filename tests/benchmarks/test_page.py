@@ -67,7 +67,7 @@ def test_the_page_has_the_sections_and_the_words_of_its_program():
     shown = [(f"{name}.png", name) for name in (*PEAKS, *(name for name, _ in run.CHARTS))]
     page = run.page(entries, 36, shown, run.conditions_of(entries))
     assert headings(page) == headings(PAGE)
-    assert "35 of 36 problems were not reached" in page
+    assert "35 of 36 problems were not measured" in page
     for text in (
         run.INTRODUCTION,
         run.PROFILES,
@@ -94,7 +94,7 @@ def test_every_problem_and_method_stands_on_the_page():
         missing += row not in PAGE
     # The page states how many problems its measurement did not reach.
     whole = len(read_problems(STANDARD))
-    assert missing == 0 or f"{missing} of {whole} problems were not reached" in PAGE
+    assert missing == 0 or f"{missing} of {whole} problems were not measured" in PAGE
     assert missing <= 2
     # A method that joins the list is named on the page until the next complete run.
     later = re.findall(r"^Added after this run, not measured here: (.*)\.$", PAGE, re.MULTILINE)
@@ -127,14 +127,14 @@ def test_what_is_not_solved_is_counted(errors):
 def test_the_page_is_written_from_the_stored_points():
     """The committed page is equal to the page of the CSV files, without a run."""
     entries, conditions = run.raw_points.load()
-    shown = [one[:2] for one in run.pictures(run.whole_chart(entries, conditions))]
+    shown = [one[:2] for one in run.pictures(run.complete_chart(entries, conditions))]
     assert run.page(entries, len(read_problems(STANDARD)), shown, conditions) == PAGE
 
 
 def test_the_cheapest_methods_of_the_first_page_are_those_of_the_points():
     """Each count of buildings on the first page is in the statements that the points give."""
     entries, conditions = run.raw_points.load()
-    chart = run.whole_chart(entries, conditions)
+    chart = run.complete_chart(entries, conditions)
     first, second = (
         " ".join(part.split())
         for part in re.search(
