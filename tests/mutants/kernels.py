@@ -6,8 +6,8 @@
 A sample of all operators and numbers in the kernel modules is changed, one at a time, in a copy of
 the package (`mutant` of tests/benchmarks/mutants.py). Each mutant is tried in two stages:
 
-1. The tests of the changed module (`FIRST`) and of the kernels run with TDINT_KERNELS=python. The
-   loops are then Python functions, and no mutant has to be compiled.
+1. The tests of the changed module (`INTERPRETED`) run with TDINT_KERNELS=python. The loops are then
+   Python functions, and no mutant has to be compiled.
 2. For a mutant that survives, the changed loops are compiled, and the tests of the methods run. The
    compiled loops are in a cache of their own: a copy of the directory --kernels, which contains the
    loops of the unchanged sources. The cache of the user is neither read nor changed.
@@ -59,40 +59,33 @@ _EXACT_SPECTRA = [
 ]
 """Tests of linear oscillators."""
 
-FIRST = {
-    "peaks_between_steps": ["tests/kernels/test_peaks_between_steps.py"],
-    "equations/tridiagonal": ["tests/kernels/test_tridiagonal.py"],
-    "laws/bouc_wen": ["tests/kernels/test_bouc_wen.py"],
-    "laws/multilinear_pinching": ["tests/kernels/test_multilinear_pinching.py"],
-    "stories/path": ["tests/kernels/test_path.py"],
-    "stories/branches": ["tests/kernels/test_branches.py"],
-    "time_loop/observer": ["tests/kernels/test_peaks_between_steps.py"],
-    "time_loop/ground": ["tests/kernels/test_oscillators_and_loads.py"],
-    "oscillators/between_steps": ["tests/kernels/test_oscillators_and_loads.py", *_EXACT_SPECTRA],
-    "oscillators/bilinear": ["tests/kernels/test_oscillators_and_loads.py"],
-    "oscillators/elastic": [*_EXACT_SPECTRA, "tests/analysis/spectra/test_rotated.py"],
-    "oscillators/extremes": [*_EXACT_SPECTRA, "tests/analysis/spectra/test_rotated.py"],
-    "oscillators/modal_sums": ["tests/analysis/spectra/test_drift.py"],
-    "oscillators/rotated": ["tests/analysis/spectra/test_rotated.py"],
-    "equations/impulse4": ["tests/methods/test_impulse4.py"],
-    "equations/newton": ["tests/methods/test_impulse4.py"],
-    "linear_terms": ["tests/methods/test_runge_kutta.py", "tests/methods/test_impulse4.py"],
-    "time_loop/loop": ["tests/methods/test_misdeclared_laws.py", "tests/methods/test_impulse4.py"],
-}
-"""Tests of a module, which run before the other tests of the kernels. They need at most 35 s with
-TDINT_KERNELS=python; the other tests of methods and spectra are too slow without compiled loops."""
+_RUNS = "tests/kernels/test_stored_results.py::test_runs_have_the_stored_results"
+_SPECTRA = "tests/kernels/test_stored_results.py::test_spectra_have_the_stored_results"
+_OSCILLATORS = "tests/kernels/test_oscillators_and_loads.py"
+_PARTS = "tests/kernels/test_parts_of_a_step.py"
 
-INTERPRETED = [
-    "tests/kernels/test_parts_of_a_step.py",
-    "tests/kernels/test_path.py",
-    "tests/kernels/test_branches.py",
-    "tests/kernels/test_tridiagonal.py",
-    "tests/kernels/test_oscillators_and_loads.py",
-    "tests/kernels/test_peaks_between_steps.py",
-    "tests/kernels/test_softening_and_pinching.py",
-    "tests/kernels/test_multilinear_pinching.py",
-    "tests/kernels/test_bouc_wen.py",
-]
+INTERPRETED = {
+    "peaks_between_steps": [_RUNS, "tests/kernels/test_peaks_between_steps.py"],
+    "equations/tridiagonal": [_RUNS, "tests/kernels/test_tridiagonal.py"],
+    "laws/bouc_wen": [_RUNS, "tests/kernels/test_bouc_wen.py"],
+    "laws/multilinear_pinching": [_RUNS, "tests/kernels/test_multilinear_pinching.py"],
+    "laws": [_RUNS, "tests/kernels/test_softening_and_pinching.py"],
+    "stories/path": [_RUNS, "tests/kernels/test_path.py"],
+    "stories/branches": [_RUNS, _OSCILLATORS, "tests/kernels/test_branches.py"],
+    "time_loop/observer": [_RUNS, "tests/kernels/test_peaks_between_steps.py"],
+    "time_loop/ground": [_RUNS, _SPECTRA, _OSCILLATORS],
+    "time_loop/loop": [_RUNS, "tests/methods/test_misdeclared_laws.py"],
+    "linear_terms": [_RUNS, _OSCILLATORS],
+    "oscillators/modal_sums": [_SPECTRA, "tests/analysis/spectra/test_drift.py"],
+    "oscillators/rotated": [_SPECTRA, "tests/analysis/spectra/test_rotated.py"],
+    "oscillators": [_SPECTRA, _OSCILLATORS, *_EXACT_SPECTRA],
+    "oscillators/bilinear": [_SPECTRA, _OSCILLATORS],
+    "equations": [_RUNS, _PARTS],
+    "stories": [_RUNS, _PARTS],
+}
+"""Tests of the first stage by module or directory, in the order in which they run. The stored
+results are first: they detect most mutants in a few seconds."""
+
 COMPILED = [
     "tests/methods/test_impulse4.py",
     "tests/methods/test_moment4.py",
@@ -173,11 +166,16 @@ def stage(package: Path, tests: list[str], interpreted: bool, cache: Path) -> tu
     return done.returncode != 0, failed.group(1) if failed else ""
 
 
+def all_interpreted() -> list[str]:
+    """Return all tests of the first stage."""
+    return sorted({name for names in INTERPRETED.values() for name in names})
+
+
 def hash_of_tests() -> str:
     """Return a hash of the tests of both stages."""
     hash_value = hashlib.sha256()
-    of_modules = sorted({name for names in FIRST.values() for name in names})
-    for name in (*INTERPRETED, *of_modules, *COMPILED):
+    names = (*all_interpreted(), "tests/kernels/stored_results.csv", *COMPILED)
+    for name in sorted({name.partition("::")[0] for name in names}):
         path = ROOT / name
         for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
             hash_value.update(file.read_bytes())
@@ -203,9 +201,7 @@ def require_passing_tests(kernels: Path | None) -> None:
         Directory of the compiled loops of the unchanged sources, which are compiled if necessary;
         None to check only the first stage.
     """
-    of_modules = {name for names in FIRST.values() for name in names}
-    tests = [*INTERPRETED, *sorted(of_modules.difference(INTERPRETED))]
-    failed, by = stage(ROOT / "src", tests, True, Path(tempfile.gettempdir()))
+    failed, by = stage(ROOT / "src", all_interpreted(), True, Path(tempfile.gettempdir()))
     if not failed and kernels is not None:
         failed, by = stage(ROOT / "src", COMPILED, False, kernels)
     if failed:
@@ -227,15 +223,14 @@ def tried(module: Path, place: int, kernels: Path | None) -> dict[str, object]:
     began = time.monotonic()
     line, text = mutant(module.read_text("utf-8"), place)
     old, new = changed_line(module, text)
-    first = FIRST.get(name_of(module), [])
+    tests = INTERPRETED.get(name_of(module)) or INTERPRETED[module.parent.name]
     with tempfile.TemporaryDirectory() as folder:
         package = Path(folder)
         cache = package / "cache"
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / "src" / "tdint", package / "tdint", ignore=ignored)
         (package / "tdint" / module.relative_to(ROOT / "src" / "tdint")).write_text(text, "utf-8")
-        others = [test for test in INTERPRETED if test not in first]
-        killed, by = stage(package, [*first, *others], True, cache)
+        killed, by = stage(package, tests, True, cache)
         if not killed and kernels is not None:
             shutil.copytree(kernels, cache, dirs_exist_ok=True)
             killed, by = stage(package, COMPILED, False, cache)

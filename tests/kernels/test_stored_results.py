@@ -1,0 +1,205 @@
+"""Results of small buildings and spectra, compared with stored results.
+
+The other tests compare results with independent solutions, with tolerances for the discretization
+errors. A wrong operator in a kernel can change results by less. These tests therefore compare with
+`stored_results.csv`, within rounding. They need no compiled loops: each building has two stories
+and takes 50 steps.
+
+If results change on purpose, write the file again, and state in the commit which results changed
+and why:
+
+    TDINT_KERNELS=python python tests/kernels/test_stored_results.py
+"""
+
+import csv
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FILE = Path(__file__).with_name("stored_results.csv")
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(FILE.parents[1]))
+
+from small_buildings import BUILDINGS, LAWS, MOTION, PAIR  # noqa: E402
+from tdint import load_model, prepare, run, run_case  # noqa: E402
+from tdint.analysis.run.sequence import run_sequence  # noqa: E402
+from tdint.analysis.spectra.drift import drift_spectrum  # noqa: E402
+from tdint.analysis.spectra.elastic import oscillator_motion, spectrum  # noqa: E402
+from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength  # noqa: E402
+from tdint.analysis.spectra.rotated import rotated_spectrum  # noqa: E402
+from tdint.methods.catalogue import catalogue  # noqa: E402
+
+TOLERANCE = 1e-8
+"""Largest difference of a checksum, relative to the largest value and the root of the number of
+values. Compiled loops round otherwise
+than Python, and the iteration of a step can end with a slightly different residual."""
+
+OF_MOMENT4 = {
+    "iterations": 0.02,
+    "history.energy.error": 1.0,  # moment4 conserves energy: the error is rounding
+    "stories.peak_absolute_acceleration": 3e-4,
+    "stories.peak_total_shear": 3e-4,
+}
+"""Larger tolerances of moment4. The number of its iterations depends on rounding, and so do peaks
+of accelerations in some buildings with stories that soften."""
+
+PERIODS = np.array([0.015, 0.05, 0.13, 0.4, 1.1, 3.0])
+
+
+def arrays(results, name=""):
+    """Return the numbers and numeric arrays of nested results by their names."""
+    found = {}
+    for field in dataclasses.fields(results):
+        value = getattr(results, field.name)
+        key = f"{name}.{field.name}" if name else field.name
+        if field.name in ("model", "record", "solver_time"):
+            continue
+        if dataclasses.is_dataclass(value):
+            found |= arrays(value, key)
+        elif isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
+            for number, item in enumerate(value):
+                found |= arrays(item, f"{key}[{number}]")
+        elif isinstance(value, int | float | np.number | np.ndarray):
+            found[key] = np.ravel(np.nan_to_num(np.asarray(value, float)))
+    return found
+
+
+def checksum(array):
+    """Return the sum of the values of an array with different weights; the first weight is 1."""
+    return float(array @ np.cos(np.arange(array.size)))
+
+
+def building_run(name, method, **options):
+    """Return the function that integrates a building of `BUILDINGS`."""
+    options = {"check": False, "history": True, **options}
+    return lambda: run(load_model(BUILDINGS[name]), MOTION, method=method, **options)
+
+
+def two_events():
+    case = prepare(load_model(BUILDINGS["bilinear"]), method="impulse4")
+    return run_sequence(case, [MOTION, MOTION.scaled(-0.5)], rest=0.1, history=True, check=False)
+
+
+def motion_until_rest():
+    case = prepare(load_model(BUILDINGS["bilinear"]), MOTION, method="newmark-average")
+    return run_case(case, check=False, until_rest=True)
+
+
+ALL_METHODS = [
+    *(name for name in catalogue() if name != "exact"),
+    *("bathe:gamma=0.5", "kr-alpha:rho_inf=0", "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5"),
+]
+
+RUNS = {
+    **{
+        f"{name} {method}": building_run(name, method)
+        for name in LAWS
+        for method in ("impulse4", "moment4", "newmark-average")
+    },
+    **{
+        f"{name} {method}": building_run(name, method)
+        for name in ("forces", "modal")
+        for method in ALL_METHODS
+    },
+    **{
+        f"power-dashpots {method}": building_run("power-dashpots", method)
+        for method in ("impulse4", "moment4", "newmark-average", "gauss4", "bathe", "hht")
+    },
+    **{
+        f"{name} {method}": building_run(name, method)
+        for name in ("collapse", "failure", "stiff", "isolated")
+        for method in ("impulse4", "moment4", "impulse", "gauss4", "bathe")
+    },
+    **{f"linear {method}": building_run("elastic", method) for method in ("exact", "impulse4")},
+    **{
+        f"{name} impulse4 {label}": building_run(name, "impulse4", **options)
+        for name in ("forces", "imk-pinching")
+        for label, options in {
+            "quarter": {"dt": MOTION.dt / 4, "duration": 0.4},
+            "double": {"dt": MOTION.dt * 2},
+            "longer": {"duration": 1.2},
+            "peaks": {"history": False},
+            "check": {"check": True, "duration": 0.5},
+        }.items()
+    },
+    "sequence": two_events,
+    "rest": motion_until_rest,
+}
+SPECTRA = {
+    "spectrum": lambda: spectrum(MOTION, PERIODS, 0.05),
+    "spectrum undamped": lambda: spectrum(MOTION, PERIODS, 0.0),
+    "spectrum samples": lambda: spectrum(MOTION, PERIODS, 0.05, maxima="samples"),
+    "spectrum peer": lambda: spectrum(MOTION, PERIODS, 0.05, maxima="peer"),
+    "spectrum band": lambda: spectrum(MOTION, PERIODS, 0.3, interpolation="band-limited"),
+    "motion": lambda: oscillator_motion(MOTION, 0.3, 0.05),
+    "drift": lambda: drift_spectrum(MOTION, PERIODS[3:], 0.05),
+    "drift stories": lambda: drift_spectrum(MOTION, PERIODS[3:], 0.02, stories=3),
+    "rotated": lambda: rotated_spectrum(PAIR, PERIODS, 0.05, (0, 50, 100)),
+    "rotated samples": lambda: rotated_spectrum(PAIR, PERIODS[1:], 0.0, (0, 50), maxima="samples"),
+    "ductility": lambda: constant_ductility(MOTION, PERIODS[2:5], [1.5, 4.0], 0.05)[1],
+    "strength": lambda: constant_strength(MOTION, PERIODS, [0.2], 0.05)[0],
+    "strength undamped": lambda: constant_strength(MOTION, PERIODS, [0.1], 0.0, hardening=0.1)[0],
+}
+
+
+def stored():
+    """Return the stored checksums: {case: {quantity: checksum}}."""
+    with FILE.open(encoding="utf-8", newline="") as file:
+        return {
+            row.pop("case"): {name: float(text) for name, text in row.items() if text}
+            for row in csv.DictReader(file)
+        }
+
+
+@pytest.fixture(scope="module")
+def expected():
+    return stored()
+
+
+@pytest.mark.parametrize("case", RUNS)
+def test_runs_have_the_stored_results(case, expected):
+    compare(case, arrays(RUNS[case]()), expected[case])
+
+
+@pytest.mark.parametrize("case", SPECTRA)
+def test_spectra_have_the_stored_results(case, expected):
+    compare(case, arrays(SPECTRA[case]()), expected[case])
+
+
+def compare(case, found, expected):
+    """Compare the arrays of a case with its stored checksums.
+
+    Parameters
+    ----------
+    case : str
+        Name of the case.
+    found : dict
+        Result of `arrays`.
+    expected : dict
+        Stored checksums of the same quantities.
+    """
+    assert found.keys() == expected.keys()
+    for name, array in found.items():
+        tolerance = OF_MOMENT4.get(name, TOLERANCE) if "moment4" in case else TOLERANCE
+        size = np.max(np.abs(array), initial=0.0) * max(1.0, array.size) ** 0.5
+        assert checksum(array) == pytest.approx(expected[name], abs=tolerance * size), name
+
+
+def write():
+    """Write the checksums of all cases, one row for each case."""
+    results = {case: arrays(compute()) for case, compute in (RUNS | SPECTRA).items()}
+    quantities = dict.fromkeys(name for found in results.values() for name in found)
+    with FILE.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, ["case", *quantities], lineterminator="\n")
+        writer.writeheader()
+        for case, found in results.items():
+            checksums = {name: f"{checksum(array):.10g}" for name, array in found.items()}
+            writer.writerow({"case": case, **checksums})
+
+
+if __name__ == "__main__":
+    write()
