@@ -1,5 +1,4 @@
-"""Campaigns on the command line: the directory, the progress, the files at the end, and the
-messages."""
+"""Execution of campaigns by commands: output directory, progress, written files and messages."""
 
 from __future__ import annotations
 
@@ -42,6 +41,7 @@ if TYPE_CHECKING:
 # ---- This part contains results over a suite: profiles.csv and its figure, the drift limit, and
 # the comparison of buildings.
 
+# Several options require the peaks of all stories; their name precedes this message.
 _NOT_STORED = (
     "peaks of stories are not stored; set `outputs: {profiles: true}` in the campaign file"
 )
@@ -58,7 +58,7 @@ def apply_style(style: tuple[str, str], source: str, *, drawn: bool) -> None:
     source : str
         The campaign file, for error messages.
     drawn : bool
-        Whether a figure is requested; the font and the style sheet are checked only in this case.
+        True if a figure is requested; the font and the style sheet are checked only in this case.
 
     Raises
     ------
@@ -91,8 +91,17 @@ _MAX_LINES = 10  # maximum number of lines about buildings with collapsed or fai
 
 @dataclass(frozen=True)
 class Profiles:
-    """Demands over the height of the buildings of a store, computed one time for the figures, the
-    tables and the drift limit."""
+    """Demands over the height of the buildings of a campaign, for figures, tables and drift limits.
+
+    The demands are computed when they are first used.
+
+    Attributes
+    ----------
+    store : Store
+        Store of the campaign, with the peaks of all runs.
+    request : SuiteRequest
+        Options of the command line: units, limits and requested files.
+    """
 
     store: Store
     request: SuiteRequest
@@ -125,13 +134,13 @@ class Profiles:
         """
         from tdint.campaign.profiles import ratios
 
-        self._need("--baseline")
+        self._require_profiles("--baseline")
         return tables.campaign.ratio_table(
             self.store, ratios(self.profiles, self.request.baseline or ""), stories=stories
         )
 
     def draw(self, file: Path) -> Content:
-        """Return the figure of the profiles.
+        """Return the figure of the demands over the height of the buildings.
 
         Parameters
         ----------
@@ -143,7 +152,7 @@ class Profiles:
         AnalysisError
             The peaks of stories are not stored.
         """
-        self._need("--plot")
+        self._require_profiles("--plot")
         draw = partial(
             figures.suites.profile_picture,
             self.profiles,
@@ -160,13 +169,16 @@ class Profiles:
 
         return SuiteLimits(self.profiles, self.request.limit)
 
-    def _need(self, option: str) -> None:
+    def _require_profiles(self, option: str) -> None:
+        """Raise AnalysisError, with the option that needs them, if no demands are stored."""
         if not self.profiles:
             raise AnalysisError(f"{option}: {_NOT_STORED}")
 
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
-        """Return the report of the suite with the requested floor spectra. Units and head are
-        those of the models if all models agree.
+        """Return the report of the suite as HTML.
+
+        The options of the command line determine units and head of the report. By default, they are
+        the units and the head of the models if these are equal in all models.
 
         Parameters
         ----------
@@ -180,7 +192,7 @@ class Profiles:
         from tdint.output.summary import files_read
 
         request = self.request
-        # A collapse is part of the verdict; failed runs are warnings.
+        # A collapse is a result and belongs to the verdict; failed runs are warnings.
         lost_motions = []
         for profile in self.profiles:
             if text := self._lost_motions_text(profile):
@@ -259,8 +271,8 @@ class Profiles:
             if limit
             else "the limits of the models are"
         )
-        # Some of the motions are not sufficient for the check, because the building may exceed the
-        # limit or collapse under the other motions.
+        # The limit cannot be checked before all runs are done, because the building may exceed it
+        # or collapse under the remaining motions.
         if progress := unfinished(self.store):
             if limit is None and not self.request.require:
                 note(
@@ -274,7 +286,8 @@ class Profiles:
             warn(text)
             return []
         lines = [text for profile in self.profiles if (text := self._lost_motions_text(profile))]
-        # In a region, collapses of some of the many buildings are a result, not a warning.
+        # Many such lines occur for the buildings of a region. Collapses are then a result of the
+        # study and not a reason for a warning.
         omitted = len(lines) - _MAX_LINES
         if omitted > 0:
             lines[_MAX_LINES:] = [
@@ -286,11 +299,12 @@ class Profiles:
             warn(*lines)
         if limit is None and not models_have_limits:
             return []
-        # Limits of the models are checked if this is possible; a request must be fulfilled.
+        # Limits of the models are not checked if their data are missing. Without the data for
+        # --limit or --require, the command fails.
         if not self.profiles and limit is None and not self.request.require:
             note(f"the limits of the models are not checked: {_NOT_STORED}")
             return []
-        self._need("--limit" if limit is not None else "--require")
+        self._require_profiles("--limit" if limit is not None else "--require")
         unmet: list[str] = []
         for profile, verdict in self.limits.verdicts(self.units):
             say(self.limits.named(profile, verdict.text))
@@ -317,14 +331,15 @@ SIMCENTER, GEOJSON, DISTRICTS = "simcenter.csv", "buildings.geojson", "districts
 MEASURES = "measures.csv"
 """Name of the table of the intensity measures of the runs, for `tdint fragility`."""
 
+FLOOR_FILES = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
+"""Names of the files of floor spectra over a suite."""
+
 _WRITTEN_FILES = (
     *(RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE, PICTURE),
     *(MEASURES, SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, *PARQUET, SIMCENTER, GEOJSON, DISTRICTS),
     SUMMARY,
 )
 """Names of all files that a campaign can write; --overwrite removes them with the campaign."""
-
-FLOOR_FILES = (SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE)
 
 
 def execute_campaign(
@@ -354,7 +369,7 @@ def execute_campaign(
     max_runs : int, optional
         Maximum number of runs of this call. By default, all remaining runs.
     show : bool
-        Print the table of the runs to standard output, too. The default is False.
+        True to print the table of the runs to standard output also; false by default.
 
     Raises
     ------
@@ -367,41 +382,17 @@ def execute_campaign(
         Some records could not be read, a building is too far from any site, or the drift limit is
         not met. Raised after all other work is done.
     """
-    from tdint.campaign.profiles import check_baseline
-    from tdint.campaign.store import FILE, open_store, remove, remove_store
-    from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
+    from tdint.campaign.store_schema import locked, refuse_network
 
     report_pairs(plan, request)
-    check_limit_options(request.limit, request.require, plan.models)
-    needs_stories = {
-        "--plot": request.plot is not None,
-        "--baseline": request.baseline is not None,
-        "--limit": request.limit is not None,
-        "--require": request.require,
-    }
-    for option, is_requested in needs_stories.items():
-        if is_requested and not plan.settings.keeps_stories:
-            raise AnalysisError(f"{option}: {_NOT_STORED}")
-    if request.baseline is not None:
-        check_baseline(request.baseline, (building.name for building in plan.buildings))
+    _check_result_options(plan, request)
     folder, overwrite = Path(request.output or ""), request.overwrite
     refuse_network(folder)
     shard_buildings = None if shard is None else plan.buildings_of(shard.chunks(plan))
     with locked(folder):
         extra_files = check_names(folder, request)
         refuse_foreign(folder, plan.settings.stories, plan.settings.profiles, overwrite=overwrite)
-        try:
-            store, store_notes = open_store(folder, plan, shard_buildings)
-        except (UntrustedStoreError, UsageError):
-            if not overwrite:
-                raise
-            # Remove another campaign, or an unusable store, together with the tables that were
-            # written from it.
-            refuse_protected(folder / name for name in _WRITTEN_FILES)
-            remove_store(folder / FILE)
-            for name in _WRITTEN_FILES:
-                remove(folder / name)
-            store, store_notes = open_store(folder, plan, shard_buildings)
+        store, store_notes = _open_store(folder, plan, shard_buildings, overwrite=overwrite)
         warn_of_plan(plan)
         note(*plan.notes, *store_notes)
         with store:
@@ -429,8 +420,87 @@ def execute_campaign(
         raise Failures([*plan.failures, *without_motion, *unmet_limits])
 
 
+def _check_result_options(plan: Plan, request: SuiteRequest) -> None:
+    """Check the options for limits, figures and ratios before any run.
+
+    Parameters
+    ----------
+    plan : Plan
+        Buildings and settings of the campaign.
+    request : SuiteRequest
+        Common options of the command line.
+
+    Raises
+    ------
+    UsageError
+        --limit or --require cannot be applied, or the baseline is not a building of the campaign.
+    AnalysisError
+        An option requires the peaks of all stories, which the campaign does not store.
+    """
+    from tdint.campaign.profiles import check_baseline
+
+    check_limit_options(request.limit, request.require, plan.models)
+    needs_stories = {
+        "--plot": request.plot is not None,
+        "--baseline": request.baseline is not None,
+        "--limit": request.limit is not None,
+        "--require": request.require,
+    }
+    for option, is_requested in needs_stories.items():
+        if is_requested and not plan.settings.keeps_stories:
+            raise AnalysisError(f"{option}: {_NOT_STORED}")
+    if request.baseline is not None:
+        check_baseline(request.baseline, (building.name for building in plan.buildings))
+
+
+def _open_store(
+    folder: Path, plan: Plan, buildings: Sequence[int] | None, *, overwrite: bool
+) -> tuple[Store, list[str]]:
+    """Open the store of a campaign, or create it.
+
+    With `overwrite`, the store of another campaign, or a store that cannot be used, is removed
+    together with the tables that were written from it.
+
+    Parameters
+    ----------
+    folder : Path
+        Output directory.
+    plan : Plan
+        Buildings, motions and settings of the campaign.
+    buildings : sequence of int or None
+        Numbers of the buildings of a shard; None for the complete campaign.
+    overwrite : bool
+        True to replace another campaign in the directory.
+
+    Returns
+    -------
+    store : Store
+        The open store.
+    notes : list of str
+        Notes for the user.
+
+    Raises
+    ------
+    UsageError
+        The directory contains another campaign and `overwrite` is false.
+    """
+    from tdint.campaign.store import FILE, open_store, remove, remove_store
+    from tdint.campaign.store_schema import UntrustedStoreError
+
+    try:
+        return open_store(folder, plan, buildings)
+    except (UntrustedStoreError, UsageError):
+        if not overwrite:
+            raise
+        refuse_protected(folder / name for name in _WRITTEN_FILES)
+        remove_store(folder / FILE)
+        for name in _WRITTEN_FILES:
+            remove(folder / name)
+        return open_store(folder, plan, buildings)
+
+
 def _report_progress(advance: Advance) -> None:
-    """Report the numbers of runs: in this call and in earlier calls, and the rate of the runs."""
+    """Report the number of runs in this call with their duration and rate, and in earlier calls."""
     new_runs = advance.done - advance.before
     if new_runs:
         before = f", {advance.before} before" if advance.before else ""
@@ -484,8 +554,8 @@ def warn_of_plan(plan: Plan) -> None:
 def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     """Return the additional output files of a call, such as the figure and the report.
 
-    The check takes place before the runs. If the campaign has already begun, existing files pass
-    this check; the store knows which files an earlier call has written.
+    The check takes place before the runs. If the directory contains a campaign, existing files pass
+    this check, because the store will check later whether an earlier call has written them.
 
     Parameters
     ----------
@@ -609,6 +679,7 @@ def advance_with_bar(
     with progress_bar(to_terminal=False) as progress:
 
         def show_progress(advance: Advance) -> None:
+            """Show the numbers of completed and of all runs, and the rate."""
             progress(
                 f"{advance.done}/{advance.runs} runs, {_rate(advance)}", advance.done / advance.runs
             )
@@ -619,6 +690,7 @@ def advance_with_bar(
 
 
 def _rate(advance: Advance) -> str:
+    """Return the number of runs per hour as text."""
     return f"{3600.0 * advance.rate:.3g} per hour"
 
 
@@ -732,14 +804,16 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, maps: MapReques
         check_map(store, maps, by, complete=is_complete(store))
     districts = maps.is_requested and by is not None
     optional = {SIMCENTER: simcenter, GEOJSON: maps.is_requested, DISTRICTS: districts}
-    # Write the requested files, and update files that an earlier call has written.
+    # Files that an earlier call has written are updated also, because outdated files could be
+    # mistaken for the current state.
     exported = {*PARQUET}
     for name, is_requested in optional.items():
         if is_requested or store.is_ours(folder / name):
             exported.add(name)
     writers = _exports(profiles, exported, maps)
     export_contents = {name: writer for name, writer in writers.items() if writer}
-    # A map of districts that this call does not write again would be of an earlier state.
+    # A map of districts that this call does not write again would show an earlier state of the
+    # campaign, so that it is removed.
     if DISTRICTS in exported and DISTRICTS not in export_contents:
         (folder / DISTRICTS).unlink(missing_ok=True)
         note(
@@ -783,7 +857,7 @@ def _exports(
 
     maps, by = maps or MapRequest(), profiles.request.by
     store, has_pyarrow = profiles.store, find_spec("pyarrow") is not None
-    # Each entry contains True if the file can be written here, and its writer.
+    # Each entry contains True if this call can write the file, and the function that writes it.
     runs, stories, damage = PARQUET
     writers: dict[str, tuple[bool, Writer | None]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),

@@ -332,7 +332,8 @@ def _chart_many(request: Request) -> None:
             peers=request.peers,
             progress=progress,
         )
-    # List the problems with references that are not accurate enough for the smallest tolerance.
+    # A reference with a gap (uncertainty) above the smallest tolerance, 1e-4, cannot assess errors
+    # of this size, so that a note lists the problem.
     notes = []
     for case in chart.measured:
         if uncertain := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
@@ -355,8 +356,7 @@ def _chart_many(request: Request) -> None:
     leaders = chart.leaders()
     say(
         f"{pluralize(len(chart.measured), 'problem')}. Best overall (most problems within twice "
-        "the "
-        f"lowest cost): {leaders.overall}; for errors of 3 % and more: {leaders.coarse}; most "
+        f"the lowest cost): {leaders.overall}; for errors of 3 % and more: {leaders.coarse}; most "
         f"robust (fewest failures): {leaders.safest}."
     )
     note(*notes)
@@ -449,7 +449,8 @@ def _chart(
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, _integrators(request, DEFAULT_METHODS))
-    # Time steps: the requested steps, halvings, or only the sampling interval with --stories.
+    # The time steps are the requested steps or halvings. With --stories, only the sampling interval
+    # is used, because a chart over the number of stories shows a single time step.
     if request.steps:
         steps: Sequence[float] = request.steps
     elif request.halvings is not None:
@@ -491,22 +492,54 @@ def _chart(
     # Recommend methods only for one building, and only if the errors are meaningful.
     can_recommend = len(request.stories or ()) < 2 and not _peaks_at_start(request, chart)
     advice = _advice(request, chart, problem) if can_recommend else []
+    chart, omissions = _add_other_programs(
+        request, problem, chart, steps, part_of(progress, 0.2, 1.0)
+    )
+    return chart, advice, omissions
+
+
+def _add_other_programs(
+    request: Request, problem: Problem, chart: Chart, steps: Sequence[float], progress: Progress
+) -> tuple[Chart, list[str]]:
+    """Measure other programs on the problem of a chart, and return the chart with their points.
+
+    With --peers, these are SciPy and OpenSeesPy; programs of plug-ins are always measured.
+
+    Parameters
+    ----------
+    request : Request
+        The command line.
+    problem : Problem
+        The building and its ground motion.
+    chart : Chart
+        The times and errors of the methods of tdint.
+    steps : sequence of float
+        Time steps, s.
+    progress : Progress
+        Receives the progress.
+
+    Returns
+    -------
+    chart : Chart
+        The chart with the points of the other programs.
+    omissions : list of str
+        Notes about programs that were omitted.
+    """
     omissions: list[str] = []
-    peer_progress = part_of(progress, 0.2, 1.0)
     if request.peers:
         from tdint.analysis.chart.peers import with_peers
 
         chart, omissions = with_peers(
-            problem, chart, steps, repeats=request.repeat, progress=peer_progress
+            problem, chart, steps, repeats=request.repeat, progress=progress
         )
     if peers():
         from tdint.analysis.chart.peers import with_plugins
 
         chart, plugin_omissions = with_plugins(
-            problem, chart, repeats=request.repeat, progress=peer_progress
+            problem, chart, repeats=request.repeat, progress=progress
         )
         omissions = [*omissions, *plugin_omissions]
-    return chart, advice, omissions
+    return chart, omissions
 
 
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
@@ -598,11 +631,13 @@ def _deliver(
     )
 
     def draw() -> Figure:
+        """Return the figure of one chart, or of the charts for several numbers of stories."""
         if request.stories:
             return figures.assessment.sizes_picture(charts, **settings)
         return figures.assessment.chart_picture(charts[0], versus=request.versus, **settings)
 
     def summarize() -> dict[str, Any]:
+        """Return the content of the JSON file."""
         return chart_summary(
             charts,
             model=model,
@@ -616,6 +651,7 @@ def _deliver(
     request.outputs.deliver(table, draw, summarize)
 
 
+# The last line of the recommendations explains how they were chosen.
 _RULE = (
     "Rule: the recommended method is the most accurate method within 10 % of the minimum time. "
     "Other methods are listed only if they meet the tolerance and take at least as long; the next "
@@ -649,7 +685,10 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
 
 def _cost_text(point: Point, target_error: str) -> str:
-    """Return the time and the error of a point, or its outcome if the run failed."""
+    """Return the time (ms) and the error (%) of a measured run, or its outcome if it failed.
+
+    `target_error` is the type of the error, such as `drift`.
+    """
     if not point.errors:
         return point.outcome
     return f"{1e3 * point.fastest:.3g} ms, error {100.0 * point.error(target_error):.2g} %"

@@ -218,18 +218,7 @@ def _write(
         fitted_table,
     )
 
-    # Use the requested periods, or the periods of `PERIODS` that are within the band of the
-    # recording and not shorter than two sampling intervals. At least one period is used.
-    periods = options.spectra.chosen_periods(request.periods, PERIODS)
-    if request.periods is None:
-        first_event, all_periods = comparisons[0].event, periods
-        low, high = first_event.recording.band or (0.0, float("inf"))
-        periods = all_periods[
-            (all_periods * high >= 1.0)
-            & (all_periods * low <= 1.0)
-            & (all_periods >= 2.0 * first_event.base.dt)
-        ]
-        periods = periods if periods.size else all_periods[-1:]
+    periods = _spectrum_periods(request, comparisons[0])
     files: dict[Path, Content] = {}
     if request.output:
         files[request.file(TABLE)] = comparison_table(comparisons).csv()
@@ -268,6 +257,34 @@ def _write(
         summary = comparison_summary(model, comparisons, fitted, settings, units)
         files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
     write_files(files, overwrite=request.overwrite)
+
+
+def _spectrum_periods(request: Request, comparison: Comparison) -> Array:
+    """Return the periods of the response spectra, s.
+
+    They are the requested periods. By default, they are the periods of `PERIODS` that are within
+    the frequency band of the recording and not shorter than two sampling intervals; if no period
+    remains, the longest period of `PERIODS` is used.
+
+    Parameters
+    ----------
+    request : Request
+        The command line.
+    comparison : Comparison
+        Comparison with the first recording.
+    """
+    all_periods = options.spectra.chosen_periods(request.periods, PERIODS)
+    if request.periods is not None:
+        return all_periods
+    event = comparison.event
+    low, high = event.recording.band or (0.0, float("inf"))
+    # A period T is within the band of the frequencies low to high, Hz, if 1/high <= T <= 1/low.
+    periods = all_periods[
+        (all_periods * high >= 1.0)
+        & (all_periods * low <= 1.0)
+        & (all_periods >= 2.0 * event.base.dt)
+    ]
+    return periods if periods.size else all_periods[-1:]
 
 
 def _page(
@@ -393,7 +410,9 @@ def _report(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
     # Show only the first values, because a building with many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
-        # Parameters of the complete building have no place, such as the number of a story.
+        # A parameter of a story has the number of the story as its place; a parameter of the
+        # complete
+        # building has no place.
         changes = [
             " ".join(filter(None, (item.name, str(item.place or ""), f"{item.value:.5g}")))
             for item in values

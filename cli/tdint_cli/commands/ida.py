@@ -25,11 +25,16 @@ from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
     from tdint.campaign.ida import IdaSettings, IdaStudy
+    from tdint.campaign.ida_curve import Mainshock
+    from tdint.campaign.intensity import IntensityMeasure
     from tdint.files import Content
+    from tdint.model.definition import Model
     from tdint.units import OutputUnits, Units
 
 RUNS, CAPACITIES, SUMMARY = "ida.csv", "capacities.csv", "ida.json"
-_MAX_ENERGY_ERROR = 0.01  # energy error above which a run is reported, relative to the input energy
+_MAX_ENERGY_ERROR = 0.01
+"""Energy error of a run divided by its input energy. A warning lists runs with larger errors, as
+their drifts are not reliable."""
 
 
 class _Measure(Name):
@@ -39,6 +44,7 @@ class _Measure(Name):
     """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name of an intensity measure; click reports invalid names as usage errors."""
         from tdint.campaign.intensity import scaling_obstacle
 
         if reason := scaling_obstacle(value):
@@ -52,6 +58,7 @@ class _Measure(Name):
 
 
 def _measures() -> tuple[str, ...]:
+    """Return the names of the intensity measures to which ground motions can be scaled."""
     from tdint.campaign.intensity import scalable_measures
 
     return scalable_measures()
@@ -191,37 +198,19 @@ def command(request: IdaRequest) -> None:
     drift threshold; the collapse drift is the last threshold. With -o, the same call
     continues an interrupted analysis; --overwrite starts again.
     """
-    from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
-    from tdint.campaign.ida_curve import Mainshock
-    from tdint.campaign.intensity import SPECTRAL, measure_at
     from tdint.campaign.pairs import LARGER
     from tdint.ground_motion.measures import cut_off
-    from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
     folder = _folder(request)
     model = load_model(request.model)
     units = request.output_units or model.output_units
-    # A spectral intensity measure requires a period. The default is the first period of the
-    # building.
-    is_spectral = request.im in SPECTRAL
-    period = (
-        (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
-    )
-    measure = measure_at(request.im, request.damping, period)
-    # The quantity of the maximum is correct if the SI unit of the measure is one of its units, with
-    # factor 1.
-    max_im = request.max_im
-    if max_im and GROUND_MOTION[max_im.quantity].get(measure.unit) != 1.0:
-        raise UsageError(
-            f"--max-im {max_im.text}: wrong unit for {measure.name}; specify the maximum in "
-            f"{measure.unit}"
-        )
+    measure = _intensity_measure(request, model)
     settings = IdaSettings(
         precision=request.precision,
         collapse_drift=request.collapse_drift,
-        max_im=max_im.scale if max_im else math.inf,
+        max_im=request.max_im.scale if request.max_im else math.inf,
         dt=request.dt,
         duration=request.duration,
         until_rest=request.until_rest,
@@ -232,13 +221,7 @@ def command(request: IdaRequest) -> None:
         request.records, request.factors, request.choice, request.pairs
     )
     note(*cut_off(suite.records, request.duration or model.analysis.duration or math.inf))
-    # Read the mainshock that damages the building before the study, if it is specified.
-    mainshock = None
-    if request.after is not None and request.damage:
-        mainshock_suite = read_suite([request.after], request.choice, None)
-        if mainshock_suite.failures:
-            raise mainshock_suite.failures[0]
-        mainshock = Mainshock(tuple(mainshock_suite.records), request.damage)
+    mainshock = _read_mainshock(request)
     with progress_bar(request.output is None) as show_progress:
         study = ida(
             model,
@@ -262,6 +245,58 @@ def command(request: IdaRequest) -> None:
     _report(shown_study, request.precision)
     if suite.failures:
         raise Failures(suite.failures)
+
+
+def _intensity_measure(request: IdaRequest, model: Model) -> IntensityMeasure:
+    """Return the intensity measure of --im, with --period and --damping for spectral measures.
+
+    Parameters
+    ----------
+    request : IdaRequest
+        The command line.
+    model : Model
+        The building; its first period is the default of --period.
+
+    Raises
+    ------
+    UsageError
+        The unit of --max-im is not a unit of the measure.
+    """
+    from tdint.analysis.spectra.elastic import first_mode
+    from tdint.campaign.intensity import SPECTRAL, measure_at
+    from tdint.model.building import assemble
+
+    period = math.nan  # measures such as PGA have no period
+    if request.im in SPECTRAL:
+        period = request.period or first_mode(assemble(model), None).period
+    measure = measure_at(request.im, request.damping, period)
+    # --max-im has the quantity of the measure (such as acceleration) if the SI unit of the measure
+    # is one of the units of this quantity, with factor 1.
+    max_im = request.max_im
+    if max_im and GROUND_MOTION[max_im.quantity].get(measure.unit) != 1.0:
+        raise UsageError(
+            f"--max-im {max_im.text}: wrong unit for {measure.name}; specify the maximum in "
+            f"{measure.unit}"
+        )
+    return measure
+
+
+def _read_mainshock(request: IdaRequest) -> Mainshock | None:
+    """Return the main shock of --after with the drift ratios of --damage; None without --after.
+
+    Raises
+    ------
+    RecordError
+        The file of the main shock cannot be read.
+    """
+    from tdint.campaign.ida_curve import Mainshock
+
+    if request.after is None or not request.damage:
+        return None
+    suite = read_suite([request.after], request.choice, None)
+    if suite.failures:
+        raise suite.failures[0]
+    return Mainshock(tuple(suite.records), request.damage)
 
 
 def _folder(request: IdaRequest) -> Path | None:

@@ -24,18 +24,23 @@ if TYPE_CHECKING:
     from tdint.analysis.matching import Match
     from tdint.analysis.spectra.target import TargetSpectrum
     from tdint.ground_motion.reading.suites import GroundMotion
+    from tdint.ground_motion.record import Record
+    from tdint.output.tables.table import Table
 
 MATCHED, PICTURE = "matched.csv", "matched.png"
 SUITES = ("each", "mean")
 
 PAIR = "rotd100"
-"""Intensity measure of a pair. The matching requires derivatives, which are known for RotD100."""
+"""Intensity measure of a pair. The matching requires its derivatives, which are implemented only
+for RotD100."""
 
 _MAX_CHANGE = 1.0
-"""Ratio of the change to the motion, above which a different seed motion is recommended."""
+"""Size of the added wavelets divided by the size of the ground motion. If it is larger, the record
+is not similar to the target, and a warning recommends another record."""
 
 _MAX_PGD_RATIO = 2.0
-"""Ratio of the peak ground displacements, matched over seed, above which a warning is printed."""
+"""Peak ground displacement after matching divided by its value before. A larger ratio causes a
+warning, because wavelets of long periods can produce unrealistic displacements."""
 
 
 @options.request
@@ -127,17 +132,15 @@ def command(request: MatchRequest) -> None:
     """
     from tdint.analysis.matching import match_suite
     from tdint.analysis.spectra.target import read_targets
-    from tdint.output.summary import record_summary, table_summary
+    from tdint.output.motion_files import motion_contents, motion_file_names
 
-    # Check the options and the output files before the computation starts.
+    # A missing option or an existing output file must not be detected after a long computation.
     if request.output is None:
         raise UsageError("-o DIR is required: the directory for the matched ground motions")
     folder = Path(request.output)
     plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
     targets = read_targets(request.target, request.damping)
-    from tdint.output.motion_files import motion_file_names
-
     suite, factors = read_table_of_factors(
         request.records, request.factors, request.choice, request.pairs
     )
@@ -157,41 +160,15 @@ def command(request: MatchRequest) -> None:
             matches = _match_each(suite.motions, targets, matching_options, show_progress)
     table = tables.spectra.match_table(matches)
 
-    def summarize() -> dict[str, Any]:
-        settings: dict[str, Any] = {
-            "target": request.target,
-            "range_s": list(request.range),
-            "damping": request.damping[0] if len(request.damping) == 1 else list(request.damping),
-        }
-        settings |= {
-            "format": request.format,
-            "max_misfit": request.max_misfit,
-            "suite": request.suite,
-        }
-        settings |= {"pairs": PAIR if request.pairs else None}
-        seeds = list(map(record_summary, suite.records))
-        return table_summary("match", settings, seeds, table.meanings) | {
-            "motions": [file.name for file in files]
-        }
-
-    from tdint.output.motion_files import motion_contents
-
     contents, notes = motion_contents([matched.record for matched in matches], request.format)
     write_files(dict(zip(files, contents, strict=True)), overwrite=request.overwrite)
     note(*notes)
-    outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
-    for matched in matches:
-        say(repr(matched)[1:-1] + ".")  # The representation is a sentence in angle brackets.
-        for spectrum in matched.by_damping:
-            warn(*_misfit_warning(spectrum, request.max_misfit))
-        warn(*_change_warnings(matched))
-    note(
-        "a good fit is not sufficient for design: building codes also specify the number of "
-        "ground motions, their sources, and near-fault pulses"
+    outputs.deliver(
+        table,
+        lambda: figures.comparison.match_picture(matches[0]),
+        lambda: _summary(request, suite.records, files, table),
     )
-    if request.suite == "mean":
-        for number, target in enumerate(targets):
-            say(_mean_sentence([matched.by_damping[number] for matched in matches], target))
+    _report(request, matches, targets)
     above_max_misfit = [
         f"{matched.seed.source} {matched.seed.component}"
         for matched in matches
@@ -204,6 +181,68 @@ def command(request: MatchRequest) -> None:
             f"the misfit exceeds {100.0 * request.max_misfit:g} %: "
             f"{', '.join(above_max_misfit)}; use another record, or a narrower --range"
         )
+
+
+def _summary(
+    request: MatchRequest, records: Sequence[Record], files: Sequence[Path], table: Table
+) -> dict[str, Any]:
+    """Return the content of the JSON file of a match: settings, records and written files.
+
+    Parameters
+    ----------
+    request : MatchRequest
+        The command line.
+    records : sequence of Record
+        The records before scaling and matching.
+    files : sequence of Path
+        Files of the matched ground motions.
+    table : Table
+        Table of the misfits, whose columns the JSON file explains.
+    """
+    from tdint.output.summary import record_summary, table_summary
+
+    settings: dict[str, Any] = {
+        "target": request.target,
+        "range_s": list(request.range),
+        "damping": request.damping[0] if len(request.damping) == 1 else list(request.damping),
+        "format": request.format,
+        "max_misfit": request.max_misfit,
+        "suite": request.suite,
+        "pairs": PAIR if request.pairs else None,
+    }
+    seeds = list(map(record_summary, records))
+    return table_summary("match", settings, seeds, table.meanings) | {
+        "motions": [file.name for file in files]
+    }
+
+
+def _report(
+    request: MatchRequest, matches: Sequence[Match], targets: Sequence[TargetSpectrum]
+) -> None:
+    """Write the misfits of all matched ground motions to the terminal, with warnings.
+
+    Parameters
+    ----------
+    request : MatchRequest
+        The command line.
+    matches : sequence of Match
+        Matched ground motions.
+    targets : sequence of TargetSpectrum
+        Target for each damping ratio.
+    """
+    for matched in matches:
+        # The representation of a match is a sentence in angle brackets.
+        say(repr(matched)[1:-1] + ".")
+        for spectrum in matched.by_damping:
+            warn(*_misfit_warning(spectrum, request.max_misfit))
+        warn(*_change_warnings(matched))
+    note(
+        "a good fit is not sufficient for design: building codes also specify the number of "
+        "ground motions, their sources, and near-fault pulses"
+    )
+    if request.suite == "mean":
+        for number, target in enumerate(targets):
+            say(_mean_sentence([matched.by_damping[number] for matched in matches], target))
 
 
 def _match_each(
@@ -230,7 +269,10 @@ def _match_each(
     count = len(motions)
 
     def match_motion(number: int, motion: GroundMotion) -> Match:
+        """Match the motion with this number (from 0) and show the progress over all motions."""
+
         def show(done: int, total: int) -> None:
+            """Show the progress after `done` of `total` steps of this motion."""
             show_progress(f"motion {number + 1}/{count}", (number + done / total) / count)
 
         return match(motion, targets, progress=show, **matching_options)
@@ -283,8 +325,9 @@ def _misfit_warning(matched: Match, max_misfit: float) -> list[str]:
         return []
     subject = f"{matched.seed.source} {matched.seed.component}".rstrip()
     return [
-        f"{subject}: the misfit stays at {100.0 * matched.largest_misfit:.2g} % "
-        f"({100.0 * matched.damping:g} % damping)"
+        f"{subject}: the largest misfit after matching is {100.0 * matched.largest_misfit:.2g} % "
+        f"({100.0 * matched.damping:g} % damping), more than --max-misfit "
+        f"{100.0 * max_misfit:g} %; use another record, or a narrower --range"
     ]
 
 

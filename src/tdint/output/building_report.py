@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdint.analysis.spectra.elastic import spectrum
+from tdint.arrays import Array
 from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
 from tdint.model.definition import Model
@@ -209,19 +210,8 @@ def mode_page(
         Ground motion of the model, whose response spectrum shows the modes.
     """
     units = page_units(units)
-    building = assemble(model)
-    period, damping = building.first_period, building.first_mode()[1]
     modes = {column.name: values for column, values in table.by_column()}
     periods, mass_ratios = modes["period_s"], modes["mass_ratio"]
-    cumulative_mass_ratios = modes["cumulative_mass_ratio"]
-    # Number of the modes that contain the required mass; `argmax` finds the first of them.
-    count = int(np.argmax(cumulative_mass_ratios >= _ENOUGH_MASS)) + 1
-    verdict = (
-        f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping, "
-        f"{number_text(100.0 * float(mass_ratios[0]))} % of the mass; {pluralize(count, 'mode')} "
-        f"{'contains' if count == 1 else 'contain'} "
-        f"{number_text(100.0 * float(cumulative_mass_ratios[count - 1]))} % of the mass."
-    )
     # Damping ratios are in percent, as in the sentences of the report.
     meanings = {**table.meanings, "damping": {**table.meanings["damping"], "unit": "%"}}
     shown_table = replace(table, rows=table.rows[:_MOST_MODES], meanings=meanings)
@@ -229,13 +219,8 @@ def mode_page(
     omission = f"The first {_MOST_MODES} of {pluralize(len(table.rows), 'mode')}."
     curve, caption = None, "Effective modal masses"
     if record is not None:
-        grid = np.geomspace(
-            SPECTRUM_PERIODS[0], max(SPECTRUM_PERIODS[1], 1.3 * period), int(SPECTRUM_PERIODS[2])
-        )
-        name = f"{figures.style.record_name(record.source)} {record.component}".strip()
-        values = spectrum(record, grid).psa, spectrum(record, periods).psa
-        curve = figures.mode_shapes.SpectrumAtModes(name, grid, *values)
-        caption = f"Response spectrum of {name}, 5 % damping, and effective modal masses"
+        curve = _spectrum_at_modes(record, periods, assemble(model).first_period)
+        caption = f"Response spectrum of {curve.label}, 5 % damping, and effective modal masses"
     chapters = [
         Chapter("Modes", (list(page_text.sentences), shown_table)),
         Chapter("Further modes", (omission,) if len(table.rows) > _MOST_MODES else ()),
@@ -264,8 +249,55 @@ def mode_page(
             ),
         ),
     ]
+    verdict = _mode_verdict(model, mass_ratios, modes["cumulative_mass_ratio"])
     page_text = replace(page_text, verdict=[(None, verdict)])
     return page(model.name, f"Natural modes of {model.name}.", chapters, page_text)
+
+
+def _spectrum_at_modes(
+    record: Record, periods: Array, first_period: float
+) -> figures.mode_shapes.SpectrumAtModes:
+    """Return the response spectrum of a record with 5 % damping, and its values at the modes.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    periods : ndarray, shape (modes,)
+        Periods of the modes, s.
+    first_period : float
+        First period of the building, s; the spectrum continues to 1.3 times this period.
+    """
+    grid = np.geomspace(
+        SPECTRUM_PERIODS[0], max(SPECTRUM_PERIODS[1], 1.3 * first_period), int(SPECTRUM_PERIODS[2])
+    )
+    name = f"{figures.style.record_name(record.source)} {record.component}".strip()
+    values = spectrum(record, grid).psa, spectrum(record, periods).psa
+    return figures.mode_shapes.SpectrumAtModes(name, grid, *values)
+
+
+def _mode_verdict(model: Model, mass_ratios: Array, cumulative_mass_ratios: Array) -> str:
+    """Return the headline of a report of modes: first period, damping ratio and modal masses.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    mass_ratios : ndarray, shape (modes,)
+        Effective modal masses divided by the total mass.
+    cumulative_mass_ratios : ndarray, shape (modes,)
+        Sums of `mass_ratios` from the first mode to each mode.
+    """
+    building = assemble(model)
+    period, damping = building.first_period, building.first_mode()[1]
+    # `argmax` returns the index of the first mode at which the modes contain the required mass.
+    count = int(np.argmax(cumulative_mass_ratios >= _ENOUGH_MASS)) + 1
+    return (
+        f"First period {number_text(period)} s with {number_text(100.0 * damping, 3)} % damping, "
+        f"{number_text(100.0 * float(mass_ratios[0]))} % of the mass; {pluralize(count, 'mode')} "
+        f"{'contains' if count == 1 else 'contain'} "
+        f"{number_text(100.0 * float(cumulative_mass_ratios[count - 1]))} % of the mass."
+    )
 
 
 _MODAL_ASSUMPTIONS = (

@@ -38,6 +38,7 @@ from tdint.output.tables.table import TEXT, Cell, Table
 from tdint.units import SI, OutputUnits, suffix
 
 if TYPE_CHECKING:
+    from tdint.analysis.run.batch import Subject
     from tdint.analysis.run.outcome import Response, StoryPeaks
     from tdint.analysis.spectra.floors import FloorSpectrum
     from tdint.campaign.plan import Plan
@@ -364,13 +365,6 @@ def suite_page(
     # Only the first buildings are described, because the report must remain readable.
     buildings_by_name = {building.name: building for building in plan.buildings[:_MOST_MODELS]}
     subjects = [building.subject() for building in buildings_by_name.values()]
-    methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
-    step, accuracy = _steps_and_errors(store)
-    free_vibration = (
-        ("runs continue after the end of the record until free vibration has decayed",)
-        if plan.settings.until_rest
-        else ()
-    )
     # Warnings about the scaling and the records are printed at the top. Notes with the same text
     # are omitted.
     scaling_parts, scaling_warnings = _scaling(plan, units, periods)
@@ -389,7 +383,7 @@ def suite_page(
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(subject.model, units) for subject in subjects),
         motion_chapter(_motions_of_levels(plan, store), units, scaling_parts, periods),
-        assumptions(f"{methods}, {step}", [accuracy, *free_vibration, *_pair_rule(store), _SUITE]),
+        _suite_assumptions(plan, store, subjects),
         Chapter("Notes", (once(notes),)),
     ]
     campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
@@ -402,6 +396,30 @@ def suite_page(
     )
     about = f"{runs['done']} of {pluralize(runs['all'], 'run')}: {status_text}."
     return page(plan.name, about, chapters, page_text)
+
+
+def _suite_assumptions(plan: Plan, store: Store, subjects: Sequence[Subject]) -> Chapter:
+    """Return the chapter of the assumptions of a campaign: methods, time steps, errors and rules.
+
+    Parameters
+    ----------
+    plan : Plan
+        Settings of the campaign.
+    store : Store
+        Store of the campaign, with the time steps and the estimated errors of all runs.
+    subjects : sequence of Subject
+        Buildings that the report describes, with their methods.
+    """
+    methods = ", ".join(dict.fromkeys(method_text(subject.method) for subject in subjects))
+    step, accuracy = _steps_and_errors(store)
+    free_vibration = (
+        ("runs continue after the end of the record until free vibration has decayed",)
+        if plan.settings.until_rest
+        else ()
+    )
+    return assumptions(
+        f"{methods}, {step}", [accuracy, *free_vibration, *_pair_rule(store), _SUITE]
+    )
 
 
 def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | None, str]]:

@@ -37,21 +37,21 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
     from tdint.analysis.chart.work_precision import Chart, Point
 
-_ACCURACY_RANGE = 0.4  # maximum dt/T in figures of accuracy
-_RADIUS_RANGE = (1e-2, 1e3)  # dt/T
-_BAND = (3.1, 3.7)  # omega dt around sqrt(12)
-_ROUNDING = 1e-9  # rounding error of a spectral radius of 1
+_ACCURACY_RANGE = 0.4  # maximum dt/T in figures of accuracy: 2.5 time steps per period
+_RADIUS_RANGE = (1e-2, 1e3)  # widest range of dt/T in figures of the spectral radius
+_BAND = (3.1, 3.7)  # omega dt around sqrt(12), the stability limit of linear acceleration
+_ROUNDING = 1e-9  # a spectral radius that exceeds 1 by less is 1 with a rounding error
 _THIN = 0.7  # points; width of additional lines
-_MAX_AXIS = 1e4  # maximum of the axis; larger values are cut off
+_MAX_AXIS = 1e4  # maximum of the axis of an overshoot; larger values are outside of the panel
 
 
 def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
-    """Draw spectral radius, period error, numerical damping and amplitude decay over dt/T.
+    """Plot spectral radius, period error, numerical damping and amplitude decay over dt/T.
 
     Parameters
     ----------
     curves : sequence of StabilityCurve
-        Curves, one line each.
+        Curves of methods, with a line for each curve.
     band : bool
         True to add a panel of the growth per time step around omega dt = sqrt(12), on a logarithmic
         scale.
@@ -69,8 +69,8 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         (damping, "numerical_damping"),
     ):
         _draw_quantity(axes, curves, quantity, styles)
-    # The growth around sqrt(12), the stability limit of linear acceleration. Growth within the
-    # rounding error is not drawn.
+    # The additional panel shows the growth near the stability limit of linear acceleration. A
+    # logarithmic axis would enlarge rounding errors, so that growth below `_ROUNDING` is omitted.
     if band:
         zoom = figure.add_subplot(grid[2, :])
         for curve, style in zip(curves, styles, strict=True):
@@ -85,7 +85,7 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         zoom.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
         zoom.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
     add_legend(figure, radius, lines, _curve_labels(curves), NARROW)
-    # A single line has its name in the title, because there is no legend.
+    # A figure with a single line has no legend, so that its title names the method.
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     noun = "damping ratio" if len(ratios) == 1 else "damping ratios"
     title = f"One time step of an oscillator without load, {noun} {', '.join(ratios)}"
@@ -95,8 +95,15 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
 
 
 def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
-    """Draw the first time steps: displacement and velocity after an initial displacement or
-    velocity.
+    """Plot displacement and velocity of an oscillator in the first time steps.
+
+    Each row of panels is for another start: an initial displacement or an initial velocity. The
+    values are divided by the amplitude of the exact motion, so that values above 1 are overshoot.
+
+    Parameters
+    ----------
+    motions : sequence of Overshoot
+        First time steps of each method, start and damping ratio; at least one.
     """
     figure = Figure(figsize=(7.5, 6.4), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
@@ -119,7 +126,8 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.set_title(f"{quantity}, from a {start}")
             axes.axhspan(-1.0, 1.0, color="0.92", zorder=0.5)
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-            # The axis is logarithmic beyond the exact motion, because methods can exceed it by far.
+            # Some methods exceed the exact motion by orders of magnitude. The axis is then
+            # logarithmic for values above 1, the maximum of the exact motion.
             largest = max(
                 float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines()
             )
@@ -143,14 +151,18 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
 
 
 def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int = 0) -> Figure:
-    """Draw the observed order over the frequency ratio, or by method for loads without a frequency.
+    """Plot observed orders of convergence.
+
+    The x axis is the frequency ratio if the orders were measured for several frequency ratios of
+    the load. Otherwise each method has a row of markers for displacement, velocity and
+    acceleration.
 
     Parameters
     ----------
     measured : sequence of ObservedOrder
-        Observed orders.
+        Observed order of each method and frequency ratio, for one load; at least one.
     name : str
-        Start of the title; empty by default.
+        Text before the title, such as the name of the figure; empty by default.
     thin : int
         Number of methods at the end that have thin lines; 0 by default.
     """
@@ -173,9 +185,17 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
 
 
 def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
-    """Return line styles that are distinguishable without color.
+    """Return the style of each line as keyword arguments of matplotlib.
 
-    Methods differ by dashes and markers; several damping ratios differ by dashes.
+    The lines are distinguishable without color: methods differ by dashes and markers. If there are
+    several damping ratios, the dashes distinguish the ratios, and the markers the methods.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Method of each line.
+    dampings : sequence of float
+        Damping ratio of each line.
     """
     method_index = {method: i for i, method in enumerate(dict.fromkeys(methods))}
     ratio_index = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
@@ -197,14 +217,38 @@ placement of markers at equal distances along the line would not end."""
 
 
 def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
-    """Draw a line; matplotlib cannot space markers along a line without a finite point."""
+    """Plot a line, also if no point of it is finite.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    x, y : ndarray, shape (k,)
+        Points; nan is allowed.
+    style : dict
+        Line style of `line_styles`.
+
+    Returns
+    -------
+    list of Line2D
+        The line.
+    """
+    # Without a finite point, matplotlib cannot compute the distances of markers along the line.
     if not np.any(np.isfinite(x) & np.isfinite(y)):
         style = {**style, "markevery": None}
     return list(axes.plot(x, y, **style))
 
 
 def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
-    """Draw the spectral radius over dt/T."""
+    """Plot the spectral radius of each curve over dt/T, with a legend.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    curves : sequence of StabilityCurve
+        Curves of methods.
+    """
     styles = [
         style | {"label": label}
         for style, label in zip(_curve_styles(curves), _curve_labels(curves), strict=True)
@@ -216,12 +260,12 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
 def accuracy_picture(
     curves: Sequence[StabilityCurve], quantity: str, title: str, thin: int = 0
 ) -> Figure:
-    """Draw one quantity of stability over dt/T.
+    """Plot a single quantity of stability or accuracy over dt/T.
 
     Parameters
     ----------
     curves : sequence of StabilityCurve
-        Curves, one line each.
+        Curves of methods, with a line for each curve.
     quantity : str
         `spectral_radius`, `period_error`, `numerical_damping` or `amplitude_decay`.
     title : str
@@ -257,22 +301,41 @@ def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
     return [f"{curve.method}, ξ {curve.damping:g}" for curve in curves]
 
 
-_ACCURACIES = {
+_ACCURACY_AXES = {
     "period_error": ("period error (%)", -20.0, 60.0),
     "numerical_damping": ("numerical damping ratio (%)", -2.0, 20.0),
     "amplitude_decay": ("amplitude lost per cycle (%)", -10.0, 100.0),
 }
-"""Label and maximum range of the axis of each quantity; methods outside of it are not useful."""
+"""Label and maximum range (percent) of the axis of each quantity. Methods with values outside of
+this range are not useful."""
 
 
 def _draw_quantity(
     axes: Any, curves: Sequence[StabilityCurve], quantity: str, styles: Sequence[dict[str, Any]]
 ) -> list[Any]:
-    """Draw a line for each curve, and set the axes of the quantity."""
+    """Plot a quantity of each curve over dt/T, and set the ranges and the labels of the axes.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    curves : sequence of StabilityCurve
+        Curves of methods.
+    quantity : str
+        Name of an attribute of the curves: `spectral_radius`, or a key of `_ACCURACY_AXES`, which
+        is plotted in percent.
+    styles : sequence of dict
+        Line style of each curve.
+
+    Returns
+    -------
+    list of Line2D
+        The line of each curve.
+    """
     lines = []
     for curve, style in zip(curves, styles, strict=True):
         x, y = curve.dt_over_t, getattr(curve, quantity)
-        # A line continues slightly beyond the end of the axis.
+        # The line reaches the end of the axis, because points up to 1 % above the end are plotted.
         shown = x <= _ACCURACY_RANGE * 1.01
         if quantity == "spectral_radius":
             lines += _plot(axes, x, np.minimum(y, _MAX_RADIUS), style)
@@ -290,9 +353,8 @@ def _draw_quantity(
         smallest = min(float(np.min(curve.spectral_radius)) for curve in curves)
         axes.set(ylim=(0.0 if smallest < 0.7 else 0.7, 1.25), ylabel="spectral radius")
         return lines
-    # Accuracy matters only for small time steps. The limits are wide enough to hide rounding
-    # errors.
-    name, min_bottom, max_top = _ACCURACIES[quantity]
+    # The axis includes at least -0.05 to 1 %; rounding errors are not visible in this range.
+    name, min_bottom, max_top = _ACCURACY_AXES[quantity]
     bottom, top = axes.get_ylim()
     limits = min(max(bottom, min_bottom), -0.05), max(min(top, max_top), 1.0)
     axes.set(ylim=limits, xlim=(0.0, _ACCURACY_RANGE), ylabel=name)
@@ -300,7 +362,15 @@ def _draw_quantity(
 
 
 def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
-    """Draw observed order and error at the smallest time step over the frequency ratio."""
+    """Plot observed order and error at the smallest time step over the frequency ratio.
+
+    Parameters
+    ----------
+    measured : sequence of ObservedOrder
+        Observed order of each method and frequency ratio.
+    thin : int
+        Number of methods at the end that have thin lines.
+    """
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
@@ -327,7 +397,7 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
 
 
 def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
-    """Draw observed orders of displacement, velocity and acceleration, with one row per method."""
+    """Plot observed orders of displacement, velocity and acceleration in a row for each method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(measured), 0.0, -1.0)
@@ -364,31 +434,34 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
 # ---- Work-precision diagrams: time over error, error over time step, cost over number of stories;
 # readable in black and white
 
-_FRONT = "0.85"  # gray of the band of the front
-_SMALLEST_GAP = 1e-14  # replaces a gap of 0, which has no position on a logarithmic axis
-_LARGEST_ERROR = 10.0  # larger errors are not shown
+_FRONT_COLOR = "0.85"  # gray of the band that connects the points of the front
+_MIN_GAP = 1e-14  # replaces a gap of 0, which has no position on a logarithmic axis
+_MAX_ERROR = 10.0  # end of the axis of relative errors; larger errors are outside of the panel
 _COSTS = {
     "time": "{clock} in the compiled loop (s)",
     "steps": "time steps",
     "solves": "solutions of the equations (for scipy: evaluations of the derivatives)",
 }
-_HIGH = 6.6  # inches; height of a figure in one column before the scale of its width and the legend
+"""Label of the axis of each type of cost."""
+_HIGH = 6.6
+"""Height, inches, of a figure for one column of a page, before the height of the legend is added
+and the figure is reduced to the width of the column."""
 
 
 def chart_picture(
     chart: Chart, *, name: str, target: str, versus: str = "time", highlight: str = ""
 ) -> Figure:
-    """Draw a work-precision diagram: time over error with a line per method, or error over time
+    """Plot a work-precision diagram: cost over error with a line per method, or error over time
     step.
 
-    A point with an error below the gap of the reference is not drawn. If a line has such points, a
-    triangle at the gap represents the cheapest. The gray band connects the points for which no
-    other point has both less time and less error.
+    The gap is the uncertainty of the reference solution. Points with a smaller error are not shown.
+    If a line has such points, a triangle at the gap represents the point with the lowest cost. The
+    gray band connects the points for which no other point has both less cost and less error.
 
     Parameters
     ----------
     chart : Chart
-        Measurements.
+        Measured errors and costs of the methods.
     name : str
         Name of the building, for the title.
     target : str
@@ -397,19 +470,31 @@ def chart_picture(
         `time` (the default), `steps` or `solves`: cost over error; `dt`: error over time step.
         Programs that do not count their time steps or solutions have no points for these costs.
     highlight : str
-        Line that is drawn thick and in front, as in `method_looks`; empty by default.
+        Method with a thick line in front of the other lines; empty by default.
     """
     if versus == "dt":
-        return _draw_steps(_Drawing(chart, target), name, highlight)
-    return _draw_costs(_Drawing(chart, target, versus), name, highlight)
+        return _error_figure(_Drawing(chart, target), name, highlight)
+    return _cost_figure(_Drawing(chart, target, versus), name, highlight)
 
 
 def sizes_picture(
     charts: Sequence[Chart], *, name: str, target: str, highlight: str = ""
 ) -> Figure:
-    """Draw time per time step, and error, over the number of stories.
+    """Plot the computing time per time step, and the error, over the number of stories.
 
-    The time step is the one closest to the sampling interval of the record.
+    Of each method, the measurement with the time step closest to the sampling interval of the
+    record is shown.
+
+    Parameters
+    ----------
+    charts : sequence of Chart
+        Measurements of one building with different numbers of stories.
+    name : str
+        Name of the building, for the title.
+    target : str
+        Error that is shown, a key of `QUANTITIES`.
+    highlight : str
+        Method with a thick line in front of the other lines; empty by default.
     """
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     cost, accuracy = figure.subplots(1, 2)
@@ -417,7 +502,6 @@ def sizes_picture(
     drawings = [_Drawing(chart, target) for chart in charts]
     handles = []
     for line, style in _styles(lines, highlight).items():
-        # For each number of stories, the point with the time step closest to the sampling interval.
         stories, step_costs, errors = [], [], []
         for drawing in drawings:
             points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
@@ -436,7 +520,8 @@ def sizes_picture(
             xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories",
             ylabel=label,
         )
-    # Dotted lines proportional to the number of stories, within the limits of the axes.
+    # The dotted line is proportional to the number of stories, for comparison. It must not change
+    # the limits of the axis.
     limits = cost.get_ylim()
     ends = np.array(
         [min(chart.stories for chart in charts), max(chart.stories for chart in charts)],
@@ -478,7 +563,7 @@ class _Drawing:
         self.chart = chart
         self.target = target
         self.versus = versus
-        self.gap = max(chart.reference.gap.of(target), _SMALLEST_GAP)
+        self.gap = max(chart.reference.gap.of(target), _MIN_GAP)
         lines: dict[str, list[Point]] = {point.line: [] for point in chart.points}
         for point in chart.points:
             # Comparisons with nan are false, so points with unknown values are excluded.
@@ -538,20 +623,79 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
     }
 
 
-def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
-    """Draw the costs of the methods over their errors, with the front of the cheapest points."""
+def _cost_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
+    """Return the figure of the costs of the methods over their errors, with the gray band.
+
+    Parameters
+    ----------
+    drawing : _Drawing
+        Points of the measurement, for a type of error and a type of cost.
+    name : str
+        Name of the building, for the title.
+    highlight : str
+        Method with a thick line in front of the other lines; empty for no such method.
+    """
     # In one column, the explanation is the title of the legend, and the panel is higher.
     narrow = is_narrow()
     figure = Figure(figsize=(7.5, _HIGH if narrow else 5.6), layout="constrained")
     axes = figure.subplots()
-    # The front is a band below all lines. Lines have markers at their points, and a triangle below
-    # the gap.
     front = drawing.front()
     (band,) = axes.plot(
-        *_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1
+        *_columns(drawing, front),
+        color=_FRONT_COLOR,
+        linewidth=9.0,
+        solid_capstyle="round",
+        zorder=1,
     )
+    handles, shown_points = _plot_cost_lines(axes, drawing, highlight)
+    _set_cost_axes(axes, drawing, narrow=narrow)
+    add_legend(
+        figure,
+        axes,
+        [*handles, band],
+        [*drawing.lines, "band" if narrow else f"band: {BAND_RULE}"],
+        NARROW,
+    )
+    subject = f"{drawing.versus} against accuracy, "
+    if narrow:
+        legend = figure.legends[-1]
+        legend.set_title(short_footnote(drawing.chart, drawing.target, drawing.has_triangles))
+        legend.get_title().set(fontsize=6.0, multialignment="center")
+        subject = ""
+    titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
+    # Points of the front and the last point of each line (the smallest time step) are labeled with
+    # their time step. Labels without space are omitted.
+    finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown_points]
+    labelled = dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt))
+    labels = [(*drawing.position(point), f"{point.dt:.4g}") for point in labelled]
+    write_labels(figure, axes, labels, [drawing.position(point) for point in shown_points])
+    return figure
+
+
+def _plot_cost_lines(axes: Any, drawing: _Drawing, highlight: str) -> tuple[list[Any], list[Point]]:
+    """Plot a line for each method, with markers at its points and rings at some of the markers.
+
+    The marker of an error below the gap of the reference is a triangle. A ring marks a time step
+    that is equal to the sampling interval of the record.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    drawing : _Drawing
+        Points of the measurement.
+    highlight : str
+        Method with a thick line in front of the other lines; empty for no such method.
+
+    Returns
+    -------
+    list of Line2D
+        Entries of the legend, in the order of `drawing.lines`.
+    list of Point
+        Points with a marker.
+    """
     handles = []
-    shown_points: list[Point] = []  # points with a marker
+    shown_points: list[Point] = []
     styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
         style = styles[line]
@@ -573,48 +717,44 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         "markerfacecolor": "none",
         "markeredgecolor": "0.25",
     }
-    # Rings mark the points whose time step is the sampling interval, except for rounding.
+    # The tolerance allows for the rounding of time steps that are computed from the interval.
     interval = drawing.chart.interval
     at_interval = [point for point in shown_points if abs(point.dt - interval) <= 1e-9 * interval]
     axes.plot(*_columns(drawing, at_interval), linestyle="none", **rings, markeredgewidth=0.8)
+    return handles, shown_points
+
+
+def _set_cost_axes(axes: Any, drawing: _Drawing, *, narrow: bool) -> None:
+    """Set scales, range and labels of the axes of a figure of costs over errors.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    drawing : _Drawing
+        Points of the measurement, with the types of error and cost.
+    narrow : bool
+        True for a figure in one column of a page, which has no footnote below the axis.
+    """
     _chart_frame(axes)
-    if drawing.versus != "time":  # these costs often differ by less than a decade
+    # Numbers of steps and of solutions often differ by less than a decade, so that ticks at powers
+    # of ten are not sufficient.
+    if drawing.versus != "time":
         plain_numbers(axes.yaxis)
         plain_minor_numbers(axes.yaxis)
-    axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
+    axes.set_xlim(right=min(axes.get_xlim()[1], _MAX_ERROR))
     quantity = QUANTITIES[drawing.target]
     axes.set_xlabel(quantity if narrow else f"{quantity}\n{drawing.footnote()}")
-    # For times, the label states what is timed, also for other programs.
+    # The label of a time states which part of each program is timed.
     chart = drawing.chart
     label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
     if drawing.versus == "time" and chart.peers:
         label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
     axes.set_ylabel(label)
-    add_legend(
-        figure,
-        axes,
-        [*handles, band],
-        [*drawing.lines, "band" if narrow else f"band: {BAND_RULE}"],
-        NARROW,
-    )
-    subject = f"{drawing.versus} against accuracy, "
-    if narrow:
-        legend = figure.legends[-1]
-        legend.set_title(short_footnote(chart, drawing.target, drawing.has_triangles))
-        legend.get_title().set(fontsize=6.0, multialignment="center")
-        subject = ""
-    titled(figure, _title(drawing, name, f"{subject}time steps (s) at the points"))
-    # Time steps at the points of the front and at the smallest time step of each line, if there is
-    # space after the layout.
-    finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown_points]
-    labelled = dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt))
-    labels = [(*drawing.position(point), f"{point.dt:.4g}") for point in labelled]
-    write_labels(figure, axes, labels, [drawing.position(point) for point in shown_points])
-    return figure
 
 
 def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    """Return the errors and the costs of points."""
+    """Return the errors and the costs of points as two lists, the coordinates for matplotlib."""
     return [drawing.error(point) for point in points], [drawing.cost(point) for point in points]
 
 
@@ -627,11 +767,22 @@ def _chart_frame(axes: Any) -> None:
 
 
 def _title(drawing: _Drawing, name: str, subject: str) -> str:
+    """Return the title of a figure: building, number of stories and plotted quantities."""
     return f"{name}\n{pluralize(drawing.chart.stories, 'story')}: {subject}"
 
 
-def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
-    """Draw the errors of the methods over their time steps."""
+def _error_figure(drawing: _Drawing, name: str, highlight: str) -> Figure:
+    """Return the figure of the errors of the methods over their time steps.
+
+    Parameters
+    ----------
+    drawing : _Drawing
+        Points of the measurement, for a type of error.
+    name : str
+        Name of the building, for the title.
+    highlight : str
+        Method with a thick line in front of the other lines; empty for no such method.
+    """
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
     handles, labels = [], []
@@ -647,7 +798,7 @@ def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
             labels.append(line)
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)
     _chart_frame(axes)
-    axes.set_ylim(top=min(axes.get_ylim()[1], _LARGEST_ERROR))
+    axes.set_ylim(top=min(axes.get_ylim()[1], _MAX_ERROR))
     axes.set_xlabel(f"time step (s)\n{drawing.footnote().replace('circle', 'vertical line')}")
     axes.set_ylabel(QUANTITIES[drawing.target])
     add_legend(figure, axes, handles, labels, NARROW)

@@ -45,7 +45,7 @@ from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 # The figure of a scaled suite shows each spectrum in gray, median, fractiles and target.
 
 GRAY = "0.72"
-"""Style of a single record in a suite."""
+"""Color of the line of a single record in a suite."""
 
 _PAIR_PREFIXES = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
 _MEASURE_NAMES = {
@@ -63,6 +63,7 @@ BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
 
 _MIN_MOTIONS = 3  # minimum number of ground motions for fractiles
 _PERIODS = (0.05, 5.0, 120)
+"""First period (s), last period (s) and number of periods of the spectra of a scaled suite."""
 _MIN_INTERVALS = 0.06  # minimum period of spectra divided by the sampling interval
 _PAIR_TEXTS = {
     GEOMETRIC_MEAN: "geometric mean of both components",
@@ -72,12 +73,16 @@ _PAIR_TEXTS = {
 
 
 def pair_text(demand: str) -> str:
-    """Return the printed form of a spectrum of both components, such as RotD50."""
+    """Return the text for figures of a measure of both components, such as RotD50 for `rotd50`."""
     return _PAIR_TEXTS.get(demand, demand)
 
 
 def single_look(several: bool) -> dict[str, Any]:
-    """Return the style of the line of a single record: light among several records."""
+    """Return the line style of a single record.
+
+    The line is light if the figure contains `several` records, because their median is then drawn
+    in a dark color.
+    """
     return {"color": GRAY, "linewidth": 0.8} if several else {"color": COLORS[0], "linewidth": 1.6}
 
 
@@ -106,7 +111,17 @@ def measure_label(name: str, unit: str) -> str:
 
 
 def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
-    """Add a second axis in g to an axis in another unit of acceleration."""
+    """Add a second axis in g, if the axis of a panel has another unit of acceleration.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    unit : str
+        Unit of the existing axis. For g and for units of other quantities, no axis is added.
+    horizontal : bool
+        True if the accelerations are on the x axis; by default they are on the y axis.
+    """
     if unit == "g" or unit not in ACCELERATION:
         return
     g = STANDARD_GRAVITY / ACCELERATION[unit]
@@ -124,19 +139,53 @@ def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
 
 
 def draw_median(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 3.0) -> Any:
-    """Draw the median of the rows, shape (motions, k), over x, shape (k,)."""
+    """Plot the median over all ground motions, and return the line for the legend.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    x : ndarray, shape (k,)
+        Values on the x axis, such as periods.
+    rows : ndarray, shape (motions, k)
+        Values of each ground motion; nan is ignored.
+    color : str
+        Color of the line.
+    zorder : float
+        Position of the line in front of other lines.
+    """
     return axes.plot(x, np.nanmedian(rows, axis=0), color=color, linewidth=2.0, zorder=zorder)[0]
 
 
 def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 2.5) -> Any:
-    """Draw the fractiles of the rows, and return one line for the legend."""
+    """Plot the fractiles `FRACTILES` over all ground motions as dashed lines.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    x : ndarray, shape (k,)
+        Values on the x axis, such as periods.
+    rows : ndarray, shape (motions, k)
+        Values of each ground motion; nan is ignored.
+    color : str
+        Color of the lines.
+    zorder : float
+        Position of the lines in front of other lines.
+
+    Returns
+    -------
+    Line2D
+        The line of the upper fractile, which represents both lines in the legend.
+    """
     low, high = np.nanpercentile(rows, FRACTILES, axis=0)
     axes.plot(x, low, color=color, linestyle=DASHES[1], zorder=zorder)
     return axes.plot(x, high, color=color, linestyle=DASHES[1], zorder=zorder)[0]
 
 
 def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPeriods = ()) -> Figure:
-    """Draw a scaled suite.
+    """Plot the response spectra of a suite of scaled ground motions, with the target of the
+    scaling.
 
     Parameters
     ----------
@@ -174,7 +223,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
         "ec8": f"scaled to {target} by EN 1998-1",
         "p695": f"normalized by FEMA P-695{median}",
     }
-    # The number of records; a single record has its name.
+    # The title states the number of records, or the name of a single record.
     records = [record for motion in scaling.motions for record in components(motion)]
     noun = "record" if isinstance(scaling.motions[0], Record) else "pair"
     subject = pluralize(len(scaling.motions), noun)
@@ -188,8 +237,19 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
 
 
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
-    """Draw the scaled spectra with median, fractiles and target."""
-    # The periods include the target and are not shorter than the samples can resolve.
+    """Plot the spectra of scaled ground motions with their median, fractiles and target.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel, with the period on the x axis.
+    scaling : Scaling
+        Scaled ground motions. Records that were not selected are drawn in light gray.
+    units : OutputUnits
+        Unit of the accelerations.
+    """
+    # The periods include all periods of the target. The sampling interval limits the shortest
+    # period, because it must be resolved by the samples.
     low, high, count = _PERIODS
     for target_periods in (scaling.periods, _target_periods(scaling)):
         if target_periods is not None and len(target_periods) and target_periods[0] > 0.0:
@@ -197,7 +257,8 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
             high = max(high, 1.25 * float(target_periods[-1]))
     intervals = [record.dt for motion in scaling.motions for record in components(motion)]
     periods = np.geomspace(max(low, _MIN_INTERVALS * max(intervals)), high, int(count))
-    # Each ground motion has a line, but the median of FEMA P-695 is that of all components.
+    # Each ground motion has a line. FEMA P-695 uses the median of all components, so that each
+    # component has a line for this rule.
     quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
     if quantity == "pair" and scaling.rule == "p695":
         quantity = "component"
@@ -231,7 +292,22 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
 def _draw_target(
     axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits
 ) -> None:
-    """Draw the target of the scaling: a point, or a spectrum in its period range."""
+    """Plot the target of a scaling: a target spectrum, or the value of an intensity measure.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel, with the period on the x axis.
+    scaling : Scaling
+        Scaled ground motions with their target.
+    periods : ndarray, shape (k,)
+        Periods of the spectra, s.
+    spectra : ndarray, shape (motions, k)
+        Scaled spectra in the unit of the axis. Their average is drawn if the rule of the scaling
+        limits it.
+    units : OutputUnits
+        Unit of the accelerations.
+    """
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:
         target, psa = scaling.target, units.of(scaling.target.psa, "m/s^2")
@@ -270,14 +346,17 @@ def _target_periods(scaling: Scaling) -> tuple[float, ...]:
 
 # ---- Collapse
 
-_FRACTIONS = (0.16, 0.5, 0.84)  # of the fractiles
-_DRIFTS = 240  # points of a curve, which is smooth at a width of 180 mm
+_FRACTIONS = (0.16, 0.5, 0.84)  # probabilities of the fractiles of IDA curves
+_DRIFTS = 240  # number of points of a curve, which is smooth at a width of 180 mm
 _IM_MARGIN = 1.1  # upper end of the intensity axis divided by the maximum capacity
 _DRIFT_MARGIN = 1.04  # end of flat lines divided by the maximum drift
 
 
 def ida_picture(study: IdaStudy) -> Figure:
-    """Draw a study in the units of its intensities (`IdaStudy.in_units`)."""
+    """Plot an incremental dynamic analysis: intensity over maximum drift ratio.
+
+    The axis has the unit of the intensities of `study`, which `IdaStudy.in_units` converts.
+    """
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_ida(figure.subplots(), study)
     records = [curve.record for curve in study.states[0].curves]
@@ -297,7 +376,17 @@ def ida_picture(study: IdaStudy) -> Figure:
 
 
 def draw_ida(axes: Any, study: IdaStudy) -> None:
-    """Draw the curves of a study with their fractiles and capacities."""
+    """Plot the curves of an incremental dynamic analysis with their fractiles and capacities.
+
+    Each ground motion has a curve. Runs without a result are marked by crosses at the right edge.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    study : IdaStudy
+        Incremental dynamic analysis, with a state for each level of initial damage.
+    """
     # The drift axis ends at the collapse drift if a building collapses or nearly collapses.
     limit = study.model.collapse_drift
     curves = study.motion_curves
@@ -314,14 +403,14 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
     for state in states:
         _draw_capacities(axes, state, limit)
-    # Runs without a result are drawn at the edge.
-    lost = [
+    # The drift ratio of a failed run is unknown, so that its mark is at the drift limit.
+    failed_levels = [
         run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)
     ]
-    if lost:
+    if failed_levels:
         axes.plot(
-            [100.0 * limit] * len(lost),
-            lost,
+            [100.0 * limit] * len(failed_levels),
+            failed_levels,
             "x",
             color="0.4",
             label="run without a result",
@@ -341,9 +430,21 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
 
 
 def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
-    """Draw a curve from the origin (or the residual drift) through the runs without collapse.
+    """Plot the curve of a ground motion: intensity over maximum drift ratio in percent.
 
-    The curve is flat from the capacity on.
+    The curve leads from the origin, or from the residual drift of a damaged building, through the
+    runs without collapse. At the capacity, it continues horizontally to the right edge.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    curve : IdaCurve
+        Runs under a ground motion.
+    limit : float
+        Maximum drift ratio of the panel.
+    look : dict
+        Line style.
     """
     drift = [curve.left, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
@@ -354,9 +455,23 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
 
 
 def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
-    """Draw the fractiles of a damaged or intact state.
+    """Plot the fractiles of the curves for a state of initial damage.
 
-    For several states, only the median is drawn; for few records, each curve is drawn.
+    Fewer than `_MIN_MOTIONS` curves have no fractiles; they are drawn in the color of the state if
+    there are several states.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    study : IdaStudy
+        Incremental dynamic analysis of the intact or the damaged building.
+    limit : float
+        Maximum drift ratio of the panel.
+    color : str
+        Color of the state.
+    several : bool
+        True if the figure contains several states; then only the median is drawn.
     """
     damage = study.motion_curves[0].damage
     state = f"damaged to {100.0 * damage:g} %" if damage else "intact"
@@ -383,7 +498,17 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
-    """Mark the capacity of each curve, or the end of a curve without collapse."""
+    """Mark the capacity of each curve, or the last level of a curve without collapse.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    study : IdaStudy
+        Incremental dynamic analysis of the intact or the damaged building.
+    limit : float
+        Maximum drift ratio of the panel; marks of larger drifts are at this ratio.
+    """
     # Each mark (marker, filling, label) is mapped to its points: drift ratio in percent, intensity.
     collapse = ("o", COLORS[1], "capacity against collapse")
     resurrection = ("D", "white", "capacity, no collapse at a higher level")
@@ -430,7 +555,16 @@ _NAMES = {
 
 
 def fragility_picture(functions: Sequence[Fragility]) -> Figure:
-    """Draw functions of one fit and one intensity measure; at least one function is required."""
+    """Plot fragility functions with their observations and confidence bands.
+
+    A cloud analysis has a second panel with its regression. If more than `_MAX_IN_PANEL` functions
+    have a modeling dispersion, the functions with this dispersion have a separate panel.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions of the same fit and intensity measure; at least one.
+    """
     cloud = functions[0].cloud
     crowded = (
         cloud is None
@@ -467,7 +601,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         left, right = figure.subplots(1, 2)
         _draw_cloud(left, cloud, functions)
         draw_functions(right, functions)
-    # Type of the fit, estimation method and number of records.
+    # The title states the type of the fit, the estimation method and the number of records or runs.
     function = functions[0]
     title = _NAMES[function.fit]
     censored = {function.censored for function in functions}
@@ -481,7 +615,13 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
 
 
 def types_picture(functions: Sequence[Fragility]) -> Figure:
-    """Draw functions of building types: a panel for each type, a curve for each damage state."""
+    """Plot fragility functions of building types, with a panel per type and a curve per state.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Functions of all types and damage states; at least one.
+    """
     types = {
         name: [function for function in functions if function.type == name]
         for name in dict.fromkeys(f.type for f in functions)
@@ -519,7 +659,17 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
 
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
-    """Draw the functions of a type with observations and confidence bands."""
+    """Plot the fragility functions of a building type with observations and confidence bands.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    functions : sequence of Fragility
+        Functions of the type.
+    states : sequence of str
+        Damage states of all types. The position of a state determines the style of its curve.
+    """
     end = _axis_end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for function in functions:
@@ -544,9 +694,16 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
 
 
 def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = True) -> None:
-    """Draw functions with observations and confidence bands.
+    """Plot fragility functions with observations and confidence bands.
 
-    If `total` is true, functions with the modeling dispersion are drawn also.
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    functions : sequence of Fragility
+        Functions of the same intensity measure.
+    total : bool
+        True (the default) to add dotted lines that include the modeling dispersion.
     """
     end = _axis_end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
@@ -579,7 +736,23 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
 def _draw_band(
     axes: Any, function: Fragility, im: Array, look: dict[str, Any], alpha: float, linewidth: float
 ) -> None:
-    """Draw the confidence band of a function if a confidence interval is known."""
+    """Plot the confidence band of a fragility function, unless its covariance is unknown.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    function : Fragility
+        Fragility function with the covariance of its parameters.
+    im : ndarray, shape (k,)
+        Intensities.
+    look : dict
+        Color and dashes of both edges.
+    alpha : float
+        Opacity of the band, from 0 to 1.
+    linewidth : float
+        Line width of the edges, points.
+    """
     if np.isfinite(function.covariance).all():
         low, high = function.band(im)
         axes.fill_between(im, low, high, color=look["color"], alpha=alpha, linewidth=0.0)
@@ -588,7 +761,10 @@ def _draw_band(
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
-    """Add the legend of functions of one demand; `which` describes the functions."""
+    """Add the legend of fragility functions, with the title `which` and "exceedance of".
+
+    The second line of the title is omitted for functions without a threshold of the demand.
+    """
     exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
     title = "\n".join(filter(None, (which, exceeded))) or None
     axes.legend(
@@ -602,7 +778,22 @@ def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") 
 
 
 def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> None:
-    """Draw observations: the fitted levels or capacities, or the fractions of a cloud in bins."""
+    """Plot the observed fractions to which a fragility function was fitted.
+
+    They are the fractions at intensity levels, the cumulative distribution of capacities, or the
+    fractions of the runs of a cloud in bins of the intensity.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    function : Fragility
+        Fragility function with its observations.
+    end : float
+        End of the intensity axis; observations at larger intensities are omitted.
+    **look
+        Style of the markers.
+    """
     points, counted = function.points, function.counted
     if points is None and counted is not None:
         points = Points(counted.im, counted.fraction)
@@ -619,10 +810,11 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
 
 
 def _axis_end(functions: Sequence[Fragility]) -> float:
-    """Return the end of the intensity axis.
+    """Return the end of the intensity axis of fragility functions.
 
-    The axis ends where the functions are nearly 1, but not beyond two times the maximum observed
-    intensity or the median.
+    For each function, the axis ends where its probability is nearly 1, but at most at two times the
+    maximum observed intensity, or two times the median if the median is larger. The largest end is
+    used.
     """
     ends = []
     for function in functions:
@@ -634,8 +826,19 @@ def _axis_end(functions: Sequence[Fragility]) -> float:
 
 
 def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
-    """Draw demands over intensities on logarithmic axes, with the regression line and its standard
-    deviation on both sides."""
+    """Plot the runs of a cloud analysis and their regression line on logarithmic axes.
+
+    Dashed lines have a distance of a standard deviation of the residuals from the regression line.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    cloud : CloudPoints
+        Demand and intensity of each run, and the regression of their logarithms.
+    functions : sequence of Fragility
+        Functions of the cloud; horizontal lines mark their thresholds.
+    """
     measured = ~(cloud.censored | cloud.below)
     axes.scatter(
         cloud.im[measured],
@@ -672,11 +875,16 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
 
 
 def _im_label(function: Fragility) -> str:
+    """Return the label of the intensity axis: the measure and its unit."""
     return measure_label(function.im, function.unit)
 
 
 def _label(function: Fragility, beta_total: float | None = None) -> str:
-    """Return demand, median and dispersion of a function, with `beta_total` instead of beta."""
+    """Return the legend entry of a fragility function: demand threshold, median and dispersion.
+
+    `beta_total` is the dispersion that includes the modeling dispersion, if the entry must state it
+    instead of the dispersion of the function.
+    """
     threshold = f"{function.threshold_text}: " if function.threshold_text else ""
     if not math.isnan(function.damage):
         state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"

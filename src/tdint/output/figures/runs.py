@@ -35,14 +35,16 @@ if TYPE_CHECKING:
     from tdint.campaign.sensitivity import ParameterEffect
     from tdint.ground_motion.record import Record
 
+# Parts that would be too small to be visible are omitted from the figures.
 _MIN_COLLAPSE_FRACTION = 0.4
-"""The collapse drift is shown if the peak drift reaches this fraction of it."""
-_MIN_ERROR = 0.002  # fraction of the maximum from which estimated errors are shown
+"""Minimum peak drift, as a fraction of the collapse drift, of a figure with the collapse drift. For
+smaller drifts, the axis would have to be extended."""
+_MIN_ERROR = 0.002  # minimum estimated error that is shown, as a fraction of the maximum drift
 _MIN_BAND = 0.01
-"""Fraction of the maximum displacement from which the estimated error is shown as a band."""
-_MIN_RESIDUAL = 0.05  # fraction of the peak from which the residual drift is shown
-_MIN_ENERGY = 1e-4  # fraction of the maximum input energy from which an energy is shown
-_ROUNDING = 1e-9  # relative difference below which two times or accelerations are equal
+"""Minimum estimated error that is shown as a band, as a fraction of the maximum displacement."""
+_MIN_RESIDUAL = 0.05  # minimum residual drift that is shown, as a fraction of the peak drift
+_MIN_ENERGY = 1e-4  # minimum energy that is shown, as a fraction of the maximum input energy
+_ROUNDING = 1e-9  # relative difference up to which times or accelerations are considered equal
 _MAX_NAMED = 3  # maximum number of events that the title names
 _LEGEND_ABOVE = {
     "loc": "lower left",
@@ -51,17 +53,26 @@ _LEGEND_ABOVE = {
     "fontsize": 7.0,
     "handlelength": 1.6,
 }
-"""Position of a legend above a panel; inside, it would cover the bars."""
+"""Position of a legend above a panel; inside the panel, it would cover the bars."""
 _SEPARATE_BAR = 1.25
-"""Length of the bar of a story that is drawn separately, divided by the maximum of the others."""
+"""Length of the hatched bar of an isolator or of a story without a height, divided by the longest
+bar of the other stories. Its drift is written as text, because it is not to the scale of the axis.
+"""
 
 
 def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
-    """Draw a run.
+    """Plot the response of a building to a ground motion or to initial conditions.
 
     The figure shows the ground motion, the roof displacement and energies over time; drifts, floor
-    accelerations and shears over the height; and the hysteresis loop of one story. Without a
-    response history, only the quantities over the height are shown.
+    accelerations and shears over the height; and the hysteresis loop of a story.
+
+    Parameters
+    ----------
+    response : Response
+        Result of the run. Without a response history, only the quantities over the height are
+        shown.
+    units : OutputUnits
+        Units of the figure; SI by default.
     """
     units, history = units.in_figures, response.history
     title = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s"
@@ -92,9 +103,9 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
 
 
 def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> None:
-    """Draw the ground acceleration up to the end of the run.
+    """Plot the ground acceleration up to the end of the run, and mark its peak.
 
-    All samples are drawn, independently of the time steps of the run.
+    All samples are shown, independently of the time steps of the run.
 
     Parameters
     ----------
@@ -119,7 +130,8 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
     axes.set_ylabel(f"ground ({unit})")
     axes.tick_params(labelbottom=False)
     axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
-    # The figure ends with the run. After a collapse the peak of the record can be later.
+    # After a collapse, the run ends before the record, and the peak ground acceleration can be
+    # later than the end of the figure.
     pga = units.of(record.pga, "m/s^2")
     shown_peak = float(np.max(np.abs(motion)))
     later = f", PGA {_short(pga)} {unit} later" if pga > shown_peak * (1.0 + _ROUNDING) else ""
@@ -127,7 +139,15 @@ def _draw_ground(axes: Any, record: Record, end: float, units: OutputUnits) -> N
 
 
 def _mark_events(panels: Sequence[Any], response: Response) -> None:
-    """Mark the start of each event of a sequence, with its number above the first panel."""
+    """Mark the start of each event of a sequence of ground motions by a vertical line.
+
+    Parameters
+    ----------
+    panels : sequence of Axes
+        Panels with the time on the x axis. The number of the event is written above the first.
+    response : Response
+        Result of a run; without a sequence, it has no events.
+    """
     for axes in panels:
         for event in response.events[1:]:
             axes.axvline(event.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
@@ -143,7 +163,10 @@ def _mark_events(panels: Sequence[Any], response: Response) -> None:
 
 
 def _run_subject(response: Response) -> str:
-    """Return the ground motions and the collapse of a run, for the title of its figure."""
+    """Return the names of the ground motions and the time of collapse of a run, for its title.
+
+    The text starts with a comma, or is empty for a run without ground motion and collapse.
+    """
     text = ""
     records = [event.record for event in response.events]
     if not records and response.record:
@@ -161,7 +184,21 @@ def _run_subject(response: Response) -> str:
 
 
 def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> None:
-    """Draw the roof displacement and, if it is wide enough, the band of its estimated error."""
+    """Plot the roof displacement over the time, and its estimated error as a band.
+
+    The band is omitted if it would be too narrow to be visible.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    history : History
+        Response history.
+    peak : float
+        Maximum absolute roof displacement, m; it may occur between the points of the history.
+    units : OutputUnits
+        Unit of the displacement.
+    """
     roof, unit = units.of(history.displacement[:, -1], "m"), units.label("m")
     axes.plot(history.time, roof, color=INK, linewidth=1.0)
     if history.error is not None:
@@ -176,13 +213,25 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
 
 
 def _draw_energies(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    """Draw dissipated, viscous, strain and kinetic energy as layers below the input energy.
+    """Plot dissipated, viscous, strain and kinetic energy as layers below the input energy.
 
-    Layers that are too thin to be visible are omitted.
+    Layers that are too thin to be visible are omitted. A text states the error of the energy
+    balance.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    response : Response
+        Result of the run, with the initial energy and the error of the energy balance.
+    history : History
+        Response history with its energies.
+    units : OutputUnits
+        Units of the figure, which determine the unit of the energy.
     """
     energy = history.energy
     total_input = response.energy.initial + energy.input
-    # Energies in kN mm are not common: with lengths in mm or cm, energies are in kN m or N m.
+    # Energies in kN mm are not common, so that lengths in mm or cm are replaced by m.
     energy_units = replace(units, length="m") if units.length in ("mm", "cm") else units
     factor, unit = scaled_unit(float(np.max(np.abs(total_input))), "J", energy_units)
     layers = (
@@ -210,7 +259,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         bottom = top
     axes.plot(history.time, factor * total_input, color=INK, linewidth=1.2, label="input")
     axes.set(ylabel=f"energy ({unit})", xlabel="time (s)", xlim=(history.time[0], history.time[-1]))
-    # Above the panel, because the legend would cover the layers.
+    # The legend is above the panel, because it would cover the layers.
     axes.legend(
         loc="lower left",
         bbox_to_anchor=(0.0, 0.99),
@@ -223,7 +272,8 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     if np.any(total_input):
         percent = float(f"{100.0 * abs(response.energy.error):.1g}")
         error = f"energy balance error {table_number(percent)} %"
-        if is_narrow():  # the legend occupies the space above the panel
+        # In a narrow figure, the legend occupies the space above the panel.
+        if is_narrow():
             write_note(axes, error, y=0.3)
         else:
             axes.set_title(error, loc="right", fontsize=8.0)
@@ -263,7 +313,7 @@ def _mark_peak(
 
 
 def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Figure:
-    """Draw the hysteresis loop of a story.
+    """Plot the hysteresis loop of a story in a separate figure.
 
     Parameters
     ----------
@@ -283,10 +333,17 @@ def loop_picture(response: Response, story: int, units: OutputUnits = SI) -> Fig
 
 
 def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
-    """Return the story (from 0) of the hysteresis loop in the figure of a run, and the reason.
+    """Select the story of the hysteresis loop in the figure of a run.
 
-    It is the story with the maximum ductility; if no story has a ductility, the story with the
-    maximum drift ratio or drift.
+    It is the story with the maximum ductility. If no law has a yield drift, it is the story with
+    the maximum drift ratio or, if no story has a height, with the maximum drift.
+
+    Returns
+    -------
+    story : int
+        Index of the story, from 0.
+    reason : str
+        Reason for the selection, such as "maximum ductility, 3.2".
     """
     stories = response.stories
     story, reason = 0, "no drift"
@@ -303,7 +360,21 @@ def loop_story(response: Response, units: OutputUnits = SI) -> tuple[int, str]:
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    """Draw the hysteresis loop of one story with its number and the reason for its selection."""
+    """Plot the hysteresis loop of the story that `loop_story` selects.
+
+    The title of the panel states the number of the story and the reason for its selection.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    response : Response
+        Result of the run.
+    history : History
+        Its response history.
+    units : OutputUnits
+        Units of the panel.
+    """
     story, reason = loop_story(response, units)
     _draw_loop(axes, response, history, story, units)
     axes.set_title(f"Story {story + 1}: {reason}", fontsize=8.5)
@@ -312,7 +383,7 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
 def _draw_loop(
     axes: Any, response: Response, history: History, story: int, units: OutputUnits
 ) -> None:
-    """Draw story shear over drift.
+    """Plot the shear of a story over its drift.
 
     Parameters
     ----------
@@ -330,8 +401,8 @@ def _draw_loop(
     stories = response.stories
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
     if np.isnan(stories.ductility[story]):
-        # The force of a law without yielding is a function of the drift. This curve is drawn
-        # instead of straight lines between the time steps.
+        # The force of a law without yielding is a function of the drift. Points in the order of
+        # their drifts show this curve; in the order of time, long lines would connect them.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
     factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
@@ -343,7 +414,7 @@ def _draw_loop(
 
 
 def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """Draw the peak drifts over the stories."""
+    """Plot the peak drifts over the stories in a panel with limits, ticks and labels."""
     _draw_drifts(axes, response, units)
     _frame_profile(axes, response)
     axes.set_ylabel("story")
@@ -358,11 +429,22 @@ def _frame_profile(axes: Any, response: Response) -> None:
 
 
 def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits) -> None:
-    """Draw drifts, absolute floor accelerations (with the ground) and shears in three panels."""
+    """Plot peak drifts, absolute floor accelerations and shears over the height of a building.
+
+    Parameters
+    ----------
+    panels : sequence of Axes
+        Panels of the drifts, the accelerations and the shears.
+    response : Response
+        Result of a run.
+    units : OutputUnits
+        Units of the panels.
+    """
     drifts, accelerations, shears = panels
     stories = response.stories
     _draw_drifts(drifts, response, units)
-    # Floors are points: the floor of story 1 is above it, the ground is at the bottom.
+    # On the axis, story i extends from i - 0.5 to i + 0.5. Its floor is a point at the upper end;
+    # the ground is a point at 0.5.
     floors = units.of(stories.peak_absolute_acceleration, "m/s^2")
     ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
     look = {
@@ -375,7 +457,7 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     if max(ground, np.max(floors)) > 0.0:
         accelerations.set_xlim(right=1.08 * max(ground, float(np.max(floors))))
     accelerations.set_xlabel(f"absolute floor\nacceleration ({units.label('m/s^2')})")
-    # Story shears; with dashpots also their forces and the total shears.
+    # With dashpots, their forces and the total shears are shown in addition to the story shears.
     damped = np.any(stories.peak_damper_force)
     total = stories.peak_total_shear if damped else stories.peak_shear
     factor, unit = scaled_unit(float(np.max(total)), "N", units)
@@ -400,10 +482,21 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 
 
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """Draw peak drifts in percent of the story height, or as lengths if no story has a height.
+    """Plot peak drifts in percent of the story height, or as lengths if no story has a height.
 
-    Isolators and, if other stories have heights, stories without height are drawn separately,
-    unless these are all stories.
+    Isolators have much larger drifts than stories, and the drift of a story without a height cannot
+    be expressed in percent. Both have a hatched bar with their drift as text, unless the building
+    has only such stories.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    response : Response
+        Result of a run. The panel also shows residual drifts, estimated errors, the collapse drift
+        and the drifts of each event of a sequence.
+    units : OutputUnits
+        Unit of the drifts as lengths.
     """
     stories = response.stories
     has_height = np.isfinite(stories.height)
@@ -421,8 +514,8 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     over_stories(axes, shown_peaks, fill=True, color=INK, alpha=0.18)
     label = {"label": "all events"} if response.events else {}
     over_stories(axes, shown_peaks, color=INK, linewidth=1.4, **label)
-    # The peaks of each event of a sequence, up to the number of line styles. The factor of a story
-    # without drift is zero.
+    # Each event of a sequence has a line, up to the number of colors. The factors convert drifts
+    # (m) to the unit of the axis; the factor of a story without drift is zero.
     drifts = stories.peak_drift
     factors = np.divide(peaks, drifts, out=np.zeros_like(drifts), where=drifts > 0.0)
     for number, (event, color) in enumerate(
@@ -465,7 +558,7 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
 def _draw_separate_story(
     axes: Any, index: int, drift: float, end: float, units: OutputUnits
 ) -> None:
-    """Draw a hatched bar over the complete width of the panel, with the drift as text.
+    """Plot a hatched bar over the complete width of the panel, with the drift as text.
 
     Parameters
     ----------
@@ -503,7 +596,7 @@ def _draw_separate_story(
 
 # ---- Sensitivity
 
-_NAMES = {
+_QUANTITY_LABELS = {
     "peak_drift_ratio": "drift ratio",
     "peak_absolute_acceleration": "floor acceleration",
     "peak_roof_displacement": "roof displacement",
@@ -514,7 +607,15 @@ _NAMES = {
 def sensitivity_picture(
     parameter_effects: Sequence[ParameterEffect], units: OutputUnits = SI
 ) -> Figure:
-    """Draw effects of parameters (`tdint.campaign.sensitivity.parameter_effects`)."""
+    """Plot the effects of parameters of a building on its peak responses, as tornado diagrams.
+
+    Parameters
+    ----------
+    parameter_effects : sequence of ParameterEffect
+        Results of `tdint.campaign.sensitivity.parameter_effects`; at least one.
+    units : OutputUnits
+        Units of the figure; SI by default.
+    """
     parameters = len({effect.parameter for effect in parameter_effects})
     # In one column of a page, the four panels are below each other.
     if is_narrow():
@@ -522,7 +623,7 @@ def sensitivity_picture(
     else:
         rows, columns, height = 2, 2, 2.2 + 0.56 * parameters
     figure = Figure(figsize=(7.2, height), layout="constrained")
-    for axes, name in zip(figure.subplots(rows, columns).flat, _NAMES, strict=True):
+    for axes, name in zip(figure.subplots(rows, columns).flat, _QUANTITY_LABELS, strict=True):
         effects = [effect for effect in parameter_effects if effect.quantity.name == name]
         _tornado(axes, effects, units)
     return titled(
@@ -533,7 +634,17 @@ def sensitivity_picture(
 
 
 def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: OutputUnits) -> None:
-    """Draw a bar from the low to the high value of a quantity for each varied parameter."""
+    """Plot a tornado diagram: a bar from the low to the high value for each varied parameter.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    parameter_effects : sequence of ParameterEffect
+        Effects of each parameter on the same quantity.
+    units : OutputUnits
+        Units of the figure; ratios are in percent.
+    """
     first = parameter_effects[0]
     if first.quantity.unit == "1":
         factor, unit = 100.0, "%"
@@ -567,6 +678,6 @@ def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: Out
     axes.invert_yaxis()
     axes.margins(x=0.08)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"{_NAMES[first.quantity.name]} ({unit})")
-    if first.quantity.name == next(iter(_NAMES)):
+    axes.set_xlabel(f"{_QUANTITY_LABELS[first.quantity.name]} ({unit})")
+    if first.quantity.name == next(iter(_QUANTITY_LABELS)):
         axes.legend(fontsize=7.0, loc="best")

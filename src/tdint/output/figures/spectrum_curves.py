@@ -44,18 +44,18 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.target import SpectrumDifference, TargetSpectrum
 
 
-# ---- Parts that figures over the period share: lines of components, or fractiles of a suite
-#
-# Also elastic spectra on other axes: tripartite, and acceleration over displacement (ADRS).
+# ---- This part contains functions that all figures over the period use: lines of components, or
+# fractiles of a suite. It also contains the figures of elastic spectra on other axes: tripartite,
+# and acceleration over displacement (ADRS).
 
-_MIN_UNMARKED_PERIODS = 8  # minimum number of periods without markers
+_MIN_UNMARKED_PERIODS = 8  # lines with fewer periods have a marker at each period
 _MIN_SUITE = 7  # number of ground motions from which median and fractiles are drawn
 GRAY = "0.75"
-"""Style of a single ground motion in a suite."""
+"""Color of the line of a single ground motion in a suite."""
 
-_MINOR_GRID = "0.94"
+_MINOR_GRID = "0.94"  # gray of the grid at minor ticks
 
-_SCALE = "0.82"  # gray of the lines of a scale
+_SCALE = "0.82"  # gray of the diagonal lines and rays that are scales of a further quantity
 _PERIODS = (0.2, 0.5, 1.0, 2.0, 4.0)  # s; periods of the rays of an ADRS figure
 _LABEL_RANGE = 0.85  # fraction of the axes that contains the labels of scales
 _MIN_DISTANCE = 0.09  # minimum distance of labels as a fraction of the axes
@@ -85,22 +85,25 @@ def draw_over_periods(
     *,
     columns: Sequence[str] | None = None,
 ) -> Figure:
-    """Draw panels above each other, with a line for each result over its periods, without title.
+    """Plot results over the period in two panels above each other, without a title.
 
-    Many ground motions are drawn as a suite: gray lines, with median and fractiles of each variant.
+    Each result has a line. Many ground motions are drawn as a suite: gray lines, with median and
+    fractiles of each variant.
 
     Parameters
     ----------
     results : sequence
-        Results over the period.
+        Results over the period; at least one.
     panels : sequence
-        Label and values of each panel.
+        Label of each panel, and function that returns the values of a result in this panel.
     labels : sequence of str
         Labels of the results.
     variants : sequence, optional
-        Values that distinguish lines of one component; damping ratios by default.
+        Value of each result that distinguishes lines of the same component; by default the damping
+        ratio.
     columns : sequence of str, optional
-        Title of the column of panels of each result; one column by default.
+        Title of the column of panels in which each result is drawn; by default there is a single
+        column without title.
     """
     variants = [result.damping for result in results] if variants is None else variants
     suite = is_suite(results)
@@ -160,7 +163,7 @@ def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
 
 
 def is_suite(results: Sequence[OverPeriods]) -> bool:
-    """Return True if there are enough ground motions to draw fractiles."""
+    """Return True if there are enough ground motions, all with the same periods, for fractiles."""
     if len(set(_motions(results))) < _MIN_SUITE:
         return False
     return all(np.array_equal(result.periods, results[0].periods) for result in results)
@@ -181,7 +184,7 @@ def _draw_suite(
     panels: Sequence[Panel[Line]],
     variants: Sequence[Hashable],
 ) -> dict[str, Any]:
-    """Draw all lines in gray, with median and fractiles of each variant; return lines by label.
+    """Plot the lines of all results in gray, with median and fractiles of each variant.
 
     Parameters
     ----------
@@ -193,6 +196,11 @@ def _draw_suite(
         Label and values of each panel.
     variants : sequence
         Variant of each result, such as its damping ratio.
+
+    Returns
+    -------
+    dict
+        Lines of the legend, by their labels.
     """
     indices = _positive_periods(results[0].periods)
     periods = results[0].periods[indices]
@@ -232,7 +240,10 @@ def _positive_periods(periods: Array) -> NDArray[np.intp]:
 
 
 def log_periods(axes: Any, periods: Array) -> None:
-    """Set a logarithmic axis for the positive periods (s)."""
+    """Make the x axis logarithmic, from the shortest positive period to the longest period, s.
+
+    Without a positive period, the axis does not change. Over about a decade, all ticks are labeled.
+    """
     shown = periods[_positive_periods(periods)]
     low, high = float(np.min(shown)), float(np.max(shown))
     if not low > 0.0:
@@ -259,7 +270,20 @@ def line_labels(results: Sequence[OverPeriods]) -> list[str]:
 
 
 def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
-    """Return the title `ONE of FILE COMPONENT` or `SEVERAL of ...`, then damping and `more`."""
+    """Return the title of a figure over the period.
+
+    The first line is `of_one` with the file and the component of a single result, or `several` with
+    the file or the number of records. The second line contains the damping ratios and `more`.
+
+    Parameters
+    ----------
+    of_one, several : str
+        Names of the quantity in the singular and in the plural.
+    results : sequence
+        Results of the figure.
+    more : str
+        Further conditions, such as the method of solution.
+    """
     sources = list(dict.fromkeys(result.record.source for result in results))
     ratios = list(dict.fromkeys(result.damping for result in results))
     subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
@@ -275,7 +299,19 @@ _Curve = tuple["Spectrum", str, dict[str, Any]]
 
 
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
-    """Return a line per spectrum; a suite has gray lines and a median for each damping ratio."""
+    """Return the lines of a figure with their labels and styles.
+
+    There is a line per spectrum. A suite has gray lines and a median for each damping ratio.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Spectra in SI units.
+    labels : sequence of str
+        Label of each spectrum.
+    units : OutputUnits
+        Units to which the spectra are converted.
+    """
     shown = [
         replace(
             spectrum,
@@ -322,7 +358,10 @@ def _add_curve_legend(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> No
 
 
 def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
-    """Return the indices of the periods that can be drawn, in increasing order."""
+    """Return the indices of periods with a point on logarithmic axes, by increasing period.
+
+    A period has a point if the period and its spectral displacement are positive.
+    """
     order = np.argsort(spectrum.periods, kind="stable")
     return order[(spectrum.periods[order] > 0.0) & (spectrum.sd[order] > 0.0)]
 
@@ -330,9 +369,18 @@ def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
 def draw_tripartite(
     spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits
 ) -> Figure:
-    """Draw pseudo-velocity over period on logarithmic axes.
+    """Plot tripartite spectra: pseudo-velocity over period on logarithmic axes.
 
     Displacement and pseudo-acceleration are scales along diagonal lines.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Spectra; at least one.
+    labels : sequence of str
+        Label of each spectrum.
+    units : OutputUnits
+        Units of the axes and of the scales.
     """
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
@@ -349,8 +397,8 @@ def draw_tripartite(
         axes.set_ylim(max(low / 1.5, high / 3e3), 1.8 * high)
         plain_numbers(axes.yaxis)
         axes.yaxis.set_minor_formatter(NullFormatter())
-        # Lines of constant displacement rise to the left, lines of constant pseudo-acceleration to
-        # the right.
+        # With omega = 2 pi / T, the pseudo-velocity of a constant displacement is omega SD, which
+        # decreases with the period. That of a constant pseudo-acceleration, PSA / omega, increases.
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         ends = np.array([left, right])
         omega = 2.0 * math.pi / ends
@@ -367,8 +415,8 @@ def draw_tripartite(
         axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.grid(which="minor", color="0.95", linewidth=0.5)
     _add_curve_legend(figure, axes, curves)
-    # The names of scales are parallel to their lines, which have one slope on paper; the layout
-    # determines the slope.
+    # The labels of the scales are parallel to their lines. All lines have the same slope on the
+    # page, which is known only after the layout.
     if axes.get_yscale() == "log" and axes.get_xscale() == "log":
         figure.draw_without_rendering()
         extent = axes.get_window_extent()
@@ -438,7 +486,17 @@ def _label_scale(
 
 
 def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
-    """Draw pseudo-acceleration over displacement; periods are rays from the origin."""
+    """Plot pseudo-acceleration over displacement (ADRS); rays from the origin mark periods.
+
+    Parameters
+    ----------
+    spectra : sequence of Spectrum
+        Spectra; at least one.
+    labels : sequence of str
+        Label of each spectrum.
+    units : OutputUnits
+        Units of the axes.
+    """
     figure = Figure(figsize=(7.0, 6.4), layout="constrained")
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
@@ -449,7 +507,7 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
     axes.margins(0.05)
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
     for period in _PERIODS:
-        # Pseudo-acceleration of a unit displacement: omega^2.
+        # The slope of a ray is the pseudo-acceleration of a unit displacement, omega^2.
         slope = units.of(units.unit("m")[1] * (2.0 * math.pi / period) ** 2, "m/s^2")
         end = min(right, top / slope)
         axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
@@ -485,7 +543,7 @@ _NAMES = {
     "sv": ("velocity SV", "m/s"),
     "sa": ("absolute acceleration SA", "m/s^2"),
 }
-"""Name and SI unit of each quantity."""
+"""Label and SI unit of each spectral quantity."""
 
 _TARGET: dict[str, Any] = {"color": "0.1", "linewidth": 2.2, "zorder": 6}
 _POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
@@ -497,7 +555,9 @@ def spectrum_picture(
     units: OutputUnits = SI,
     target: TargetSpectrum | None = None,
 ) -> Figure:
-    """Draw spectra: a line per component and damping ratio, or the fractiles of a suite.
+    """Plot elastic response spectra: a line per component and damping ratio, or a suite.
+
+    A suite has gray lines with median and fractiles (over the periods), or with the median.
 
     Parameters
     ----------
@@ -516,7 +576,7 @@ def spectrum_picture(
     figure = DRAWN[axes](spectra, line_labels(spectra), units)
     if target is not None:
         _add_target(figure, target, units)
-    # The title states settings that differ from the default. Only the exact solution has any.
+    # The title states settings that differ from the defaults; only the exact solution has settings.
     solution = spectra[0].method
     if solution == "exact":
         solution = ", ".join(["exact solution", *_special_settings(spectra[0])])
@@ -529,7 +589,7 @@ def spectrum_picture(
 def low_picture(
     spectra: Sequence[Spectrum], units: OutputUnits = SI, periods: FirstPeriods = ()
 ) -> Figure:
-    """Draw only pseudo-accelerations, in a low figure for reports that keeps text legible.
+    """Plot pseudo-accelerations over the period in a figure of small height for reports.
 
     Many ground motions are gray lines, with their median and fractiles.
 
@@ -558,7 +618,7 @@ def low_picture(
     if periods:
         mark_first_periods(axes, periods)
         axes.legend(loc="best")
-    # A legend of many entries would cover curves: it is below the panel.
+    # A legend with many entries is moved below the panel, because it would cover curves.
     handles, names = axes.get_legend_handles_labels()
     if len(names) > _MAX_INSIDE and (legend := axes.get_legend()):
         legend.remove()
@@ -571,6 +631,7 @@ _MAX_INSIDE = 5
 
 
 def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
+    """Plot pseudo-acceleration and displacement over the period."""
     return draw_over_periods(spectra, _elastic_panels(units), labels)
 
 
@@ -586,7 +647,10 @@ def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
 
 
 def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnits) -> None:
-    """Draw pseudo-accelerations over the periods, with a line per spectrum."""
+    """Plot pseudo-accelerations over the period, with a line per spectrum and a legend.
+
+    Lines that the panel already contains determine the color of the first line.
+    """
     for number, (spectrum, label) in enumerate(
         zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())
     ):
@@ -618,7 +682,7 @@ def _special_settings(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
 
 
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits = SI) -> Figure:
-    """Draw inelastic spectra: a line per component, damping ratio, and ductility or strength.
+    """Plot inelastic spectra: a line per component, damping ratio, and ductility or strength.
 
     Parameters
     ----------
@@ -633,7 +697,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         else ("ductility", lambda spectrum: spectrum.ductility),
         (f"maximum displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
-    # The prescribed value: a ductility, or a strength, which is the same at all periods.
+    # An inelastic spectrum is computed for a prescribed ductility, or for a prescribed strength,
+    # which is the same at all periods.
     prescribed = [
         f"strength {spectrum.yield_strength_ratio[0]:.4g}"
         if spectrum.target is None
@@ -641,7 +706,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         for spectrum in spectra
     ]
     has_several_values = len(set(prescribed)) > 1
-    # A few components have separate columns of panels; titles have the file if there are several.
+    # A few components have separate columns of panels. The title of a column is the component, with
+    # the file name if there are several files.
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
     components = [
@@ -666,7 +732,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     figure = draw_over_periods(
         spectra, panels, labels, variants, columns=components if has_columns else None
     )
-    # Ductilities on a logarithmic axis, with a line at first yield.
+    # Ductilities differ by orders of magnitude, so that their axis is logarithmic. The line at 1
+    # marks first yield.
     if spectra[0].target is None and any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
         upper = figure.axes[0]
         upper.set_yscale("log")
@@ -686,9 +753,10 @@ def rotated_picture(
     units: OutputUnits = SI,
     target: TargetSpectrum | None = None,
 ) -> Figure:
-    """Draw spectra over all directions.
+    """Plot RotD spectra: percentiles of the spectral accelerations over all horizontal directions.
 
-    There is a line per ground motion, damping ratio and percentile, and for the geometric mean.
+    There is a line per ground motion, damping ratio and percentile, and for the geometric mean of
+    the two components.
 
     Parameters
     ----------
@@ -735,7 +803,7 @@ def rotated_picture(
 
 
 def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits = SI) -> Figure:
-    """Draw drift spectra: a line per component and damping ratio.
+    """Plot drift spectra: a line per component and damping ratio.
 
     Parameters
     ----------
@@ -765,7 +833,20 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
 
 
 def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None:
-    """Add a scale of building heights at the top; heights are a power of the period."""
+    """Add an axis of building heights on top of a panel over the period.
+
+    The building height is a power of the period, which follows from the heights of the shortest and
+    the longest period.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel with the period on the x axis.
+    spectrum : DriftSpectrum
+        Drift spectrum with the building height at each period.
+    units : OutputUnits
+        Unit of the heights.
+    """
     first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
     if spectrum.periods[first] == spectrum.periods[last]:
         return
@@ -786,7 +867,15 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
 
 
 def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits = SI) -> Figure:
-    """Draw spectra with published values as points, and the differences below."""
+    """Plot computed spectra with published values as points, and their differences in percent.
+
+    Parameters
+    ----------
+    lines : sequence of SpectrumDifference
+        Comparisons of the same spectral quantity; at least one.
+    units : OutputUnits
+        Units of the axes; SI by default.
+    """
     units = units.in_figures
     name, si = _NAMES[lines[0].published.quantity]
     panels: list[Panel[SpectrumDifference]] = [
@@ -811,7 +900,7 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
 
 
 def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
-    """Draw a target spectrum: pseudo-acceleration and displacement over the period."""
+    """Plot a target spectrum: pseudo-acceleration and displacement over the period."""
     units = units.in_figures
     figure = Figure(figsize=(7.5, 7.2), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
@@ -833,7 +922,20 @@ def _target_name(target: TargetSpectrum) -> str:
 def _add_target(
     figure: Figure, target: TargetSpectrum, units: OutputUnits, *, legend: bool = True
 ) -> None:
-    """Draw a target into the panels of pseudo-acceleration and displacement over the period."""
+    """Plot a target spectrum in a figure of pseudo-acceleration and displacement over the period.
+
+    Parameters
+    ----------
+    figure : Figure
+        Figure with the panels of pseudo-acceleration and of displacement.
+    target : TargetSpectrum
+        Target spectrum.
+    units : OutputUnits
+        Units of the axes.
+    legend : bool
+        True (the default) if the figure also contains spectra. The target is then listed in the
+        legend, and does not change the range of the periods.
+    """
     upper, lower = figure.axes[:2]
     low, high = upper.get_xlim()
     psa, sd = units.of(target.psa, "m/s^2"), units.of(target.sd, "m")
