@@ -14,7 +14,14 @@ from statistics import geometric_mean, median
 
 import raw_points
 
-from tdint.analysis.chart.profiles import PEAKS, TOLERANCES, FieldChart, Measured, of_steps
+from tdint.analysis.chart.profiles import (
+    COARSE,
+    PEAKS,
+    TOLERANCES,
+    FieldChart,
+    Measured,
+    of_steps,
+)
 from tdint.analysis.chart.work_precision import BY_TOLERANCE
 from tdint.model.damage_states import DONE
 
@@ -210,6 +217,70 @@ def cheapest_methods(chart: FieldChart) -> str:
         f"that solve all cases are compared. Methods with at most {ALIKE:g} times the smallest "
         f"mean are listed also; at most three methods are listed.\n\n{listed}\n\n"
         f"{table(['building', *map(percent, TOLERANCES)], rows)}"
+    )
+
+
+# ---- The verdicts of two machines
+
+
+def _count_near_minimum(chart: FieldChart, smallest_tolerance: float) -> dict[str, int]:
+    """Return how often a method solves a problem at most at twice the minimum cost, by method.
+
+    The count includes all quantities, and all tolerances from `smallest_tolerance` on. The methods
+    are in the order of decreasing counts.
+    """
+    counts: dict[str, int] = defaultdict(int)
+    for profile in chart.profiles:
+        if of_steps(profile.method) and profile.tolerance >= smallest_tolerance:
+            counts[profile.method] += profile.within(2.0)
+    return dict(sorted(counts.items(), key=lambda item: -item[1]))
+
+
+def _first_two(counts: dict[str, int]) -> str:
+    """Return the two methods with the largest counts, as text."""
+    return ", ".join(f"`{method}` {count}" for method, count in list(counts.items())[:2])
+
+
+def compare_verdicts(first: FieldChart, second: FieldChart) -> str:
+    """Return a table that compares the verdicts of two measurements of the same problems.
+
+    Parameters
+    ----------
+    first, second : FieldChart
+        Results on two machines.
+    """
+    rows = []
+    for text, tolerance in (("all tolerances", 0.0), (f"{percent(COARSE)} and more", COARSE)):
+        counts = [_first_two(_count_near_minimum(chart, tolerance)) for chart in (first, second)]
+        rows.append([f"cases with at most twice the minimum cost, {text}", *counts])
+    safest = [f"`{chart.leaders().safest}`" for chart in (first, second)]
+    rows.append(["method that fails least often", *safest])
+    # Solved problems: errors and stability, which do not depend on the speed of a machine.
+    solved = [
+        {
+            (profile.quantity, profile.tolerance, profile.method): profile.solved
+            for profile in chart.profiles
+            if of_steps(profile.method)
+        }
+        for chart in (first, second)
+    ]
+    equal = sum(solved[1].get(key) == count for key, count in solved[0].items())
+    # The cheapest method of the first machine for a building and tolerance, on the second machine.
+    ratios = []
+    buildings = by_building(first), by_building(second)
+    for tolerance, name in product(TOLERANCES, buildings[0]):
+        methods = cheapest(buildings[0][name], tolerance)
+        if methods:
+            means = mean_costs(buildings[1][name], tolerance)
+            ratios.append(means[methods[0]] / min(means.values()))
+    alike = sum(ratio <= ALIKE for ratio in ratios)
+    return (
+        f"{table(['verdict', 'first machine', 'second machine'], rows)}\n"
+        f"- The number of solved problems is equal in {equal} of {len(solved[0])} cells of the "
+        "tables above (methods of tdint, quantities, tolerances).\n"
+        f"- The method that is cheapest on the first machine for a building and a tolerance costs "
+        f"at most {ALIKE:g} times the minimum on the second machine in {alike} of {len(ratios)} "
+        f"cases, and at most {max(ratios):.2f} times in all cases.\n"
     )
 
 

@@ -6,6 +6,8 @@ All tables and figures are made from these files and from adaptive.csv.
 `--page` writes the page from the files and measures nothing. Finished problems are kept
 (TDINT_CACHE_DIR or the user's cache) until methods or problems change, so that a command that was
 interrupted continues. `--tolerances` measures only the lines `by tolerance` again.
+`--second-machine` stores the results in the directory `second_machine`, with which the page
+compares its verdicts.
 """
 
 from __future__ import annotations
@@ -67,6 +69,8 @@ from tdint.output.figures.comparison import profile_picture
 from tdint.output.figures.style import picture
 
 HERE = Path(__file__).parent
+SECOND_MACHINE = HERE / "second_machine"
+"""Directory of the results of another machine."""
 PAGE = HERE / "README.md"
 COMMAND = "python tests/benchmarks/run.py"
 """The command of the page, stored in its figures."""
@@ -612,6 +616,28 @@ def adaptive_table() -> str:
     return f"{ADAPTIVE}\n{table(heads, rows)}"
 
 
+def second_machine(chart: FieldChart, conditions: Conditions) -> str:
+    """Return the comparison of the verdicts of this page with those of another machine.
+
+    Parameters
+    ----------
+    chart : FieldChart
+        Results of all problems.
+    conditions : Conditions
+        Conditions of the measurement of `chart`.
+    """
+    entries, other_conditions = raw_points.load(SECOND_MACHINE)
+    other_chart = complete_chart(entries, other_conditions)
+    return (
+        "The verdicts depend on times, and therefore on the machine. The same command with "
+        "`--second-machine` was run on another machine with "
+        f"{machine(entries, other_chart, other_conditions)} (first machine: "
+        f"{conditions.timing.processor}). Its results are in the directory "
+        "[second_machine](second_machine/points.csv).\n\n"
+        f"{page_tables.compare_verdicts(chart, other_chart)}"
+    )
+
+
 def page(
     entries: Sequence[Entry],
     problem_count: int,
@@ -653,6 +679,7 @@ def page(
         "Adaptive solvers": adaptive_table(),
         "A plain loop and the cost of a call": page_tables.plain_loop_tables(),
         "Loops for all laws": page_tables.loops_table(),
+        "A second machine": second_machine(chart, conditions),
         "The problems": problems(chart),
         "A method or a problem of your own": OWN,
     }
@@ -763,6 +790,9 @@ def main() -> int:
         "--page", action="store_true", help="write the page from the CSV files; measure nothing"
     )
     parser.add_argument(
+        "--second-machine", action="store_true", help="store the results for the comparison"
+    )
+    parser.add_argument(
         "--tolerances", action="store_true", help="measure only the lines `by tolerance` again"
     )
     arguments = parser.parse_args()
@@ -788,7 +818,8 @@ def main() -> int:
         entries = [Entry(*pickle.loads(file.read_bytes())) for file in files if file.exists()]
         if not entries:
             sys.exit("no problem was measured completely; run the command again")
-        raw_points.store(entries, conditions_of(entries))
+        results = SECOND_MACHINE if arguments.second_machine else HERE
+        raw_points.store(entries, conditions_of(entries), results)
     # The page is made from the stored files alone.
     entries, conditions = raw_points.load()
     shown = pictures(complete_chart(entries, conditions))

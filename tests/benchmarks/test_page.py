@@ -184,6 +184,25 @@ def test_ratios_of_errors_and_the_cheapest_method_of_made_up_points():
     )
 
 
+def test_verdicts_of_two_machines_are_compared():
+    """One machine needs twice the time for one method, the other machine for the other method."""
+
+    def with_slow(method):
+        problem = made_up()
+        points = tuple(
+            replace(p, times=(2.0 * p.times[0],)) if p.line == method else p for p in problem.points
+        )
+        return run.field_chart([replace(problem, points=points)])
+
+    first, second = with_slow("newmark-average"), with_slow("impulse4")
+    equal = run.page_tables.compare_verdicts(first, first)
+    assert "equal in 36 of 36 cells" in equal
+    assert "in 6 of 6 cases, and at most 1.00 times" in equal
+    other = run.page_tables.compare_verdicts(first, second)
+    assert "equal in 36 of 36 cells" in other
+    assert "in 0 of 6 cases, and at most 2.00 times" in other
+
+
 def test_stored_points_are_read_as_they_were(tmp_path):
     entry = run.Entry(made_up(), "2026-01-01", 0.5, 1.0)
     run.raw_points.store([entry], run.conditions_of([entry]), tmp_path)
