@@ -3,7 +3,8 @@
 The other tests compare results with independent solutions, with tolerances for the discretization
 errors. A wrong operator in a kernel can change results by less. These tests therefore compare with
 `stored_results.csv`, within rounding. They need no compiled loops: each building has two stories
-and takes 50 steps.
+and takes 50 steps. tests/methods/test_small_buildings.py compares the same buildings with
+independent solutions.
 
 If results change on purpose, write the file again, and state in the commit which results changed
 and why:

@@ -51,14 +51,6 @@ MODULES = (
 )
 """Modules with the loops. `building` and `compiling.py` contain no loops."""
 
-_EXACT_SPECTRA = [
-    "tests/analysis/spectra/test_elastic.py",
-    "tests/analysis/spectra/test_exact_maxima.py",
-    "tests/analysis/spectra/test_band_limited.py",
-    "tests/analysis/spectra/test_oscillator_motion.py",
-]
-"""Tests of linear oscillators."""
-
 _RUNS = "tests/kernels/test_stored_results.py::test_runs_have_the_stored_results"
 _SPECTRA = "tests/kernels/test_stored_results.py::test_spectra_have_the_stored_results"
 _OSCILLATORS = "tests/kernels/test_oscillators_and_loads.py"
@@ -76,10 +68,7 @@ INTERPRETED = {
     "time_loop/ground": [_RUNS, _SPECTRA, _OSCILLATORS],
     "time_loop/loop": [_RUNS, "tests/methods/test_misdeclared_laws.py"],
     "linear_terms": [_RUNS, _OSCILLATORS],
-    "oscillators/modal_sums": [_SPECTRA, "tests/analysis/spectra/test_drift.py"],
-    "oscillators/rotated": [_SPECTRA, "tests/analysis/spectra/test_rotated.py"],
-    "oscillators": [_SPECTRA, _OSCILLATORS, *_EXACT_SPECTRA],
-    "oscillators/bilinear": [_SPECTRA, _OSCILLATORS],
+    "oscillators": [_SPECTRA, _OSCILLATORS],
     "equations": [_RUNS, _PARTS],
     "stories": [_RUNS, _PARTS],
 }
