@@ -73,12 +73,17 @@ COMMANDS = {
 
 
 class LazyGroup(HelpAsData, click.Group):
-    """A group whose commands are modules of `tdint_cli.commands`."""
+    """A group of commands that imports only the module of the requested command.
+
+    The modules are in `tdint_cli.commands`. Importing all of them would delay each command.
+    """
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands in the order of the help."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return a command; None for an unknown name."""
         if cmd_name not in COMMANDS:
             return None
         command = import_module(f"tdint_cli.commands.{COMMANDS[cmd_name][0]}").command
@@ -104,6 +109,7 @@ class LazyGroup(HelpAsData, click.Group):
         return resolved_name, command, arguments
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the names and the first sentences of the commands, in a section for each group."""
         width = max(map(len, COMMANDS))
         for heading, commands in GROUPS.items():
             with formatter.section(heading):
@@ -112,6 +118,7 @@ class LazyGroup(HelpAsData, click.Group):
                 )
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help of the general options, then of the commands."""
         super().format_options(ctx, formatter)
         self.format_commands(ctx, formatter)
 
@@ -132,6 +139,7 @@ class LazyGroup(HelpAsData, click.Group):
 
 
 def _version(_: click.Context) -> str:
+    """Return the text of --version."""
     from tdint.system import __version__
 
     return f"tdint {__version__}"

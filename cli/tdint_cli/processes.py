@@ -112,7 +112,7 @@ class Workers(Generic[Result]):
                 self._remove(idle)
 
     def _start(self) -> _Worker:
-        """Start a worker process that waits for tasks."""
+        """Start a worker process that waits for tasks, and return it with its pipe."""
         local_end, worker_end = self._context.Pipe()
         with warnings.catch_warnings():
             # The only threads are those of NumPy, which are safe to fork.
@@ -130,12 +130,23 @@ class Workers(Generic[Result]):
         return worker
 
     def _remove(self, worker: _Worker) -> None:
+        """End a worker and remove it from the list of workers."""
         self._workers.remove(worker)
         worker.end()
 
 
 class _Worker:
-    """Worker process with the local end of its pipe and the index of its task (None if idle)."""
+    """Worker process of this process.
+
+    Attributes
+    ----------
+    process : BaseProcess
+        The process.
+    pipe : Connection
+        End of the pipe by which this process sends tasks and receives outcomes.
+    task_index : int or None
+        Index of the task that the worker executes; None if it is idle.
+    """
 
     def __init__(self, process: BaseProcess, pipe: Connection) -> None:
         self.process = process

@@ -221,6 +221,7 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
     with click.progressbar(length=_BAR_STEPS, file=sys.stderr) as bar:
 
         def update_bar(label: str, fraction: float) -> None:
+            """Show the label and the completed fraction of the work."""
             bar.label = f"{label:<12}"
             # `update` receives the number of additional steps. The bar never moves back.
             bar.update(max(0, round(fraction * _BAR_STEPS) - bar.pos))
@@ -256,6 +257,7 @@ def counted(
         return
 
     def items_with_progress(progress: Progress) -> Iterator[Item]:
+        """Yield the items, and update the progress bar after each item."""
         progress(f"{label} 0/{count}", 0.0)
         for done, item in enumerate(items, start=1):
             yield item
@@ -450,6 +452,7 @@ def _signals_as_exception(received: list[int]) -> Iterator[None]:
     """
 
     def end(number: int, _: Any) -> None:
+        """Handle a signal: store its number, ignore further signals and raise `Ended`."""
         received.append(number)
         # In a finalizer, Python prints the exception `Ended` instead of raising it. Print nothing:
         # the watch thread ends the process.
@@ -541,6 +544,7 @@ def end_in_time() -> Callable[..., None]:
     set_nonblocking(write_end)
 
     def watch() -> None:
+        """Wait for a signal that ends the process, give the command time to clean up, and end."""
         # Python writes the number of each handled signal to the pipe; ignored signals are not
         # written. The first signal in the pipe ends the process.
         while data := os.read(read_end, 1):
@@ -549,6 +553,7 @@ def end_in_time() -> Callable[..., None]:
                 _end(data[0], is_reported)
 
     def ended(code: object = None) -> None:
+        """Record that the command has ended; end the process at once if a signal ended it."""
         is_reported.set()
         if code in [AFTER_SIGNAL + number for number in ENDING]:
             _end(int(str(code)) - AFTER_SIGNAL, is_reported)

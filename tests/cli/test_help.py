@@ -53,7 +53,7 @@ def test_help_has_one_screen_and_help_all_and_completion_everything(name):
         assert {flag for flag in option.opts if flag.startswith("--")} <= completed
     assert (
         short.splitlines()[-1]
-        == f"  All options, and more of what it does: tdint {name} --help-all"
+        == f"  All options and a detailed description: tdint {name} --help-all"
     )
     assert len(command.examples) == 2 and all(example in short for example in command.examples)
     assert all(f"\n  {code}  {meaning}" in short for code, meaning in command.exits.items())

@@ -637,7 +637,7 @@ def _deliver(
         return figures.assessment.chart_picture(charts[0], versus=request.versus, **settings)
 
     def summarize() -> dict[str, Any]:
-        """Return the content of the JSON file."""
+        """Return the content of the JSON file: the charts, the recommendations and the notes."""
         return chart_summary(
             charts,
             model=model,

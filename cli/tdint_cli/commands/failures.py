@@ -12,6 +12,7 @@ from tdint_cli.terminal import say, say_table
 
 
 def _problems() -> list[str]:
+    """Return the names of the problems, for the completion of --problem."""
     from tdint.analysis.assessment.failures import problems
 
     return list(problems())

@@ -221,7 +221,13 @@ def _check_options(request: Request) -> None:
 
 
 def _fit(request: Request) -> None:
-    """Fit the functions, write the table and the other files, and report the functions."""
+    """Fit fragility functions, write their table and the other requested files, and report them.
+
+    Raises
+    ------
+    Failures
+        No function could be fitted.
+    """
     from tdint.campaign.fragility.fit_table import (
         EVERY_DEMAND,
         FragilityRequest,
@@ -254,14 +260,16 @@ def _fit(request: Request) -> None:
         raise Failures(list(result.failures))
     units = outputs.units
     functions = [function.in_units(units) if units else function for function in result.functions]
-    # The thresholds of a study are drift ratios; a table from elsewhere can have any demand.
+    # A table of `tdint ida` or `tdint campaign` has a JSON file, and its thresholds are drift
+    # ratios. A table of another program can have any demand.
     if not by and study_summary(Path(request.table)):
         functions = [replace(function, of_drift=True) for function in functions]
     if openquake_files:
         _write_openquake(request, result.functions, openquake_files)
 
     def draw(functions: Sequence[Fragility]) -> Figure:
-        # The figures are imported here, because matplotlib is not needed without a figure.
+        """Return the figure of the functions: with --by, a panel for each type."""
+        # The first use of `figures.collapse` imports matplotlib, which is not needed earlier.
         collapse = figures.collapse
         return collapse.types_picture(functions) if by else collapse.fragility_picture(functions)
 

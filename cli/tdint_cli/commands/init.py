@@ -21,13 +21,16 @@ if TYPE_CHECKING:
 
 FILE = "building.yaml"
 _STORIES, _PERIOD_OF_A_STORY = 5, 0.1
-_MOST_STORIES = 200
+"""Default number of stories, and default period of a building divided by this number, s."""
+_MAX_STORIES = 200
+"""Maximum number of stories; taller buildings do not exist, so that a larger number is an error."""
 _MAX_LISTED_MISFITS = 12  # maximum number of misfits in the message
 _MIN_PERIOD = 0.001
 """Minimum period of a building, s; shorter periods are typing errors."""
 
 
 def _structures() -> list[str]:
+    """Return the names of the structural types, for the completion of an option."""
     from tdint.model.mdof_lu import STRUCTURES
 
     return list(STRUCTURES)
@@ -46,14 +49,14 @@ def _weights(text: str) -> tuple[float, ...]:
             weight = float(number)
         except ValueError:
             weight = math.nan
-        if not (1 <= floors <= _MOST_STORIES and 0.0 < weight < math.inf):
+        if not (1 <= floors <= _MAX_STORIES and 0.0 < weight < math.inf):
             raise click.BadParameter(
                 f"invalid weight {word.strip()!r}; write 4200, or 6x3900 for six floors of 3900"
             )
         weights += [weight] * floors
-    if len(weights) > _MOST_STORIES:
+    if len(weights) > _MAX_STORIES:
         raise click.BadParameter(
-            f"{len(weights)} weights exceed the maximum of {_MOST_STORIES} floors"
+            f"{len(weights)} weights exceed the maximum of {_MAX_STORIES} floors"
         )
     return tuple(weights)
 
@@ -84,7 +87,7 @@ class Request:
 
     file: str = options.argument("[FILE]", default=FILE, type=FileName(written=True))
     stories: int = options.option(
-        type=Count(1, _MOST_STORIES),
+        type=Count(1, _MAX_STORIES),
         default=_STORIES,
         help=f"Number of stories; {_STORIES} by default.",
     )

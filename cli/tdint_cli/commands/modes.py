@@ -87,7 +87,7 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
         return figures.mode_shapes.mode_picture(modes, name=loaded.name, norm=shapes or "roof")
 
     def page() -> bytes:
-        """Return the page of --report."""
+        """Return the HTML report of the modes, with the notes as sentences."""
         from tdint.output.building_report import mode_page
         from tdint.output.page import PageText
         from tdint.output.summary import files_read
@@ -170,7 +170,7 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     )
 
     def page() -> bytes:
-        """Return the page of --report."""
+        """Return the HTML report of the response spectrum analysis."""
         from tdint.output.building_report import modal_page
         from tdint.output.page import PageText, page_units
         from tdint.output.summary import files_read

@@ -128,7 +128,10 @@ class Request(BuildingRequest, SuiteRequest):
     )
 
     def check_sequence(self) -> None:
-        """Raise UsageError for options that a sequence cannot use."""
+        """Raise UsageError if the records or the factors of --sequence are invalid.
+
+        A sequence requires at least two files, and one factor for all events or one per event.
+        """
         count, factors = len(self.shocks), len(self.scale or (1.0,))
         if count < 2:
             raise UsageError(
@@ -143,7 +146,15 @@ class Request(BuildingRequest, SuiteRequest):
             )
 
     def check_files(self) -> None:
-        """Check options and output files before any computation."""
+        """Check the options of the outputs and of the ground motion before any computation.
+
+        Raises
+        ------
+        UsageError
+            Options cannot be used together.
+        OutputError
+            An output file exists without --overwrite, or cannot be written.
+        """
         history = self.history_file
         self.of_floors.check(self.output, self.export_floors)
         check_motion(replace(self, scale=None) if self.sequence else self)

@@ -39,6 +39,7 @@ option = partial(grammar.option, heading=grammar.ANALYSIS)
 
 
 def _methods() -> list[str]:
+    """Return the names of the time integration methods, for the completion of --method."""
     from tdint.methods.catalogue import catalogue
 
     return list(catalogue())
@@ -55,6 +56,7 @@ def damping_of(quantity: str, **settings: Any) -> grammar.Declaration:
 
 
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
+    """Load the plug-ins of --plugin and record their SHA-256 (callback of the option)."""
     if files:
         from tdint.files import record_digest
         from tdint.methods.catalogue import load_plugin

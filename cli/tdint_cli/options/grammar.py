@@ -44,9 +44,14 @@ else:
 
 
 class Number(click.FloatRange):
-    """A number in a range; nan, infinity, and sizes that would overflow are rejected."""
+    """Option type of a finite number in a range.
+
+    Numbers other than 0 must have an absolute value between SMALLEST and LARGEST, so that products
+    of values do not overflow or become 0.
+    """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number that a text represents; click reports invalid values as errors."""
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number", param, ctx)
@@ -60,11 +65,16 @@ class Number(click.FloatRange):
 
 
 class Ratio(Number):
-    """A ratio in a range: 0.05 or 5%."""
+    """Option type of a ratio in a range, written as a number or in percent: 0.05 or 5%."""
 
     name = "ratio"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the ratio that a text represents as a number, 0.05 for 5%.
+
+        A number from 1 to 100 that is too large was probably meant in percent, so that the message
+        suggests the percent sign.
+        """
         if not isinstance(value, str):
             return value
         try:
@@ -80,9 +90,10 @@ class Ratio(Number):
 
 
 class Nonzero(Number):
-    """A number other than zero."""
+    """Option type of a number other than zero."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number that a text represents; click reports zero as an error."""
         number = super().convert(value, param, ctx)
         if number == 0.0:
             self.fail("must not be zero", param, ctx)
@@ -90,7 +101,7 @@ class Nonzero(Number):
 
 
 class Count(click.IntRange):
-    """A number of items: an integer in a range."""
+    """Option type of a number of items: an integer in a range, with the name COUNT in the help."""
 
     def get_metavar(self, *_: Any, **__: Any) -> str:
         """Return the name of the value in the help."""
@@ -98,10 +109,17 @@ class Count(click.IntRange):
 
 
 class ListOf(ValueType):
-    """Comma-separated values of one type.
+    """Option type of comma-separated values of the same type.
 
-    An option of this type may be repeated. The command receives a tuple of all values, without
-    duplicates if `once` is True, or None if no value is given.
+    An option of this type may be repeated. The command receives a tuple of all values, or None if
+    no value is specified.
+
+    Parameters
+    ----------
+    member : ParamType
+        Type of a single value.
+    once : bool
+        True (the default) to remove duplicate values.
     """
 
     def __init__(self, member: ValueType, once: bool = True) -> None:
@@ -127,6 +145,7 @@ class ListOf(ValueType):
         return tuple(dict.fromkeys(values) if self.once else values) or None
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a tuple of the values between the commas of a text, each converted to its type."""
         if isinstance(value, tuple):
             return value
         parts = value.split(",") if isinstance(value, str) else [value]
@@ -158,7 +177,7 @@ class ListOf(ValueType):
 
 
 class OutputUnitsType(ListOf):
-    """Comma-separated units of the output."""
+    """Option type of comma-separated units of the output, such as kN,mm."""
 
     def __init__(self) -> None:
         super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)))
@@ -167,11 +186,12 @@ class OutputUnitsType(ListOf):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> OutputUnits:
+        """Return the units that a text names; unknown units raise UsageError."""
         return parse_output_units(value) if isinstance(value, str) else value
 
 
 class Written(ValueType):
-    """A value with a notation of its own, such as 0.2:2:50, which `read` converts.
+    """Option type of a value with a special notation, such as 0.2:2:50, which `read` converts.
 
     Parameters
     ----------
@@ -186,13 +206,19 @@ class Written(ValueType):
         self.read = read
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the value of a text; a value that is not a text, such as a default, is returned
+        unchanged."""
         return self.read(value) if isinstance(value, str) else value
 
 
 def grid(low: float = 0.0, high: float = math.inf) -> Written:
-    """Return the type of FIRST:LAST:COUNT, or a single number, between `low` and `high`."""
+    """Return the option type of a grid FIRST:LAST:COUNT, or of a single number.
+
+    All values must be between `low` and `high`.
+    """
 
     def read(text: str) -> Grid:
+        """Return the grid that a text represents; raise BadParameter for values out of range."""
         try:
             values = parse_grid(text)
         except UsageError as error:
@@ -205,10 +231,13 @@ def grid(low: float = 0.0, high: float = math.inf) -> Written:
 
 
 def span_at(count: int) -> Written:
-    """Return the type of FIRST:LAST, with `count` logarithmically spaced values, or
-    FIRST:LAST:COUNT."""
+    """Return the option type of a range FIRST:LAST or FIRST:LAST:COUNT.
+
+    Its values are logarithmically spaced; without COUNT there are `count` values.
+    """
 
     def read(text: str) -> Any:
+        """Return the values of a range; raise BadParameter for a single number."""
         if ":" not in text:
             raise click.BadParameter(f"{text!r} must be a range FIRST:LAST, such as 0.2:2")
         return grid().read(f"{text}:{count}" if text.count(":") == 1 else text)
@@ -217,6 +246,13 @@ def span_at(count: int) -> Written:
 
 
 def _span(text: str) -> tuple[float, float]:
+    """Return the ends of a range LOW:HIGH; an omitted LOW is 0, an omitted HIGH is infinity.
+
+    Raises
+    ------
+    BadParameter
+        The text has another form, or LOW is negative or not less than HIGH.
+    """
     try:
         low_text, high_text = (part.strip() for part in text.split(":"))
         low = parse_ratio(low_text) if low_text else 0.0
@@ -246,11 +282,14 @@ drift_size = Written("drift", parse_drift)
 
 
 def intensity(*quantities: str) -> Written:
-    """Return the type of a peak value or pseudo-acceleration with its unit: 0.6g, '5.9 m/s^2',
-    40cm/s."""
+    """Return the option type of a peak value or pseudo-acceleration with its unit, such as 0.6g.
+
+    `quantities` are the allowed quantities: acceleration, velocity or displacement.
+    """
     example = "40cm/s" if quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
 
     def read(text: str) -> Units:
+        """Return the value and the unit; raise BadParameter for a text without an allowed unit."""
         try:
             units = parse_units(text)
         except UsageError:
@@ -266,6 +305,7 @@ def intensity(*quantities: str) -> Written:
 
 
 def _pair_names(text: str) -> PairNames:
+    """Return the patterns of two file names with {}, such as {}_N.AT2,{}_E.AT2."""
     from tdint.ground_motion.horizontals import PairNames
 
     return PairNames.parse(text)
@@ -276,8 +316,15 @@ pair_names = Written("names", _pair_names)
 
 
 class PairsType(ValueType):
-    """The measure of a pair of components, the patterns of the file names ({}_N.AT2,{}_E.AT2), or
-    both."""
+    """Option type of pairs of components: a measure, patterns of file names, or both.
+
+    Two patterns such as {}_N.AT2,{}_E.AT2 identify the files of a pair.
+
+    Parameters
+    ----------
+    measures : sequence of str
+        Allowed measures of a pair, such as rotd100.
+    """
 
     name = "pairs"
 
@@ -285,6 +332,10 @@ class PairsType(ValueType):
         self.measures = click.Choice(measures)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the measure and the patterns that a text contains, as `PairWish`.
+
+        Without patterns, the usual names of components identify the pairs.
+        """
         from tdint.ground_motion.horizontals import USUAL, PairNames
 
         if not isinstance(value, str):
@@ -323,16 +374,29 @@ class PairsType(ValueType):
 
 @dataclass(frozen=True)
 class PairWish:
-    """Requested treatment of pairs of components: the measure (None if not specified), and the
-    patterns of the file names."""
+    """Requested treatment of pairs of components.
+
+    Attributes
+    ----------
+    measure : str or None
+        Measure of a pair, such as rotd100; None if no measure is specified.
+    names : PairNames
+        Patterns of the file names of a pair.
+    """
 
     measure: str | None
     names: PairNames
 
 
 class Name(ValueType):
-    """A text with the names for its completion, if any. The names are loaded only for completion,
-    because loading can take time."""
+    """Option type of a text, with names that the shell can complete.
+
+    Parameters
+    ----------
+    names : callable
+        Returns the names. It is called only for completion, because loading can take time. By
+        default there are no names.
+    """
 
     name = "name"
 
@@ -357,10 +421,14 @@ class Name(ValueType):
 
 
 class SampleUnitsType(Name):
-    """Units of the samples of all records, or units by file: `AT2=g,*.mseed=m/s^2`, or a table of
-    units, which is read."""
+    """Option type of the units of record samples.
+
+    The text is a unit for all records, units by file (`AT2=g,*.mseed=m/s^2`), or the name of a
+    table of units.
+    """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the units; a table of units is read."""
         from tdint.ground_motion.reading.sample_units import units_of_text
 
         return units_of_text(value) if isinstance(value, str) else value
@@ -375,10 +443,17 @@ are written to the typed names."""
 
 
 class FileName(ValueType):
-    """The name of a file or, if `folder` is True, of a directory, with completion by the shell.
+    """Option type of a file name, with completion by the shell.
 
-    A file with `written` False is an input, which the command never replaces. `tables` is True for
-    the files of the tables of a command.
+    Parameters
+    ----------
+    folder : bool
+        True for the name of a directory; false by default.
+    written : bool
+        True for an output. By default the file is an input, which the command never replaces.
+    tables : bool
+        True for the output with the tables of a command, which `tdint rerun` compares; false by
+        default.
     """
 
     name = "file"
@@ -391,6 +466,10 @@ class FileName(ValueType):
         self.tables = tables
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path of the file, and protect an input from being replaced.
+
+        `tdint rerun` replaces the paths of outputs (`ELSEWHERE`).
+        """
         if not self.written:
             protect_input(value)
         elif (elsewhere := ELSEWHERE.get()) and value not in ("", STDIN, BESIDE):
@@ -430,9 +509,10 @@ ORDER = (OWN, RECORD, SPECTRUM, INTENSITY, ANALYSIS, OUTPUT, GENERAL)
 
 
 BESIDE = "\0"
-"""Value of an option of `_NAMES` without a file name; no file can have this name."""
+"""Value of --plot or --history without a file name, for a default name next to the table. It is a
+null character, which no file name can contain."""
 
-_NAMES = {
+_NAMED_FILES = {
     "--plot": re.compile(
         r".*\.(png|pdf|svg|jpe?g|gif|e?ps|tiff?|webp|bmp|svgz|pgf)", re.IGNORECASE | re.DOTALL
     ),
@@ -448,13 +528,13 @@ class HeadedOption(click.Option):
     Attributes
     ----------
     heading : str
-        The heading, one of `ORDER`.
+        The heading, an item of `ORDER`.
     needs : str
         Options that the option requires; empty if it requires no other option.
     common : bool
-        Whether --help shows the option; otherwise only --help-all shows it.
+        True if --help shows the option; otherwise only --help-all shows it.
     recorded : bool
-        Whether the JSON files of results record the option.
+        True if the JSON files of results record the option.
     """
 
     def __init__(
@@ -494,7 +574,8 @@ class Declaration(_Value):
     settings : dict
         Keyword arguments for click.
     behind : sequence of callable
-        Further declarations that follow; their values are not in a field.
+        Declarations of further options that follow this option in the help, and that have no field
+        in the request.
     """
 
     declare: Any
@@ -503,6 +584,7 @@ class Declaration(_Value):
     behind: Sequence[Callable[[Any], Any]] = ()
 
     def __call__(self, command: Function) -> Function:
+        """Add the option to the function of a command; a declaration is used as a decorator."""
         return together(self.declare(*self.names, **self.settings), *self.behind)(command)
 
     def of_field(self, name: str, annotation: str) -> Declaration:
@@ -538,21 +620,21 @@ def option(
     *names : str
         Names of the option, as for click.
     heading : str
-        The heading in the help, one of `ORDER`.
+        The heading in the help, an item of `ORDER`.
     rare : bool
         True for an option that most users never need; only `--help-all` shows it. `COMMAND --help`
         shows all other options, with the first clauses of their help. A command has at most
         `COMMON` of these options, and its help has at most `LINES` lines.
     needs : str
-        The options that it requires, as in `--history`, `--ductility or --strength`, `--im sa or
-        sa-avg`: an option, one of several options, or an option with one of these values, including
-        its default value. The option is refused without them.
+        The options that it requires: an option (`--history`), one of several options (`--ductility
+        or --strength`), or an option with one of several values (`--im sa or sa-avg`), which its
+        default value also fulfills. Without them, the option is refused.
     recorded : bool
-        Whether the JSON file of a result records the option, and `tdint rerun` accepts it. An
+        True if the JSON file of a result records the option, and `tdint rerun` accepts it. An
         option that specifies where or how a command runs, without effect on results, is not
-        recorded: the author of a JSON file must not choose it for other users.
+        recorded, because the author of a JSON file must not choose it for other users.
     behind : sequence of callable
-        Further declarations that follow.
+        Declarations of further options that follow this option in the help.
     **settings
         Keyword arguments for click.
     """
@@ -572,16 +654,19 @@ def argument(metavar: str, **settings: Any) -> Declaration:
     ----------
     metavar : str
         Name of the argument in the help text.
+    **settings
+        Keyword arguments for click.
     """
     return Declaration(click.argument, (), settings | {"metavar": metavar})
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def request(request_class: type[Kind]) -> type[Kind]:
-    """Convert a class to a frozen dataclass for a command line.
+    """Convert a class to a frozen dataclass that contains the values of a command line.
 
-    A field with an option as its default receives the value of this option (see `of`); options are
-    declared in the order of the fields. Other declarations of the command supply the other fields.
+    A field whose default is the declaration of an option receives the value of this option. The
+    decorator `of` adds these options to a command, in the order of the fields. Fields without such
+    a default are filled by other declarations of the command.
     """
     declarations = {
         name: value for name, value in vars(request_class).items() if isinstance(value, Declaration)
@@ -600,15 +685,25 @@ def request(request_class: type[Kind]) -> type[Kind]:
 def of(
     request_class: type[Any], argument_name: str = ""
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Declare the options of a request class, without the options of its base classes.
+    """Return a decorator that adds the options of a request class to a command.
 
-    The command receives the request as its only argument, or as the argument `argument_name` in
-    addition to other arguments.
+    Options of the base classes are not added.
+
+    Parameters
+    ----------
+    request_class : type
+        Class that was decorated with `request`.
+    argument_name : str
+        Argument by which the command receives the request in addition to other arguments. By
+        default (empty), the request is its only argument.
     """
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        """Return the command with the options of the request class."""
+
         @functools.wraps(command)
         def call_with_request(**values: Any) -> Any:
+            """Call the command with a request that contains the values of the options."""
             if not argument_name:
                 return command(request_class(**values))
             fields_of_request = {item.name: values.pop(item.name) for item in fields(request_class)}
@@ -620,10 +715,12 @@ def of(
 
 
 def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Function]:
-    """Combine declarations of options, in their order, into one declaration."""
+    """Return a decorator that adds several options to a command, in the order of `declarations`."""
 
     def decorate(command: Function) -> Function:
-        # Decorators are applied from the last to the first.
+        """Return the command with all options."""
+        # Python applies decorators from the last to the first, and click lists them in the order of
+        # the source.
         for declaration in reversed(declarations):
             command = declaration(command)
         return command
@@ -632,12 +729,19 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
 
 
 def with_named_files(
-    arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)
+    arguments: Sequence[str], options: Collection[str] = tuple(_NAMED_FILES)
 ) -> list[str]:
-    """Return a command line with a value for --plot and --history, if listed in `options`.
+    """Return a command line in which --plot and --history have a value.
 
-    The value is the next word if it is empty or a file name with a suffix that fits the option,
-    otherwise `BESIDE`.
+    The value is the next word if it is empty or a file name with a suffix that fits the option;
+    otherwise it is `BESIDE`. Click has no options with an optional value that is a separate word.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Words of the command line after the name of the command.
+    options : collection of str
+        Names of the options of the command; other words are not changed. By default both options.
     """
     result: list[str] = []
     words = iter(enumerate(arguments))
@@ -645,11 +749,11 @@ def with_named_files(
     for i, word in words:
         if word == "--":
             return [*result, *arguments[i:]]
-        if word not in _NAMES or word not in options:
+        if word not in _NAMED_FILES or word not in options:
             result.append(word)
             continue
         following = arguments[i + 1] if i + 1 < len(arguments) else BESIDE
-        if following == "" or _NAMES[word].fullmatch(following):
+        if following == "" or _NAMED_FILES[word].fullmatch(following):
             next(words)
             result.append(f"{word}={following}")
         else:
@@ -671,7 +775,7 @@ def recorded_words(command: click.Command, words: Sequence[str]) -> tuple[str, .
     for parameter in command.params:
         if isinstance(parameter, click.Option) and not is_recorded(parameter):
             unrecorded |= dict.fromkeys(parameter.opts, parameter)
-    # Letters of the short names, such as q for -q.
+    # `letters` contains the letter of each short name, such as q for -q.
     letters = "".join(name[1] for name in unrecorded if not name.startswith("--"))
     result: list[str] = []
     remaining = iter(words)
@@ -700,10 +804,14 @@ def is_recorded(option: click.Parameter) -> bool:
 def shown_when_asked(
     text: Callable[[click.Context], str],
 ) -> Callable[[click.Context, click.Parameter, bool], None]:
-    """Return the callback of a flag that writes a text to standard output and exits instead of
-    running the command; `text` returns the text for the context of the command."""
+    """Return the callback of a flag that writes a text to standard output and ends the program.
+
+    The command is not run. `text` is a function that returns the text for the context of the
+    command.
+    """
 
     def show(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
+        """Write the text and exit if the flag is set."""
         # During the completion of a command line, nothing is written.
         if is_set and not ctx.resilient_parsing:
             emit(f"{text(ctx)}\n".encode("utf-8", "replace"))
@@ -720,6 +828,7 @@ class HelpAsData(click.Command):
     """
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
+        """Return the option --help of click, with a callback that writes the help as data."""
         option = super().get_help_option(ctx)
         if option is not None:
             option.callback = shown_when_asked(click.Context.get_help)
@@ -766,7 +875,7 @@ class Command(HelpAsData):
         exits: Mapping[int, str] | None = None,
         **settings: Any,
     ) -> None:
-        text = "Show all options, and what the command does in detail, and exit."
+        text = "Show all options and a detailed description of the command, and exit."
         all_help = flag(["--help-all"], shown_when_asked(self.all_help), text)
         settings["params"] = [*(settings.get("params") or ()), *general(), all_help]
         super().__init__(name, **settings)
@@ -797,7 +906,7 @@ class Command(HelpAsData):
         with formatter.indentation():
             formatter.write_paragraph()
             formatter.write_text(
-                f"All options, and more of what it does: {ctx.command_path} --help-all"
+                f"All options and a detailed description: {ctx.command_path} --help-all"
             )
 
     def _short_option_help(self, ctx: click.Context) -> list[tuple[str, str]]:
@@ -852,12 +961,14 @@ class Command(HelpAsData):
         for parameter in self.params:
             if isinstance(parameter, click.Option) and not parameter.is_flag:
                 names.update(parameter.opts)
-        return names - _NAMES.keys()
+        return names - _NAMED_FILES.keys()
 
     def _check_needs(self, ctx: click.Context) -> None:
-        """Raise UsageError for an option that would be ignored, because the option that it requires
-        is missing."""
-        # Parameters by the names in `needs`: of an option, or of an argument in the help.
+        """Raise UsageError for an option that would have no effect without another option.
+
+        The attribute `needs` of an option names the options that it requires.
+        """
+        # `needs` names an option by any of its names, and an argument by its name in the help.
         parameters: dict[str, click.Parameter] = {}
         for parameter in self.params:
             parameters |= dict.fromkeys((*parameter.opts, _argument_name(parameter)), parameter)
@@ -865,7 +976,7 @@ class Command(HelpAsData):
             needs = getattr(option, "needs", "")
             if not needs or not _is_given(ctx, option):
                 continue
-            # `--a or --b`: one of several options; `--a x or y`: one of several values.
+            # `--a or --b` requires one of several options, `--a x or y` one of several values.
             alternatives = needs.split(" or ")
             needed_option, _, value = alternatives[0].partition(" ")
             if value:
@@ -896,6 +1007,8 @@ _FORMER = {
 """Removed options, with the option that replaces each and an example of its value, for the error
 message."""
 
+# The short help contains the first sentences of a docstring and the first clauses of the help of an
+# option. A clause ends with a semicolon or a period outside of parentheses.
 _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
 _MAX_SHORT_HELP = 90
@@ -948,8 +1061,7 @@ class Mode:
 
 
 def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
-    """Raise UsageError if an option was given that has no effect in this mode of the current
-    command.
+    """Raise UsageError if the command line has an option without an effect in its mode.
 
     Parameters
     ----------
@@ -959,7 +1071,8 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
         All modes of the command.
     """
     context = click.get_current_context()
-    # Options that only other modes support. Options of no mode are supported by all modes.
+    # An option that is listed for no mode has an effect in all modes, so that only options of other
+    # modes are refused.
     without_effect = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
     for parameter in context.command.params:
         if parameter.name not in without_effect or not _is_given(context, parameter):
@@ -978,14 +1091,15 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
 def command(
     name: str, *examples: str, exits: Mapping[int, str] | None = None
 ) -> Callable[[Callable[..., Any]], Command]:
-    """Make a function a command.
+    """Return a decorator that converts a function to a command of `tdint`.
 
     Parameters
     ----------
     name : str
         Name of the command.
     *examples : str
-        Two command lines that run next to the files of `tdint init office.yaml`.
+        Two command lines for the help, which run in a directory with the files that `tdint init
+        office.yaml` writes.
     exits : mapping of int to str, optional
         Exit codes with a special meaning in this command.
     """
@@ -993,7 +1107,7 @@ def command(
 
 
 def general() -> list[click.Parameter]:
-    """Return the options that every command has."""
+    """Return the options of every command, --quiet and --debug."""
     return [
         _setting(
             ["-q", "--quiet"],
@@ -1018,6 +1132,7 @@ def _setting(names: list[str], field: str, text: str) -> HeadedOption:
     """
 
     def switch(ctx: click.Context, _: click.Parameter, is_set: bool) -> None:
+        """Set the field of the settings if the flag is set."""
         if is_set:
             setattr(ctx.ensure_object(Settings), field, True)
 

@@ -171,7 +171,11 @@ def plot(text: str) -> grammar.Declaration:
 
 
 def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
-    """Apply the requested style to the figures of this command."""
+    """Apply the values of --style to the figures of the command (callback of the option).
+
+    A later value overrides an earlier one. The style sheet becomes an input, which the command must
+    not replace.
+    """
     if texts:
         from tdint.output.printed import PRINTED, parse_style
 
@@ -389,8 +393,9 @@ def to_files(
     page: bool = False,
     more: Sequence[Callable[[Any], Any]] = (),
 ) -> Callable[[Function], Function]:
-    """Declare the output options of a command with a table. The command receives them, checked, as
-    `outputs`.
+    """Return a decorator that adds the output options to a command with a table.
+
+    The command receives the checked options as the argument `outputs`.
 
     Parameters
     ----------
@@ -399,16 +404,19 @@ def to_files(
     picture : str, optional
         The help text of --plot; without it the command has no --plot.
     in_units : bool
-        Whether the command has --output-units.
+        True (the default) if the command has --output-units.
     page : bool
-        Whether the command has --report.
+        True if the command has --report; false by default.
     more : sequence of callable
-        Further options under this heading.
+        Declarations of further options under the heading Output.
     """
 
     def decorate(command: Function) -> Function:
+        """Return the command with the output options."""
+
         @functools.wraps(command)
         def call_with_outputs(**values: Any) -> Any:
+            """Check the values of the output options, and call the command."""
             units, report = values.pop("output_units", None), values.pop("report", None)
             outputs = Outputs.checked(
                 values.pop("output"),

@@ -64,6 +64,7 @@ class RecordsRequest(RecordRequest):
 
 
 def _units() -> list[str]:
+    """Return the units of ground motions, for the completion of --units."""
     from tdint.units import GROUND_MOTION
 
     return [unit for units in GROUND_MOTION.values() for unit in units]
@@ -180,8 +181,10 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 
 
 def _with_layout_and_processing(command: Function) -> Function:
-    """Pass the layout options of a text table to the command as `layout`, and the processing
-    options as `processing`.
+    """Return a command that receives the options of a record as two objects.
+
+    The options of the layout of a text table become the argument `layout`, the options of the
+    processing the argument `processing`.
 
     The processing steps follow the order of the options in the help, regardless of their order on
     the command line.
@@ -189,6 +192,7 @@ def _with_layout_and_processing(command: Function) -> Function:
 
     @functools.wraps(command)
     def call_with_layout_and_processing(**values: Any) -> Any:
+        """Replace the separate values by the two objects, and call the command."""
         from tdint.ground_motion.choice import Processing, TextLayout, parse_pad, parse_trim
 
         layout = {field.name: values.pop(field.name) for field in dataclasses.fields(TextLayout)}

@@ -75,9 +75,10 @@ def damping(needs: str = "") -> grammar.Declaration:
 
 
 class _Periods(Number):
-    """A period, or a grid of periods."""
+    """Option type of a period in s, or of a grid of periods FIRST:LAST:COUNT."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a number, or a grid for a text with a colon."""
         if isinstance(value, str) and ":" in value:
             return grid().read(value)
         return super().convert(value, param, ctx)

@@ -82,12 +82,23 @@ def read_table_of_factors(
 ) -> tuple[Suite, FactorTable | None]:
     """Return the ground motions of a command line, or of a table of factors if no record is named.
 
+    Parameters
+    ----------
+    records : sequence of str
+        Files or directories of records; empty with a table of factors.
+    file : str or None
+        Table that `tdint scale -o` wrote, the value of --factors; None with records.
+    choice : RecordChoice
+        Component, units and processing of the records.
+    pairs : PairWish or None
+        Requested treatment of pairs of components; None for separate components.
+
     Returns
     -------
     suite : Suite
         The ground motions, as returned by `read_suite`.
     table : FactorTable or None
-        The table; None without one.
+        The table of factors; None with records.
 
     Raises
     ------

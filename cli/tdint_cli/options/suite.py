@@ -79,10 +79,14 @@ class SuiteRequest:
 
 
 class _DriftLimit(Ratio):
-    """A drift ratio below 1, or the name of a performance level of the model. An integer is refused
-    with a message for old scripts in which `--limit` of a campaign was the number of runs."""
+    """Option type of a drift ratio below 1, or of the name of a performance level of the model.
+
+    `tdint campaign` refuses an integer with a hint to --max-runs, because --limit was the number of
+    runs in earlier versions.
+    """
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the drift ratio as a number, or the name of the performance level."""
         # Names of levels start with a letter; nan and inf are numbers.
         if isinstance(value, str) and value[:1].isalpha() and value.lower() not in _NOT_LEVELS:
             return value

@@ -122,7 +122,15 @@ def _unquoted(text: str) -> str:
 
 
 def _style_error(key: str, has_value: bool) -> str:
-    """Return the error message for an invalid part of a style."""
+    """Return the error message for an invalid item of a style.
+
+    Parameters
+    ----------
+    key : str
+        Text before the equals sign of the item, or the complete item without an equals sign.
+    has_value : bool
+        True if the item has an equals sign.
+    """
     if key == "title":
         return "title must be yes or no"
     if key.partition(":")[0] == "label":
@@ -171,9 +179,12 @@ SYMBOLS = {
 
 
 def in_print(text: str, printed: PrintedAs) -> str:
-    """Return a text of a figure as printed: with the replaced label, or with symbols."""
-    # Replacements of labels are used unchanged; symbols are inserted into all other text.
-    # A label of a method may be followed by a colon and its parameters.
+    """Return a text of a figure as it is printed.
+
+    A label with a replacement is replaced. In other texts, mathematical symbols replace ASCII words
+    such as omega.
+    """
+    # The parameters of a method may follow its label after a colon; they are retained.
     for label, replacement in printed.labels:
         if text.strip() == label or text.strip().startswith(f"{label}:"):
             return text.replace(text.strip(), replacement)

@@ -211,9 +211,24 @@ def failure_summary(
     first: FirstMode | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return the content of summary.json for a failed run.
+    """Return the content of summary.json for a failed run, with the state at the failure.
 
-    `time_s` is the last time reached; the parameters are those of `run_summary`.
+    Parameters
+    ----------
+    failure : FailedRun
+        Error of the run, with the last time that it reached.
+    model : Model
+        The building.
+    record : Record or None
+        Ground motion of the run; None without ground motion.
+    inputs : sequence of Input
+        Input files.
+    wall_time : float
+        Duration of the computation, s.
+    first : FirstMode, optional
+        First mode of the building.
+    settings : mapping, optional
+        Options of the command line that are not part of the model.
     """
     content = {
         "schema": schema("run"),
@@ -408,6 +423,7 @@ def _damage(response: Response) -> dict[str, Any]:
 
 
 def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
+    """Return time, story and type of a collapse for the summary; None without a collapse."""
     if collapse is None:
         return None
     return {

@@ -148,7 +148,11 @@ def _motion_count(study: IdaStudy) -> str:
 
 
 def _curves_text(study: IdaStudy) -> str:
-    """Return a sentence on the runs of a study."""
+    """Return a sentence with the numbers of ground motions that cause collapse.
+
+    If a building survives a level above its first collapse (resurrection), the number of these
+    motions is added.
+    """
     collapses = sum(not curve.collapse.censored for curve in study.motion_curves)
     text = (
         f"The building collapses under {collapses} of "

@@ -301,7 +301,8 @@ def versions() -> dict[str, Any]:
 
 @cache
 def _version(package: str) -> str | None:
-    # This import takes 14 ms and is needed only for JSON files.
+    """Return the installed version of a package; None if it is not installed."""
+    # This import needs 14 ms and is used only for JSON files.
     from importlib.metadata import PackageNotFoundError, version
 
     try:
@@ -485,7 +486,10 @@ def _parameters_of(lines: Iterable[str]) -> dict[str, dict[str, float]]:
 
 
 def _timing(timing: Timing) -> Mapping[str, Any]:
-    """Return the conditions of the time measurement of a chart."""
+    """Return the conditions of a time measurement for a JSON file: clock, repetitions, processor.
+
+    `wall_over_processor_time` is above 1 if other programs used the processor meanwhile.
+    """
     return {
         "clock": CLOCKS[timing.clock],
         "repeats": list(timing.repeats),

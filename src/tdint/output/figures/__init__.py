@@ -28,10 +28,14 @@ if TYPE_CHECKING:
 # The messages of matplotlib about its font cache are not relevant to users.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-_found = modules_on_use(__name__)
+_import_module = modules_on_use(__name__)
 
 
 def __getattr__(name: str) -> ModuleType:
+    """Import a module of figures when it is first used.
+
+    The module `style` is imported first, because it must be the first that imports matplotlib.
+    """
     if name != "style":
-        import_module(f"{__name__}.style")  # this module must be the first that imports matplotlib
-    return _found(name)
+        import_module(f"{__name__}.style")
+    return _import_module(name)

@@ -188,7 +188,15 @@ def _matrix_size(methods: Sequence[str], count: int) -> _MatrixSize:
 
 
 def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
-    """Return the rectangle of a cell with its center at (x, y)."""
+    """Return the rectangle of a cell of the matrix, with a width and a height of 1.
+
+    Parameters
+    ----------
+    x, y : float
+        Center of the cell: its column and its row.
+    mark : _Mark
+        Style of the cell, which represents the verdict of a trial.
+    """
     return Rectangle(
         (x - 0.5, y - 0.5),
         1.0,

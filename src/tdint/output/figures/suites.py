@@ -246,7 +246,22 @@ def _finish_row(
     limit: float | None,
     level: str,
 ) -> None:
-    """Add limits, ticks and labels to a row of panels: drifts, accelerations, shears."""
+    """Add limits, ticks and labels to a row of panels: drifts, accelerations, shears.
+
+    Parameters
+    ----------
+    axes : sequence of Axes
+        The panels of drifts, floor accelerations and shears, with the lines of all motions. The
+        shears are in N and are converted to the unit of the axis.
+    profiles : sequence of Profile
+        Results of the row, whose numbers of collapsed and failed runs are stated.
+    units : OutputUnits
+        Units of the axes.
+    limit : float or None
+        Limit of the drift ratio, which is marked; None without a limit.
+    level : str
+        Intensity level of the row; empty if there is a single level.
+    """
     drifts, accelerations, shears = axes
     if limit is not None:
         drifts.axvline(

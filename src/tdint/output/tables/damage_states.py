@@ -158,7 +158,10 @@ def damage_table_columns(store: Store) -> tuple[Column, ...]:
 
 
 def damage_rows(store: Store) -> Iterator[list[Any]]:
-    """Yield the rows of damage.csv, in the order of runs.csv."""
+    """Yield the rows of damage.csv: state and probabilities of each run, in the order of runs.csv.
+
+    The columns are those of `damage_table_columns`.
+    """
     records = {
         number: (cell_text(name), cell_text(component))
         for number, (name, component, _) in store.records().items()
@@ -417,7 +420,16 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
 
 
 def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
-    """Yield the rows of exceedance.csv."""
+    """Yield the rows of exceedance.csv: the events of each loss curve, by decreasing mean loss.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign, with losses and the rates of the events.
+    by : str or None
+        Column of the inventory. In addition to the curve for all buildings, each value of this
+        column has a curve.
+    """
     costs, pair_demand = has_costs(store), _pair_demand(store)
     # There is a loss curve for each group of buildings and each level. Its points are the events;
     # events without a result are omitted.

@@ -238,6 +238,7 @@ class RecordInfo(Tabular):
     predominant_period: float = math.nan
 
     def _headline(self) -> str:
+        """Return source, component, duration and PGA of the record, for the text of a notebook."""
         record = self.record
         return (
             f"of {record.source} {record.component}: {record.duration:.4g} s, PGA {record.pga:.4g} "

@@ -172,7 +172,7 @@ def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
 
 
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
-    """Return the columns of the estimated errors of columns."""
+    """Return, for each column, the column NAME_error of the estimated errors of its values."""
     return tuple(
         replace(
             column,

@@ -162,7 +162,17 @@ _HISTORY_UNITS = {
 
 
 def to_html(result: Any, caption: str) -> str:
-    """Return the first rows of a result's table as HTML."""
+    """Return the first rows of the table of a result as HTML, for notebooks.
+
+    A note below the table states the number of rows that are omitted.
+
+    Parameters
+    ----------
+    result : object
+        Result that `to_dict` converts to columns.
+    caption : str
+        Caption of the table.
+    """
     columns = to_dict(result)
     row_count = len(next(iter(columns.values())))
     head = "".join(f"<th>{escape(name)}</th>" for name in columns)
