@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from tdint.output.tables.differences import Difference
 
 SUMMARY = "summary.json"
-"""Name of the JSON file in a directory that is given instead of the file."""
+"""Name of the JSON file that is read if the argument of `tdint rerun` is a directory."""
 
 TABLES = (".csv", ".csv.gz", ".parquet")
 """Suffixes of files that are compared cell by cell."""
@@ -46,7 +46,8 @@ JSON = (".json", ".geojson")
 """Suffixes of files that are compared value by value."""
 
 STORE_SUFFIXES = ("-wal", "-shm", "-journal", ".lock")
-"""Suffixes of the files that exist while the store of a campaign is open; they have no results."""
+"""Suffixes of temporary files that exist while the store of a campaign is open. They contain no
+results and are not compared."""
 
 STORE = Path("campaign.sqlite")
 """Name of the store of a campaign, which lists the files that were exported from it. Stores with
@@ -123,7 +124,8 @@ def command(request: Request) -> None:
         outputs = _NewOutputs(new_folder, recorded, folder)
         stack.callback(TRUSTED.reset, TRUSTED.set(request.trust))
         exit_code = _run_command(recorded.arguments, folder, outputs)
-        # The export of a campaign is a second command, on the new directory of the campaign.
+        # The files that `tdint campaign export` wrote later are repeated by a second command, in
+        # the new directory of the campaign.
         if recorded.export and is_file(outputs.summary):
             index = _index_of_folder(recorded)
             export = [*recorded.export]
@@ -139,7 +141,7 @@ def command(request: Request) -> None:
         repeated = _RecordedCommand.read(str(outputs.summary))
         _check_provenance(recorded, repeated, changes, request.changed)
         is_same = _compare(recorded, repeated, outputs)
-        # Only the failure of a run is recorded, with its status: this run must fail again.
+        # Only `tdint run` records a failure, as the status of the run. Such a run must fail again.
         failed_before = recorded.content.get("status") not in (None, "done")
     if exit_code and not (failed_before and is_same):
         raise _report_failure(recorded, exit_code)
@@ -148,7 +150,8 @@ def command(request: Request) -> None:
 
 
 def _report_failure(recorded: _RecordedCommand, exit_code: int) -> click.exceptions.Exit:
-    """Report that the repeated command failed, and return the exception with its exit code."""
+    """Report that the repeated command failed; return an exception that exits with its exit
+    code."""
     complain(f"Error: {recorded.file}: the command failed, with exit code {exit_code}")
     return click.exceptions.Exit(exit_code)
 
@@ -198,7 +201,22 @@ def _check_inputs(recorded: _RecordedCommand, folder: Path, changed: bool) -> di
 
 
 def _check_plugins(recorded: _RecordedCommand, folder: Path, trust: bool) -> None:
-    """Raise UsageError if a plug-in is missing, or if the command has plug-ins without --trust."""
+    """Check the plug-ins of the recorded command before they are executed.
+
+    Parameters
+    ----------
+    recorded : _RecordedCommand
+        Recorded command.
+    folder : Path
+        Working directory of the repeated command.
+    trust : bool
+        True with --trust, which allows the execution of plug-ins.
+
+    Raises
+    ------
+    UsageError
+        A plug-in is missing, or the command has plug-ins and `trust` is false.
+    """
     missing = [name for name in recorded.code if not is_file(folder / name)]
     if missing:
         raise UsageError(
@@ -278,7 +296,7 @@ class _RecordedCommand:
     files : sequence of str
         Values of both command lines for files that are read; the files need not exist.
     code : sequence of str
-        Those files that are executed.
+        Plug-ins in `files`, which contain code that is executed.
     """
 
     file: Path
@@ -381,8 +399,8 @@ class _RecordedCommand:
         UsageError
             An input is not found in either directory.
         """
-        # If the relative directory of -o is the end of the path of the file, the beginning of the
-        # path is the original working directory. Otherwise the file was moved.
+        # The path of the JSON file is the original working directory followed by the relative
+        # directory of -o, unless the file was moved.
         output_folder = Path(self.output) if self.is_folder else Path(self.output).parent
         file_folder = self.file.absolute().parent
         beginning = file_folder.parts[: len(file_folder.parts) - len(output_folder.parts)]
@@ -458,7 +476,8 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
         click.Context(command, info_name=arguments[0], resilient_parsing=True)
     )
     values, _, parameters = parser.parse_args(with_named_files(arguments[1:], flags))
-    # The author of the file must not control where or how a command runs on this machine.
+    # Options that are not recorded specify where or how a command runs. The author of the file must
+    # not control this on the machine of another user.
     refused = [
         "/".join(parameter.opts)
         for parameter in parameters
@@ -588,8 +607,8 @@ class _NewOutputs:
         return self.now / self.recorded.file.name
 
     def files(self) -> Iterator[tuple[str, Path, Path]]:
-        """Yield each file that was written: name, original path and new path."""
-        # Each new directory with the original directory.
+        """Yield name, original path and new path of each file that the repeated command wrote."""
+        # Each item contains a new directory and the original directory that it replaces.
         folders = [(self.now, self.recorded.file.absolute().parent)]
         for original, replacement in self.others:
             folders.append((Path(replacement).parent, (self.folder / original).parent))
@@ -751,8 +770,8 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
         note(f"time loops: recorded {loops}, now {new_loops}")
     if shown:
         emit_table(tables.table.Table.of_results(tables.differences.DIFFERENCE, shown))
-    # The comparison of the JSON file alone is not sufficient, except for a failed run, which writes
-    # no other file.
+    # If only the JSON file was compared, the results were not compared. A failed run is an
+    # exception, because it writes no other file.
     has_results = any(original != recorded.file.absolute() for original in originals)
     if is_same and not has_results and status in (None, "done"):
         raise AnalysisError(f"{recorded.file}: the command writes no file that can be compared")
@@ -761,7 +780,7 @@ def _compare(recorded: _RecordedCommand, repeated: _RecordedCommand, outputs: _N
 
 @dataclass(frozen=True)
 class _Rules:
-    """What is compared in the files of a command.
+    """Rules for the comparison of the files of a command.
 
     Attributes
     ----------
@@ -932,8 +951,10 @@ def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
 
 
 def _recorded_files(recorded: _RecordedCommand) -> Iterator[Path]:
-    """Yield the existing files in the directory that the JSON file or the store of a campaign lists
-    as outputs of the command."""
+    """Yield the existing outputs of a recorded command in the directory of its JSON file.
+
+    The JSON file and the store of a campaign list the names of the outputs.
+    """
     folder = recorded.file.absolute().parent
     # `files` is a list of mappings with the key `file`, and `motions` a list of names. The content
     # may have been changed: ignore values of other types.
@@ -949,7 +970,8 @@ def _recorded_files(recorded: _RecordedCommand) -> Iterator[Path]:
         with open_existing(folder) as store:
             names += sorted({name for name, _ in store.written()})
     for name in dict.fromkeys(name for name in names if isinstance(name, str)):
-        # Figures and pages may be in other directories: only names without a directory are used.
+        # Figures and reports may be in other directories. Only names without a directory refer to
+        # files next to the JSON file.
         if name == Path(name).name and is_file(folder / name):
             yield folder / name
 

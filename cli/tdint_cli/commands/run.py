@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
     from tdint.output.verdicts import Verdict
 
-_FIGURE_STEPS = 20_000  # maximum number of time steps in a figure
+_FIGURE_STEPS = 20_000  # maximum number of time steps in a figure; more are not distinguishable
 _MIN_BYTES = 6.0
 """Minimum number of bytes of a number in a response history; typically 18."""
 
@@ -171,7 +171,8 @@ def _run(request: Request) -> None:
         method=request.method,
         allow_unstable=request.allow_unstable,
     )
-    # In these cases, the number of steps is known only after the run.
+    # The number of time steps of a sequence, and of a run with --tolerance or --until-rest, is
+    # known only after the run.
     is_adaptive = bool(events or request.tolerance or request.until_rest)
     step_count = 0 if is_adaptive else _step_count(request, case)
     # Print these warnings before the integration: an incorrect unit can explain a failure, and a
@@ -185,7 +186,7 @@ def _run(request: Request) -> None:
     except FailedRun as failure:
         from tdint.output.summary import model_input
 
-        # Write only the summary, which states how far the run came.
+        # A failed run has no results except the summary, which states the time of the failure.
         note(*failure.notes)
         inputs = [model_input(model), *record_inputs]
         _write(request, {}, _failure_content(request, case, failure, inputs, start_time))
@@ -211,11 +212,13 @@ def _run(request: Request) -> None:
 
 
 def _model(request: Request) -> Model:
-    """Return the model with the record and the output units of the command line."""
+    """Read the model and apply the record and the output units of the command line.
+
+    A sequence has several records, which are read separately.
+    """
     from tdint.model.config.model_file import load_model
 
     model = load_model(request.model)
-    # The records of a sequence are read separately.
     if not request.sequence:
         model = with_motion(model, request)
     units = request.output_units
@@ -243,7 +246,20 @@ def _sequence_records(request: Request, model: Model) -> list[Record]:
 
 
 def _step_count(request: Request, case: Case) -> int:
-    """Return the number of time steps of a run, after a check of the disk space for its history."""
+    """Return the number of time steps of a run, and check the disk space for its history.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line: time step, duration and --history.
+    case : Case
+        Prepared model, ground motion and method, which supply the defaults.
+
+    Raises
+    ------
+    OutputError
+        The disk has not enough space for the response history.
+    """
     from tdint.analysis.arguments import number_of
 
     dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
@@ -254,13 +270,23 @@ def _step_count(request: Request, case: Case) -> int:
 
 
 def _interpret_if_short(request: Request, case: Case, step_count: int) -> None:
-    """Interpret the time loops if the run is so short that a compilation would take longer."""
+    """Select interpreted time loops if the run is so short that a compilation would take longer.
+
+    Parameters
+    ----------
+    request : Request
+        Options of the command line, which request error estimates or not.
+    case : Case
+        Prepared model, ground motion and method.
+    step_count : int
+        Number of time steps of the run.
+    """
     from tdint.analysis.run.error_estimate import reference
     from tdint.analysis.run.prepared import run_interpreted
 
     methods = [case.method]
     if request.check is not False:
-        # The error estimate requires a second run with half the time step.
+        # The error estimate requires a second run with half the time step: two times the steps.
         methods, step_count = [case.method, reference(case).method], 3 * step_count
     run_interpreted(case.prepared, methods, step_count)
 
@@ -323,7 +349,7 @@ def _verdicts(response: Response, limit: float | str | None, units: OutputUnits)
 
 
 def _respond(case: Case, events: list[Record], request: Request) -> Response:
-    """Integrate one analysis, or a sequence if there are records of a sequence.
+    """Run the time integration under a single ground motion, or under a sequence of events.
 
     Parameters
     ----------
@@ -412,7 +438,8 @@ def _files(
         files[Path(request.output) / STORIES] = stories.csv()
     _check_disk_space(request, len(response.model.stories), response.steps)
     if (file := request.history_file) and response.history_chunks:
-        # Error columns enlarge the file by half: they are written only with --check.
+        # The columns of estimated errors increase the size of the file by half, so that they are
+        # written only with --check.
         chunks = (
             chunk if request.check else replace(chunk, error=None)
             for chunk in response.history_chunks(request.history_every)
@@ -434,7 +461,7 @@ def _files(
         )
     if not (request.output or request.report):
         return files, {}
-    # Imported here, because a run without a summary loads a fifth less code.
+    # These imports are a fifth of the code of a run, and are not needed without a summary.
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import run_summary
     from tdint.output.summary import model_input
@@ -457,7 +484,7 @@ def _files(
 def _report_page(
     request: Request, response: Response, inputs: Sequence[Mapping[str, str]]
 ) -> bytes:
-    """Return the page of --report.
+    """Return the HTML report of a run.
 
     Parameters
     ----------
@@ -477,7 +504,7 @@ def _report_page(
     units = page_units(model.page_units)
     checks = response.limit_checks(request.limit)
     verdict = _page_verdict(request, response, units)
-    # The verdict is not repeated below itself.
+    # The sentences below the verdict must not repeat it.
     verdict_texts = [text for _, text in verdict]
     lines = _paragraph(response, units, page=True).splitlines()
     # A collapse is the headline of the report, before the limit and the maximum demands.
@@ -499,9 +526,22 @@ def _report_page(
 def _page_verdict(
     request: Request, response: Response, units: OutputUnits
 ) -> list[tuple[bool | None, str]]:
-    """Return the verdict of a report page: results of the limits, or the maximum demands.
+    """Return the verdict of the report of a run: results of the limits, or the maximum demands.
 
-    Each sentence is preceded by True if its limit is met, False if not, and None without a limit.
+    Parameters
+    ----------
+    request : Request
+        Options of the command line, with the limit.
+    response : Response
+        Result of the run.
+    units : OutputUnits
+        Units of the sentences.
+
+    Returns
+    -------
+    list of (bool or None, str)
+        Sentences. The first item is True if the limit is met, False if it is exceeded, and None for
+        a sentence without a limit.
     """
     from tdint.output.verdicts import has_isolator_limit, isolator_sentence
 
@@ -520,13 +560,17 @@ def _page_verdict(
 
 
 def _with_history(response: Response) -> Response:
-    """Return the response with a history that has at most `_FIGURE_STEPS` time steps."""
+    """Return the response with a response history for figures.
+
+    If the response has no history, every n-th time step is used, so that the history has at most
+    about `_FIGURE_STEPS` time steps.
+    """
     from tdint.analysis.run.outcome import History
 
     assert response.history_chunks is not None
     if response.history is not None:
         return response
-    # Every n-th time step, with n rounded up.
+    # The division is rounded up.
     every = -(-response.steps // _FIGURE_STEPS)
     return replace(response, history=History.joined(response.history_chunks(every)))
 
@@ -598,8 +642,9 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
 
 
 def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
-    """Return the summary of a run as text. On a report page, drift ratios are in percent and the
-    computing time is omitted.
+    """Return the summary of a run as text with a sentence per line.
+
+    In a report, drift ratios are in percent and the computing time is omitted.
 
     Parameters
     ----------
@@ -612,7 +657,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     """
     from tdint.analysis.run.demands import demands
 
-    # Building, ground motion, method, time step, and maximum demands
+    # The first lines state building, ground motion, method, time step and maximum demands.
     record = response.record
     motion = "no ground motion"
     if record is not None:
@@ -620,7 +665,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         pga = units.of(record.pga, "m/s^2")
         pga_text = f"{pga:.3g}" if pga < 1000.0 else f"{pga:.0f}"
         motion = f"{record.name} (PGA {pga_text} {units.unit('m/s^2')[0]})"
-    # Name the clock unless it measures the processor time of the thread.
+    # The processor time of the thread is the usual clock; only another clock is named.
     clock = system.clock()
     clock_text = "" if clock == "thread_time" else f" of {system.CLOCKS[clock]}"
     microseconds = 1e6 * response.solver_time / response.steps
@@ -631,7 +676,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"{cost}energy error {response.energy.error:.1e}.",
         f"Maximum {_maximum_demands(response.model, response.stories, units, page)}.",
     ]
-    # Each event of a sequence with its residual drift; drift ratios if stories have heights
+    # Each event of a sequence has a line. Its drifts are ratios if the stories have heights.
     for number, event in enumerate(response.events, start=1):
         maximum = demands(event.stories)
         drift, ratio, residual = maximum.drift, maximum.drift_ratio, maximum.residual_drift_ratio
@@ -674,7 +719,8 @@ def _error_sentences(response: Response, units: OutputUnits, page: bool) -> list
         f"Maximum estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "
         f"{check.drift_story}), from {runs} of {method} with dt {dts} s."
     )
-    # Report the more accurate peaks of that run only if they differ in the printed digits.
+    # The run for the error estimate has a smaller time step, so that its peaks are more accurate.
+    # They are reported if they differ in the printed digits.
     if check.corrected:
         corrected = _maximum_demands(response.model, check.corrected, units, page)
         if corrected != _maximum_demands(response.model, response.stories, units, page):
@@ -696,9 +742,9 @@ def _maximum_demands(
     units : OutputUnits
         The units of the values.
     page : bool
-        True for a report page: drift ratios in percent, and always the base shear with viscous
-        forces, which the table of the stories contains. The table has no other base shear if a
-        story has dashpots. The base shear of the springs is first in other texts.
+        True for a report. Drift ratios are then in percent, and the base shear with viscous forces
+        precedes the base shear of the springs, because the tables of the report contain it. The
+        default is False.
     """
     from tdint.analysis.run.demands import demands
 
@@ -708,8 +754,8 @@ def _maximum_demands(
         value = maximum.drift_ratio.value
         value_text = f"{100.0 * value:.4g} %" if page else f"{value:.4g}"
         ratio_text = f"drift ratio {value_text} in story {maximum.drift_ratio.place}"
-        # A story without a height has no drift ratio: report its drift in addition. For a building
-        # with isolators this is their displacement.
+        # A story without a height has no drift ratio, so that the maximum drift is reported also.
+        # For a building with isolators, the maximum displacement of the isolators is reported.
         isolators = [i for i, story in enumerate(model.stories) if story.isolator]
         if isolators:
             isolator = max(isolators, key=lambda i: stories.peak_drift[i])
@@ -753,7 +799,8 @@ def _damage(response: Response, units: OutputUnits) -> str:
         if demand.unit == "1"
         else units.text(float(damage.demand[0]), demand.unit)
     )
-    # The arrays have one row for each run, here one. Omit outcomes with negligible probability.
+    # The arrays have a row for each run; here, row 0 is the only row. Outcomes with a negligible
+    # probability are omitted.
     probabilities = (
         f"{outcome} {100.0 * probability:.3g} %"
         for outcome, probability in zip(

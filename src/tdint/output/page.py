@@ -26,7 +26,7 @@ MOST_COLUMNS = 9
 DIGEST = "SHA-256"
 """Name of the column of SHA-256 digests, which has a small font because digests are long."""
 
-_LARGE = 160_000
+_MAX_SVG = 160_000
 """Size of an SVG figure, bytes, above which PNG is used instead: long histories have many points.
 """
 
@@ -50,15 +50,16 @@ code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; paddi
 @media print { body { margin: 0; padding: 0; max-width: none } }
 """  # noqa: E501
 
-# Dimensions of the printed page, mm: area between the margins, and text sizes in Helvetica.
-_PAGE, _WIDTH = 262.0, 180.0  # height and width
-_LINE, _LETTERS = 4.94, 96  # line height (10 pt times 1.4), characters per line (1.87 mm each)
+# These dimensions of the printed page, mm, are used to estimate the positions of page breaks. They
+# follow from the margins and the fonts in `_STYLE`, with text in Helvetica.
+_PAGE, _WIDTH = 262.0, 180.0  # height and width between the margins
+_LINE, _LETTERS = 4.94, 96  # height of a line (10 pt times 1.4), number of its characters (1.87 mm)
 _TABLE_LINE, _TABLE_LETTER = 4.2, 1.65  # line height and width of a character in tables
-# Vertical margins, as far as they do not collapse with the margin above. The margin of a figure
-# includes its caption, the margin of a table row its border.
+# Each height is the additional space of a part, because the margins of successive parts overlap.
+# The space of a figure includes its caption, the space of a table row its border.
 _PARAGRAPH, _HEADING, _ROW, _FIGURE, _TABLE = 2.5, 11.4, 1.3, 7.4, 3.0
-_FIRST_ROWS = 33.0  # height of a heading of three lines and of three rows of a table
-_KEPT = 34.0  # minimum height below a heading; otherwise the heading moves to the next page
+_FIRST_ROWS = 33.0  # height of a table heading of three lines and of three rows
+_MIN_BELOW_HEADING = 34.0  # minimum space for a heading with text; otherwise it moves to a new page
 _MAX_BLANK = 52.0  # maximum height left blank before a figure; less than a quarter of a page
 _MIN_SCALE = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
 _MIN_LAST_PAGE, _MAX_BLANK_FRACTION = 0.33, 0.2
@@ -71,7 +72,15 @@ _MAX_FIRST_FIGURE, _MAX_FIGURE = 195.0, 110.0
 
 @dataclass(frozen=True)
 class Picture:
-    """Figure with its caption."""
+    """Figure of a report.
+
+    Attributes
+    ----------
+    draw : callable
+        Function that draws the figure.
+    caption : str
+        Text below the figure, which is also its description for screen readers.
+    """
 
     draw: Callable[[], Figure]
     caption: str
@@ -83,7 +92,15 @@ Part = str | Table | Picture | Sequence[str]
 
 @dataclass(frozen=True)
 class Chapter:
-    """Heading with its content."""
+    """Chapter of a report.
+
+    Attributes
+    ----------
+    title : str
+        Heading.
+    parts : sequence of Part
+        Content; a chapter without content is omitted.
+    """
 
     title: str
     parts: Sequence[Part]
@@ -143,7 +160,7 @@ class _Flow:
     scale : float
         Factor of the heights of figures, at most 1.
     last_chapters : int
-        The first of this number of chapters from the end begins a page; 0 if none of them must.
+        Number of chapters at the end that start on a new page; 0 for no such page break.
 
     Attributes
     ----------
@@ -152,7 +169,7 @@ class _Flow:
     position : float
         Estimated distance from the top of the current page, mm.
     distance : float
-        Estimated distance from the last page break whose position is known, mm.
+        Estimated distance from the last page break with a known position, mm.
     blank : float
         Height of the largest blank area at the end of a page, mm.
     postponed : list of (str, str, float)
@@ -190,14 +207,16 @@ class _Flow:
         height : float
             Height in addition to the text lines, mm; 0 selects the margin of a paragraph.
         """
-        # Each line takes at least one printed line; the division is rounded up.
+        # A long line needs several printed lines, an empty line needs one. -(-a // b) is a / b
+        # rounded up.
         lines = re.sub("<br>", "\n", text).split("\n")
         line_count = sum(-(-max(len(line), 1) // _LETTERS) for line in lines)
         self.body.append(f"<{element}{more}>{text}</{element.split()[0]}>")
         self.advance(line_count * _LINE + (height or _PARAGRAPH))
 
     def advance(self, height: float) -> None:
-        """Advance the position by the height (mm) of content that may break between pages."""
+        """Advance the estimated position by the height (mm) of content that may continue on the
+        next page."""
         self.distance += height
         self.position = (self.position + height) % _PAGE
 
@@ -210,8 +229,8 @@ class _Flow:
         if _PAGE - self.position >= height:
             return ""
         self.blank = max(self.blank, _PAGE - self.position)
-        # The heights are estimates, so the position is unknown far from the last known page break.
-        # A chapter that must begin a new page (infinite height) does not depend on the estimate.
+        # The heights are estimates, so that the position is unknown far from the last known page
+        # break. A chapter that must start on a new page (infinite height) does not depend on it.
         is_known = self.distance < _KNOWN_DISTANCE or math.isinf(height)
         self.position = 0.0
         if not is_known:
@@ -229,9 +248,9 @@ class _Flow:
         part : Part
             First part of the chapter; the first rows of a table remain below its heading.
         on_new_page : bool
-            True to begin a new page; false by default.
+            True to start a new page; false by default.
         """
-        needed = _KEPT
+        needed = _MIN_BELOW_HEADING
         if isinstance(part, Table):
             needed = _HEADING + _FIRST_ROWS
         elif _introduces_table(part):
@@ -260,15 +279,15 @@ class _Flow:
         full_height = self.scale * min(_WIDTH * ratio, max_height)
         space = _PAGE - self.position - _FIGURE
         fits = full_height <= space
-        # Postpone a figure that would be small, unless so little space is left that a page break
-        # leaves no large blank area.
+        # A figure that would be small is postponed, so that following text fills the page. If the
+        # space is small, a page break is better, because the blank area is small also.
         is_small = _MAX_BLANK - _FIGURE <= space < _MIN_SCALE * full_height
         if is_small and not fits and not last:
             self.postponed.append((image, caption, ratio))
             return
         page_class = "" if fits else self.break_class(_MAX_BLANK)
         height = min(full_height, _PAGE - self.position - _FIGURE)
-        # Where the position is uncertain, a tall figure could leave a large blank area.
+        # If the position is uncertain, a tall figure may not fit and cause a large blank area.
         if self.distance >= _KNOWN_DISTANCE and not is_first:
             height = min(height, _MAX_BLANK)
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
@@ -278,7 +297,10 @@ class _Flow:
         self.advance(height + _FIGURE)
 
     def add_postponed(self, *, last: bool = False) -> None:
-        """Add the postponed figures that fit now; with `last`, all of them."""
+        """Add the postponed figures that have enough space now.
+
+        `last` is True at the end of the report, where all postponed figures are added.
+        """
         postponed, self.postponed = self.postponed, []
         for image, caption, ratio in postponed:
             self.picture(image, caption, ratio, last=last)
@@ -288,6 +310,7 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     """Return a report as UTF-8 HTML.
 
     The order is: title, verdict, introduction, warnings, chapters, input files, software versions.
+    The layout with the smallest blank areas on printed pages is selected.
 
     Parameters
     ----------
@@ -312,13 +335,14 @@ def page(title: str, about: str, chapters: Iterable[Chapter], page_text: PageTex
     images: dict[int, tuple[str, float]] = {}
 
     def lay_out(scale: float, last_chapters: int = 0) -> _Flow:
-        """Return all parts with figures of this scale, the last chapters from a new page."""
+        """Return the layout for a scale of the figures and a page break before the last
+        chapters."""
         flow = _Flow(scale, last_chapters)
         return _lay_out(title_text, about, chapter_list, page_text, software, flow, images)
 
-    # Figures are reduced until neither the last page nor another page is nearly blank. If that is
-    # not sufficient (the cost exceeds the cost of the smallest figures), one of the last chapters
-    # begins on a new page.
+    # The layout with the lowest cost is selected. It has smaller figures if this avoids a nearly
+    # blank page. If the cost exceeds the cost of the smallest figures, a nearly blank page remains,
+    # and page breaks before the last chapters are tried.
     flow = min(map(lay_out, _SCALES), key=lambda layout: layout.cost)
     if flow.cost > 1.0 - _SCALES[-1]:
         with_break = (lay_out(scale, count) for count in _LAST_CHAPTERS for scale in _SCALES)
@@ -336,7 +360,7 @@ _SCALES = tuple(1.0 - 0.04 * step for step in range(9))
 """Factors of the heights of figures that are tried; smaller figures are hard to read."""
 
 _LAST_CHAPTERS = (1, 2, 3)
-"""Numbers of chapters from the end that begin on a new page, if the last page is nearly blank."""
+"""Numbers of chapters at the end, before which a page break is tried."""
 
 
 def _lay_out(
@@ -348,7 +372,7 @@ def _lay_out(
     flow: _Flow,
     images: dict[int, tuple[str, float]],
 ) -> _Flow:
-    """Return the flow with all parts of a page.
+    """Add all parts of a report to a flow, and return the flow.
 
     Parameters
     ----------
@@ -363,8 +387,9 @@ def _lay_out(
     flow : _Flow
         Empty flow with its scale of figures.
     images : dict
-        Attributes of the HTML image and ratio of height to width of each figure that is already
-        drawn, by the identity (`id`) of its `Picture`.
+        Attributes of the HTML image and ratio of height to width of each figure, by the identity
+        (`id`) of its `Picture`. New figures are added, so that further layouts do not draw them
+        again.
     """
     flow.text("h1", escape(title), height=_LINE)
     if page_text.head:
@@ -379,11 +404,11 @@ def _lay_out(
     flow.text("p", _html(about))
     for text in once(page_text.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_html(text)}", more=' class="w"')
-    # The last chapter lists each input file once.
+    # The chapter Inputs lists each file once, also if several runs have read it.
     files: list[tuple[Cell, ...]] = list(
         dict.fromkeys((item["file"], item["sha256"]) for item in page_text.inputs)
     )
-    # A chapter without content has no heading.
+    # Chapters without content are omitted, because their heading would be empty.
     shown_chapters = []
     for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
         if parts := [part for part in chapter.parts if _has_content(part)]:
@@ -400,7 +425,8 @@ def _lay_out(
 
 
 def _has_content(part: Part) -> bool:
-    """Return True if the part has content."""
+    """Return True unless a part of a report is an empty text, an empty list or a table without
+    rows."""
     return bool(part.rows) if isinstance(part, Table) else bool(part)
 
 
@@ -410,8 +436,17 @@ def _introduces_table(part: Part) -> bool:
 
 
 def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
-    """Add a part to the page; `images` contains the figures that are already drawn, and receives
-    new ones."""
+    """Add a paragraph, a table, a figure or a list of points to a flow.
+
+    Parameters
+    ----------
+    flow : _Flow
+        Flow of the report.
+    part : Part
+        Part to add.
+    images : dict
+        Figures that are already drawn, as in `_lay_out`; a new figure is added.
+    """
     if isinstance(part, str):
         css_class = ""
         if _introduces_table(part):
@@ -438,7 +473,7 @@ def _add(flow: _Flow, part: Part, images: dict[int, tuple[str, float]]) -> None:
 
 
 def _html(text: str) -> str:
-    """Return a text as HTML: lines are kept, and numbers are written without powers of ten."""
+    """Return a text as HTML, with its line breaks and with numbers without powers of ten."""
     return "<br>".join(escape(_keep_units(_plain(line))) for line in text.splitlines())
 
 
@@ -447,7 +482,7 @@ _NO_BREAK_SPACE = "\u00a0"
 
 
 def _keep_units(text: str) -> str:
-    """Return a text in which no line break can separate a number from its unit."""
+    """Return a text with no-break spaces between numbers and their units."""
     return _BEFORE_UNIT.sub(_NO_BREAK_SPACE, text)
 
 
@@ -455,12 +490,15 @@ _POWER = re.compile(r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b")
 
 
 def _plain(text: str) -> str:
-    """Return a text in which numbers have no power of ten (`table_number`)."""
+    """Return a text with numbers such as 1.2e-05 rewritten as decimals (`table_number`)."""
     return _POWER.sub(lambda match: table_number(float(match[0])), text)
 
 
 def once(texts: Iterable[str]) -> list[str]:
-    """Return distinct texts; texts `FILE: text` that differ only in the file name are merged."""
+    """Return texts without duplicates; texts `FILE: text` that differ only in the file are merged.
+
+    A merged text is `FILE; FILE: text`.
+    """
     files: dict[str, dict[str, None]] = {}  # dictionaries keep the order of the texts
     for text in texts:
         file, colon, message = text.partition(": ")
@@ -469,15 +507,24 @@ def once(texts: Iterable[str]) -> list[str]:
 
 
 def _draw(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
-    """Return the format, the content, and width and height of a figure.
+    """Draw a figure of a report.
 
-    PNG is used instead of SVG if lines with thousands of points make the SVG file large.
+    The format is SVG, or PNG if lines with thousands of points make the SVG file large.
+
+    Returns
+    -------
+    image_format : str
+        `svg+xml` or `png`, as in a MIME type.
+    content : bytes
+        The image file.
+    size : tuple of float
+        Width and height, inches.
     """
     for image_format in ("svg+xml", "png"):
         drawing, stream = figures.style.picture(f".{image_format[:3]}", picture.draw), io.BytesIO()
         figure = drawing.figure()
         drawing.save(figure, stream)
-        if len(stream.getvalue()) <= _LARGE:
+        if len(stream.getvalue()) <= _MAX_SVG:
             break
     return image_format, stream.getvalue(), tuple(figure.get_size_inches())
 
@@ -574,9 +621,18 @@ def _column(table: Table, name: str, maximum: float) -> _Column:
 
 
 def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
-    """Add a table with at most `MOST_COLUMNS` columns, and estimate its height."""
-    # The width of a number column, in characters, follows from its longest cell and heading word.
-    # The remaining width is divided between the text columns.
+    """Add a table to a flow, and estimate its height on the printed page.
+
+    Parameters
+    ----------
+    flow : _Flow
+        Flow of the report.
+    columns : sequence of _Column
+        At most `MOST_COLUMNS` columns.
+    """
+    # The estimate assumes that browsers make columns of numbers as wide as their longest cell or
+    # heading word, and divide the remaining width between the columns of text. Widths are in
+    # characters; each cell has a horizontal padding of 2.4 mm.
     text_columns = [column for column in columns if column.is_text]
     number_width = sum(
         max(column.longest_cell, *map(len, column.heading.split()))
@@ -585,7 +641,7 @@ def _add_columns(flow: _Flow, columns: Sequence[_Column]) -> None:
     )
     text_width = (_WIDTH - 2.4 * len(columns)) / _TABLE_LETTER - number_width
     longest_texts = sum(column.longest_cell for column in text_columns)
-    # Width of each text column, as a fraction of its longest cell.
+    # All text columns have the same fraction of the width of their longest cell.
     width_fraction = min(1.0, max(text_width, 20.0) / max(longest_texts, 1))
     # A heading is wrapped to about 15 characters if not all headings fit in one line.
     heading_lines = max((-(-len(column.heading) // 15) for column in columns), default=1)
@@ -639,7 +695,11 @@ _MILLIMETERS = 0.01
 
 
 def _cell_text(cell: Cell, maximum: float = 1.0) -> str:
-    """Return a cell as text; `maximum` is the largest absolute number of its column."""
+    """Return the text of a cell; empty for a missing value.
+
+    `maximum` is the largest absolute number of the column, which determines the decimals of all
+    numbers of the column.
+    """
     if isinstance(cell, float):
         return table_number(cell, maximum)
     return "" if cell is None else _plain(str(cell))
