@@ -20,7 +20,7 @@ class Kept:
     def __init__(self, *ready: int) -> None:
         self.ready, self.added = set(ready), list[int]()
 
-    def done(self) -> set[int]:
+    def completed_chunks(self) -> set[int]:
         return self.ready
 
     def add_shard(self, text: str) -> None:

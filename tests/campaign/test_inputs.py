@@ -89,29 +89,33 @@ def test_an_inventory_without_a_building(tmp_path: Path) -> None:
 
 
 def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
-    known = {"stored_label": "the store", "other_label": "a.yaml"}
+    known = {"stored_label": "the store", "compared_label": "a.yaml"}
     assert differences(
-        {"a": "1", "b": "2", "c": "3"}, {"b": "9", "c": "3", "d": "4"}, kind="setting", **known
+        {"a": "1", "b": "2", "c": "3"},
+        {"b": "9", "c": "3", "d": "4"},
+        entry_type="setting",
+        **known,
     ) == [
         "setting a: only in the store",
         "setting b: 2 in the store, 9 in a.yaml",
         "setting d: only in a.yaml",
     ]
-    assert differences({"a": "1f"}, {"a": "2f"}, kind="building", **known) == [
+    assert differences({"a": "1f"}, {"a": "2f"}, entry_type="building", **known) == [
         "building a: differs"
     ]
     for count in (8, 9, 20):
         one, other = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
-        found = differences(one, other, kind="record", **known)
+        found = differences(one, other, entry_type="record", **known)
         assert found[:8] == [f"record r{i}: differs" for i in range(8)]
         assert found[8:] == (
             [] if count == 8 else [f"and {count - 8} more differences of type record"]
         )
     same = ({"a": "1"}, {}, {"r": "2"}, {})
     assert (
-        all_differences(same, same, other_label="b") == "the order of buildings or records differs"
+        all_differences(same, same, compared_label="b")
+        == "the order of buildings or records differs"
     )
-    assert all_differences(same, ({"a": "2"}, {}, {}, {}), other_label="b").splitlines() == [
+    assert all_differences(same, ({"a": "2"}, {}, {}, {}), compared_label="b").splitlines() == [
         "setting a: 1 in the store, 2 in b",
         "record r: only in the store",
     ]

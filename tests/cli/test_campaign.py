@@ -241,7 +241,7 @@ def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
     result = tdint("campaign", "study.yaml", "-o", "out")
     assert (result.exit_code, Path("out/runs.csv").read_bytes()) == (2, kept)
     for line in (
-        "contains another campaign; give another directory with -o",
+        "contains another campaign; specify another directory with -o",
         "setting scales: [0.25, 1.0, 2.5] in the store, [0.5, 1.0, 2.5] in this campaign",
         "building shaken: differs",
         "record other.mseed HNE: differs",

@@ -237,8 +237,10 @@ def test_the_mean_curve_of_a_pair_is_found_by_hand():
         levels = np.geomspace(0.1, 1.0, 6 if slope == 0.01 else 8)
         runs = [IdaRun(im, 1.0, "done", slope * im) for im in levels]
         curves.append(IdaCurve(record, tuple(runs), 0.1))
-    mean = PairCurve.of(*curves, "mean")
+    mean = PairCurve.combine_components(*curves, "mean")
     assert mean.capacity(0.01).capacity == pytest.approx(0.5, rel=1e-9)
     assert mean.capacity(0.001).capacity == pytest.approx(0.05, rel=1e-9)
-    assert PairCurve.of(*curves, "larger").capacity(0.01).capacity == pytest.approx(1.0 / 3.0)
+    assert PairCurve.combine_components(*curves, "larger").capacity(0.01).capacity == pytest.approx(
+        1.0 / 3.0
+    )
     assert mean.collapse.censored and mean.collapse.capacity == 1.0

@@ -128,7 +128,7 @@ def execute_plan(
     """
     # Chunks that were stored by a previous call count as completed.
     chunks = range(plan.chunks) if shard is None else shard.chunks(plan)
-    missing = sorted(set(chunks) - store.done())
+    missing = sorted(set(chunks) - store.completed_chunks())
     runs_before = sum(map(plan.size, chunks)) - sum(map(plan.size, missing))
     # Complete the chunk in which the limit is reached: incomplete chunks are never stored.
     if max_runs is not None:
@@ -507,7 +507,7 @@ def _check_same(part: _Part, other_part: _Part) -> None:
                 store.compared_values(),
                 other_store.compared_values(),
                 stored_label=part.name,
-                other_label=other_part.name,
+                compared_label=other_part.name,
                 are_shards=bool(part.shards),
                 has_new_inventory=has_new_inventory,
             )
@@ -595,7 +595,7 @@ def _copy_chunks(source: Store, target: Store, intact: set[int]) -> None:
     intact : set of int
         Numbers of the chunks of the source that are not corrupt.
     """
-    new_chunks = intact - target.done()
+    new_chunks = intact - target.completed_chunks()
     with schema.transaction(target.connection, target.name):
         for table, index in _CHUNK_COLUMNS.items():
             _copy(source, target, table, lambda row, index=index: row[index] in new_chunks)  # type: ignore[misc]

@@ -152,6 +152,7 @@ class IdaStudy(Tabular):
     partners: Mapping[int, int] = field(default_factory=dict)
 
     def _headline(self) -> str:
+        """Return the first line of the text form of the study."""
         return (
             f"of {self.model.name!r}: {pluralize(len(self.curves), 'record')}, levels of "
             f"{self.im_name}, {self.method}"
@@ -165,16 +166,18 @@ class IdaStudy(Tabular):
 
     @property
     def states(self) -> list[IdaStudy]:
-        """Studies of the building in each state, beginning with the intact state."""
+        """One study for each state of damage before the records, beginning with the undamaged
+        state. Each study contains the curves of its state."""
         damages = dict.fromkeys(curve.damage for curve in self.curves)
         return [
-            replace(self, curves=tuple(curve for curve in self.curves if curve.damage == state))
-            for state in damages
+            replace(self, curves=tuple(curve for curve in self.curves if curve.damage == damage))
+            for damage in damages
         ]
 
     @property
     def motion_curves(self) -> tuple[IdaCurve, ...]:
-        """Curve of each motion. A pair has one curve, unless its components count separately."""
+        """Curve of each ground motion, for all states of damage. The two components of a pair have
+        a common curve, unless they count separately."""
         if self.pair_demand == SEPARATE or not self.partners:
             return self.curves
         second_components = {first: second for second, first in self.partners.items()}
@@ -185,7 +188,7 @@ class IdaStudy(Tabular):
                     continue  # the second component was added with the first component
                 if index in second_components:
                     second_curve = state.curves[second_components[index]]
-                    curve = PairCurve.of(curve, second_curve, self.pair_demand)
+                    curve = PairCurve.combine_components(curve, second_curve, self.pair_demand)
                 curves.append(curve)
         return tuple(curves)
 
@@ -200,11 +203,14 @@ class IdaStudy(Tabular):
         unit, factor = units.unit(self.measure.unit)
         if factor == 1.0:
             return self
-        curves = (
-            replace(curve, runs=tuple(replace(run, im=run.im / factor) for run in curve.runs))
-            for curve in self.curves
-        )
-        return replace(self, measure=replace(self.measure, unit=unit), curves=tuple(curves))
+
+        def convert(curve: IdaCurve) -> IdaCurve:
+            """Return a curve with intensities in the new unit."""
+            runs = tuple(replace(run, im=run.im / factor) for run in curve.runs)
+            return replace(curve, runs=runs)
+
+        curves = tuple(convert(curve) for curve in self.curves)
+        return replace(self, measure=replace(self.measure, unit=unit), curves=curves)
 
 
 def ida(
@@ -278,7 +284,7 @@ def ida(
     settings = settings or IdaSettings()
     if isinstance(motions, Record | Horizontals | str):
         motions = [motions]
-    subject, settings = _prepared(model_of(model), settings, method)
+    subject, settings = _prepare(model_of(model), settings, method)
     suite = [motion_of(motion) for motion in motions]
     if check_pair_demand(pair_demand) != SEPARATE:
         suite = join_pairs(suite)
@@ -289,31 +295,23 @@ def ida(
     _check_record_names([record.name for record in records])
     # Compile before the threads start, because each thread would wait for the compilation.
     subject.prepared.compile([subject.integrator])
-    # A work item is a record and a state of the building. Its levels depend only on its runs.
-    works: list[_Work] = []
-    for damaged_states in _states(subject, records, mainshock, settings):
-        for (motion, record), damaged_state in zip(
-            motions_and_records, damaged_states, strict=True
-        ):
-            intensity = measure.of(motion, pair)
-            number = len(works)
-            works.append(
-                _Work.of(number, subject, record, measure, intensity, settings, damaged_state)
-            )
+    states = _damaged_states(subject, records, mainshock, settings)
+    intensities = [measure.of(motion, pair) for motion, _ in motions_and_records]
+    work_items = _work_items(subject, records, measure, intensities, settings, states)
     pair_intensity = pair if len(records) > len(suite) else None
     # The input of the runs is stored with them, so that another study in the directory is refused.
-    identity = _identity(
-        subject, measure, settings, [work.record for work in works], pair_intensity
-    )
+    run_records = [item.record for item in work_items]
+    identity = _identity(subject, measure, settings, run_records, pair_intensity)
     with (
         _open_locked(Path(folder) if folder else None, identity) as (store, remarks),
-        progress_reporter(progress, len(works), "record") as report_progress,
+        progress_reporter(progress, len(work_items), "record") as report_progress,
     ):
-        runs_of_works, resumed = _run_all(works, store, jobs, report_progress)
+        runs_by_item, resumed = _run_work_items(work_items, store, jobs, report_progress)
     collapse_drift = subject.model.collapse_drift
     # Curves are in the order of the work items: all records of a state, then of the next state.
     curves = tuple(
-        work.curve(runs, collapse_drift) for work, runs in zip(works, runs_of_works, strict=True)
+        item.curve(runs, collapse_drift)
+        for item, runs in zip(work_items, runs_by_item, strict=True)
     )
     # The collapse drift is always the last threshold.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
@@ -338,9 +336,48 @@ def ida(
     )
 
 
+def _work_items(
+    subject: Subject,
+    records: Sequence[Record],
+    measure: IntensityMeasure,
+    intensities: Sequence[float],
+    settings: IdaSettings,
+    states: Sequence[Sequence[DamagedState | None]],
+) -> list[_WorkItem]:
+    """Return the work items of a study: for each state of the building, one item per record.
+
+    Parameters
+    ----------
+    subject : Subject
+        The building and its method.
+    records : sequence of Record
+        Records of the study.
+    measure : IntensityMeasure
+        Intensity measure of the levels.
+    intensities : sequence of float
+        Intensity of each unscaled record, in the unit of the measure.
+    settings : IdaSettings
+        Settings of the study.
+    states : sequence of sequence of DamagedState or None
+        For each state of the building, the damage before each record; None: undamaged.
+    """
+    items: list[_WorkItem] = []
+    for damage_before_records in states:
+        for record, intensity, damaged_state in zip(
+            records, intensities, damage_before_records, strict=True
+        ):
+            number = len(items)
+            items.append(
+                _WorkItem.create(
+                    number, subject, record, measure, intensity, settings, damaged_state
+                )
+            )
+    return items
+
+
 def _check_record_names(names: Sequence[str]) -> None:
-    """Raise UsageError if there is no record or two records have the same name. Records are
-    identified by their names in the tables and in the directory."""
+    """Raise UsageError if the list of names of records is empty or contains a name twice. Records
+    are identified by their names in the tables and in the directory of the study."""
     duplicates = [name for i, name in enumerate(names) if name in names[:i]]
     if duplicates:
         raise UsageError(f"{duplicates[0]}: the record is specified twice; remove one of them")
@@ -354,8 +391,20 @@ STORE = "ida.sqlite"
 
 @contextmanager
 def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
-    """Lock the directory of a study and open its store; without a directory (None), open a store in
-    memory. Yield the store and messages for the user about it, one sentence each."""
+    """Lock the directory of a study and open its store.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Directory of the study; None: the store is in memory.
+    identity : Identity
+        Complete input of the study, which an existing store must match.
+
+    Yields
+    ------
+    Store, list of str
+        Store, and messages for the user about it, one sentence each.
+    """
     with locked(folder) if folder else nullcontext():
         store, remarks = open_or_create(folder / STORE if folder else None, identity, log=False)
         with store:
@@ -363,15 +412,16 @@ def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Stor
 
 
 @dataclass(frozen=True)
-class _Work:
-    """Work item: all runs of a building, in one state, under one record.
+class _WorkItem:
+    """All runs of a building, in one state of damage, under one record. Work items can be run in
+    parallel, because the levels of an item depend only on its own runs.
 
     Attributes
     ----------
     number : int
-        Number of the work item.
+        Number of the work item in the study, which is also the number of its record in `batch`.
     batch : Batch
-        Object that integrates the runs.
+        Building and record. It integrates the runs.
     measure : IntensityMeasure
         Intensity measure of the levels.
     intensity : float
@@ -398,13 +448,21 @@ class _Work:
         return self.batch.motions.records[self.number]
 
     def curve(self, runs: RecordRuns, collapse_drift: float) -> IdaCurve:
-        """Return the curve of the building with its runs and its collapse drift ratio."""
+        """Return the IDA curve of the record.
+
+        Parameters
+        ----------
+        runs : tuple of IdaRun
+            Runs of the record, in ascending order of their levels.
+        collapse_drift : float
+            Drift ratio above which the building has collapsed.
+        """
         state = self.damaged_state
         damage, residual = (state.drift, state.residual_drift_ratio) if state else (0.0, 0.0)
         return IdaCurve(self.unscaled, runs, collapse_drift, damage, residual)
 
     @classmethod
-    def of(
+    def create(
         cls,
         number: int,
         subject: Subject,
@@ -413,8 +471,8 @@ class _Work:
         intensity: float,
         settings: IdaSettings,
         damaged_state: DamagedState | None = None,
-    ) -> _Work:
-        """Return the work item of a record.
+    ) -> _WorkItem:
+        """Create the work item of a record.
 
         Parameters
         ----------
@@ -464,14 +522,14 @@ class _Work:
         batch = Batch(0, subject, Motions({number: run_record}), {number: None}, run_settings)
         return cls(number, batch, measure, intensity, levels, record, damaged_state)
 
-    def done(self) -> tuple[ChunkResult, RecordRuns]:
-        """Integrate all runs of the record. A run without a result is repeated with half the time
-        step.
+    def integrate(self) -> tuple[ChunkResult, RecordRuns]:
+        """Integrate the building under the record at increasing levels until the search for its
+        capacities is complete. A failed run is repeated with half the time step.
 
         Returns
         -------
         ChunkResult
-            Rows of the runs for the store, and the computing time.
+            Rows of the runs for the store, and the processor time.
         RecordRuns
             The runs in ascending order of their levels.
 
@@ -480,10 +538,11 @@ class _Work:
         FailedRun
             The time step exceeds the limit of the method.
         """
-        began, rows = time.thread_time(), Rows()
+        start_time, rows = time.thread_time(), Rows()
 
         def run(scale: float) -> RunRow:
-            """Integrate the run of a scale factor."""
+            """Integrate the building under the record multiplied by `scale`, and return the
+            results."""
             (row,) = self.batch.results([Run(self.number, scale)]).runs
             # The time step is unstable at every level. Integrate the record again to raise the
             # error, which states the stability limit.
@@ -493,77 +552,99 @@ class _Work:
             rows.runs.append(row)
             return row
 
-        runs = self._runs_at_levels(run)
-        return ChunkResult(self.number, rows, time.thread_time() - began), runs
+        runs = self._search_levels(run)
+        return ChunkResult(self.number, rows, time.thread_time() - start_time), runs
 
     def stored_runs(self, rows: Sequence[RunRow]) -> RecordRuns | None:
-        """Return the runs from their stored rows; None if the levels of the rows are not the levels
-        that the search selects."""
-        row_of_scale = {row.scale: row for row in rows}
-        # Repeat the search with the stored rows instead of new runs. A missing level is a KeyError.
+        """Return the runs of the record from rows of the store.
+
+        The result is None if the search for capacities would select other levels than the levels of
+        the rows. In this case the record must be run again.
+        """
+        row_by_scale = {row.scale: row for row in rows}
+        # Repeat the search with the stored rows instead of new runs. If the search selects a level
+        # that is not stored, the lookup raises a KeyError.
         try:
-            runs = self._runs_at_levels(row_of_scale.__getitem__)
+            runs = self._search_levels(row_by_scale.__getitem__)
         except KeyError:
             return None
         return runs if len(runs) == len(rows) else None
 
-    def _runs_at_levels(self, run: Callable[[float], RunRow]) -> RecordRuns:
-        """Return the runs at all levels in ascending order of the levels. Each level depends on the
-        preceding runs.
+    def _search_levels(self, run: Callable[[float], RunRow]) -> RecordRuns:
+        """Search the capacities of the building under the record, and return the runs of this
+        search in ascending order of their levels.
 
         Parameters
         ----------
         run : callable
-            Function that returns the row of the run with a scale factor.
+            Function that returns the results of the run at a scale factor.
         """
+        # The level of each run depends on the results of the preceding runs.
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
-            runs.append(IdaRun.of(level, run(factor_to(level, self.measure, self.intensity))))
+            runs.append(IdaRun.from_row(level, run(factor_to(level, self.measure, self.intensity))))
         return tuple(sorted(runs, key=lambda run: run.im))
 
 
-def _run_all(
-    works: Sequence[_Work], store: Store, jobs: int, progress: Progress
+def _run_work_items(
+    items: Sequence[_WorkItem], store: Store, jobs: int, progress: Progress
 ) -> tuple[list[RecordRuns], int]:
-    """Return the runs of all records. Records that are not stored are distributed over threads.
+    """Return the runs of all work items, and store the results of new runs.
+
+    Items with complete results in the store are not run again. All other items are distributed over
+    threads.
 
     Parameters
     ----------
-    works : sequence of _Work
-        Work items.
+    items : sequence of _WorkItem
+        Work items in the order of their numbers.
     store : Store
         Store of the study.
     jobs : int
-        Number of threads.
+        Number of threads; values below 1 are replaced by 1.
     progress : callable
-        Function that reports progress.
+        Function that is called with the number of completed items and the number of all items.
 
     Returns
     -------
     list of RecordRuns, int
         Runs of each work item, and number of work items that were stored before.
     """
-    results: dict[int, RecordRuns] = {}
-    for number in sorted(store.done()):
-        if runs := works[number].stored_runs(store.runs_of(number)):
-            results[number] = runs
+    runs_by_number: dict[int, RecordRuns] = {}
+    for number in sorted(store.completed_chunks()):
+        if stored_runs := items[number].stored_runs(store.runs_of(number)):
+            runs_by_number[number] = stored_runs
         else:  # the runs were stored by a version of tdint that selected other levels
             store.remove({number})
-    resumed = len(results)
-    progress(resumed, len(works))
-    for done, runs in on_threads(
-        _Work.done, [work for work in works if work.number not in results], max(1, jobs)
-    ):
-        results[done.number] = runs
-        store.add(done)
-        progress(len(results), len(works))
-    return [results[work.number] for work in works], resumed
+    resumed = len(runs_by_number)
+    progress(resumed, len(items))
+    remaining = [item for item in items if item.number not in runs_by_number]
+    for result, runs in on_threads(_WorkItem.integrate, remaining, max(1, jobs)):
+        runs_by_number[result.number] = runs
+        store.add(result)
+        progress(len(runs_by_number), len(items))
+    return [runs_by_number[item.number] for item in items], resumed
 
 
-def _prepared(
+def _prepare(
     model: Model, settings: IdaSettings, method: str | None
 ) -> tuple[Subject, IdaSettings]:
-    """Return the building with its method, and the settings with all defaults replaced by values.
+    """Check the model and the settings of a study, and replace all defaults by values.
+
+    Parameters
+    ----------
+    model : Model
+        Building; every story that is not an isolator must have a height.
+    settings : IdaSettings
+        Settings of the study.
+    method : str or None
+        Specification of the method; None: the method of the model, otherwise the default method.
+
+    Returns
+    -------
+    Subject, IdaSettings
+        Building with its method, and settings in which `collapse_drift` and `thresholds` are
+        numbers.
 
     Raises
     ------
@@ -578,15 +659,9 @@ def _prepared(
             "the precision of a capacity must be above 0 and at most 50 %, got "
             f"{settings.precision:g}"
         )
-    # Default thresholds are the medians of the damage states of the model, if these are drift
-    # ratios.
     thresholds = settings.thresholds
     if thresholds is None:
-        if model.damage and model.damage.demand == "drift_ratio":
-            medians = model.damage.medians
-            thresholds = tuple(median for median in medians if median <= collapse_drift)
-        else:
-            thresholds = THRESHOLDS
+        thresholds = _default_thresholds(model, collapse_drift)
     for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:
             raise UsageError(
@@ -595,8 +670,29 @@ def _prepared(
             )
     if not settings.max_im > 0.0:
         raise UsageError(f"the maximum intensity must be positive, got {settings.max_im:g}")
-    # An isolator has no drift ratio and needs no height, but at least one story must have a drift
-    # ratio.
+    _check_heights(model)
+    subject = Subject(
+        replace(model, collapse_drift=collapse_drift),
+        method or model.analysis.method or DEFAULT_METHOD,
+    )
+    return subject, replace(settings, collapse_drift=collapse_drift, thresholds=thresholds)
+
+
+def _default_thresholds(model: Model, collapse_drift: float) -> tuple[float, ...]:
+    """Return the drift ratios for which capacities are reported by default: the medians of the
+    damage states of the model, if these are drift ratios, otherwise `THRESHOLDS`. Medians above the
+    collapse drift ratio are omitted."""
+    if model.damage and model.damage.demand == "drift_ratio":
+        return tuple(median for median in model.damage.medians if median <= collapse_drift)
+    return THRESHOLDS
+
+
+def _check_heights(model: Model) -> None:
+    """Raise ModelError if a story has no drift ratio because its height is unknown.
+
+    An isolator has no drift ratio and needs no height, but at least one story must have a drift
+    ratio.
+    """
     stories_without_height = [
         number
         for number, story in enumerate(model.stories, start=1)
@@ -609,14 +705,9 @@ def _prepared(
             f"{model.source}: an incremental dynamic analysis requires drift ratios; add the "
             f"height of story {stories_without_height[0]}"
         )
-    subject = Subject(
-        replace(model, collapse_drift=collapse_drift),
-        method or model.analysis.method or DEFAULT_METHOD,
-    )
-    return subject, replace(settings, collapse_drift=collapse_drift, thresholds=thresholds)
 
 
-def _states(
+def _damaged_states(
     subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
 ) -> list[list[DamagedState | None]]:
     """Return the states of the building before the records.
@@ -656,7 +747,8 @@ def _states(
         for record in records:
             assert mainshock is not None
             main_record = mainshock.before(record)
-            # Records of the same component have the same mainshock, which is scaled once.
+            # Records of the same component have the same mainshock. The search for its scale factor
+            # requires many runs, so it is performed a single time.
             key = (main_record.name, damage)
             if key not in state_of_mainshock:
                 first_factor = _elastic_scale(
@@ -671,9 +763,24 @@ def _states(
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
-    """Return the scale factor of a record at which no story yields in the first mode of the elastic
-    building: the largest drift is 0.7 times the yield drift, or a tenth of the collapse drift if
-    this is smaller."""
+    """Return a scale factor of a record at which no story of the building yields, by the response
+    in the first elastic mode.
+
+    Parameters
+    ----------
+    building : Building
+        The building.
+    record : Record
+        The unscaled record.
+    collapse_drift : float
+        Drift ratio above which the building has collapsed.
+
+    Returns
+    -------
+    float
+        Maximum scale factor at which the first-mode drift of each story is at most 0.7 times its
+        yield drift and at most a tenth of the collapse drift.
+    """
     omega, shape = building.vibration.first
     has_height = np.isfinite(building.heights)  # an isolator has no drift ratio
     heights = building.heights[has_height]

@@ -1,6 +1,9 @@
-"""Curve of a building under one record in an incremental dynamic analysis: its runs, the search for
-the intensity levels of the next runs, and its capacities. Also the state of a building after a
-mainshock."""
+"""IDA curves: responses of a building under one record at increasing levels of intensity.
+
+This module contains the runs of a curve, the search for the levels of the next runs, and the
+capacities of a curve: the intensities at which the building reaches drift ratios or collapses. It
+also computes the state of a building that a mainshock has damaged.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +58,7 @@ class IdaRun:
         Maximum drift ratio, maximum absolute acceleration (m/s^2) and residual drift ratio; NaN
         without a result.
     finer : int
-        Number of times that the time step was halved because the run had no result.
+        Number of times that the run was repeated with half the time step because it failed.
     energy_error : float
         Energy imbalance divided by the maximum input energy; NaN without a result.
     drift_ratio_error, acceleration_error, residual_drift_ratio_error : float
@@ -75,19 +78,28 @@ class IdaRun:
     residual_drift_ratio_error: float = math.nan
 
     @classmethod
-    def of(cls, im: float, row: RunRow) -> IdaRun:
-        """Return the run at the intensity `im` from its row."""
-        # The row has no errors if they were not estimated.
+    def from_row(cls, im: float, row: RunRow) -> IdaRun:
+        """Return the run from a row of the table of runs.
+
+        Parameters
+        ----------
+        im : float
+            Intensity of the run, in the unit of its measure.
+        row : RunRow
+            Results of the run.
+        """
+        # `row.errors` is empty if errors were not estimated.
         error_names = [column.name for column in RUN_WITH_ERROR]
         errors = dict(zip(error_names, row.errors, strict=False))
         values: dict[str, float | None] = {"energy_error": row.energy_error}
         for demand, row_name in _ROW_NAMES.items():
             values[demand] = getattr(row, row_name)
             values[f"{demand}_error"] = errors.get(row_name)
-        numbers = {
+        # A row contains None for missing values; replace it by NaN.
+        float_values = {
             name: math.nan if value is None else float(value) for name, value in values.items()
         }
-        return cls(im, row.scale, row.status, finer=row.repeats, **numbers)
+        return cls(im, row.scale, row.status, finer=row.repeats, **float_values)
 
     @property
     def stable(self) -> bool:
@@ -103,29 +115,33 @@ class IdaRun:
 
 
 _HUNT = 1.5
-"""Ratio of successive levels while no collapse is found."""
+"""Ratio of successive levels until the first collapse is bracketed."""
 
-_MAX_HUNTS = 40  # maximum number of increases or decreases of the level by this ratio
+_MAX_HUNTS = 40
+"""Maximum number of increases, or decreases, of the level by the ratio `_HUNT`."""
+
 _GAP_RATIO = 1.2
 """Maximum ratio of the drifts of adjacent levels; above it, a level is added between them."""
 
 _PROBES = (1.25, 1.5)
-"""Levels above the first collapse at which resurrection is checked, divided by the level of the
-collapse."""
+"""Levels above the first collapse, divided by the level of this collapse, at which the search
+checks if the building survives again (structural resurrection)."""
 
 _EQUAL_LEVELS = 0.01
-"""Relative difference, of levels or of their bracket, below which levels are equal."""
+"""Relative difference below which two levels are considered equal, so that the building is not run
+two times at almost the same level."""
 
 _POSITIONS = (0.5, 0.25, 0.75, 0.375, 0.625)
 """Positions between two levels on a logarithmic scale at which a run is tried, in order. The next
 position is used if the preceding run had no result."""
 
-MOST_RUNS = 300  # maximum number of runs of a curve, which usually needs 10 to 40
+MOST_RUNS = 300
+"""Maximum number of runs of a curve. A curve usually needs 10 to 40 runs."""
 
 
 @dataclass(frozen=True)
 class LevelSearch:
-    """Search that determines the levels of a curve.
+    """Search for the levels of intensity at which a building is run under one record.
 
     Attributes
     ----------
@@ -134,9 +150,10 @@ class LevelSearch:
     precision : float
         Relative width of the bracket of the capacity: upper level divided by lower level, less 1.
     lowest_drift : float
-        Lowest threshold: at least one run has a smaller drift ratio.
+        Lowest drift ratio for which a capacity is computed. The search decreases the level until
+        the drift ratio of a run is smaller. Infinity: no such drift ratio.
     max_level : float
-        Maximum level; capacities above it are censored.
+        Maximum level. Capacities above this level are censored.
     """
 
     start: float
@@ -145,7 +162,7 @@ class LevelSearch:
     max_level: float = math.inf
 
     def next(self, runs: Sequence[IdaRun]) -> float | None:
-        """Return the next level, or None if the curve is complete.
+        """Return the level of the next run, or None if the search is complete.
 
         The levels follow the hunt and fill algorithm of Vamvatsikos and Cornell (2004). They
         increase up to the first collapse and then bisect the bracket of the collapse. They decrease
@@ -190,8 +207,8 @@ class LevelSearch:
         return self._level_in_gap(stable, runs) or self._probe_level(collapse, runs)
 
     def _level_in_gap(self, stable: Sequence[IdaRun], runs: Sequence[IdaRun]) -> float | None:
-        """Return a level between two adjacent levels with very different drifts; None if there is
-        no such gap.
+        """Return a level between two adjacent levels at which the drift ratios differ by more than
+        a factor of 1.2; None if no such gap remains.
 
         Parameters
         ----------
@@ -209,8 +226,17 @@ class LevelSearch:
         return None
 
     def _probe_level(self, collapse: IdaRun | None, runs: Sequence[IdaRun]) -> float | None:
-        """Return a level above the first collapse at which the building may not collapse; None if
-        all these levels have been run, or if there is no collapse."""
+        """Return a level above the first collapse at which the building may survive again.
+
+        The result is None if the building has been run at all these levels, or has not collapsed.
+
+        Parameters
+        ----------
+        collapse : IdaRun or None
+            Run of the first collapse.
+        runs : sequence of IdaRun
+            All runs.
+        """
         if collapse is None:
             return None
         for level in (probe * collapse.im for probe in _PROBES):
@@ -221,8 +247,8 @@ class LevelSearch:
 
 
 def first_collapse(runs: Sequence[IdaRun]) -> IdaRun | None:
-    """Return the run with the lowest level at which the building collapses; None without
-    collapse."""
+    """Return the run with the lowest level at which the building collapses; None if it does not
+    collapse in any of the runs."""
     return min((run for run in runs if run.collapsed), key=lambda run: run.im, default=None)
 
 
@@ -235,8 +261,10 @@ def below_collapse(runs: Sequence[IdaRun]) -> Iterator[IdaRun]:
 
 
 def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
-    """Return a level between two levels that has not been tried; None if all positions between them
-    have been tried.
+    """Return a new level between two levels.
+
+    The new level is at one of the positions `_POSITIONS`. The result is None if runs at all these
+    positions exist.
 
     Parameters
     ----------
@@ -280,7 +308,7 @@ class Capacity:
 
 @dataclass(frozen=True)
 class IdaCurve:
-    """Curve of a building under one record: its runs at increasing levels of intensity.
+    """Runs of a building under one record at increasing levels of intensity.
 
     Attributes
     ----------
@@ -310,8 +338,8 @@ class IdaCurve:
     def resurrection(self) -> bool:
         """True if the building does not collapse at a level above its first collapse.
 
-        Two such levels are probed, 1.25 and 1.5 times the collapse level; the search may add
-        others. Resurrection at levels between these is not detected.
+        The search runs the building at 1.25 and 1.5 times the level of the first collapse.
+        Resurrection between the levels of the runs is not detected.
         """
         collapse = first_collapse(self.runs)
         return collapse is not None and any(
@@ -330,14 +358,20 @@ class IdaCurve:
         return Capacity(self.collapse_drift, capacity, lower, first.im, censored=False)
 
     def capacity(self, threshold: float) -> Capacity:
-        """Return the capacity for a drift ratio: the intensity at which the curve first reaches it,
-        by linear interpolation on logarithmic axes.
+        """Return the intensity at which the curve first reaches a drift ratio, by linear
+        interpolation on logarithmic axes.
 
         The capacity of a damaged building is unknown (NaN) if its residual drift is at least the
         drift ratio.
 
         If the building collapses before it reaches the drift ratio, the collapse capacity is
         returned, because drifts of collapsed runs cannot be interpolated.
+
+        Parameters
+        ----------
+        threshold : float
+            Drift ratio. The capacity for the collapse drift ratio or a larger value is the collapse
+            capacity.
         """
         if threshold >= self.collapse_drift:
             return self.collapse
@@ -353,6 +387,7 @@ class IdaCurve:
             if i == 0:
                 fraction = (threshold - self.left) / (run.drift_ratio - self.left)
                 return Capacity(threshold, run.im * fraction, 0.0, run.im, censored=False)
+            # Otherwise the crossing is between the preceding run and this run.
             lower = self.stable[i - 1]
             fraction = math.log(threshold / lower.drift_ratio) / math.log(
                 run.drift_ratio / lower.drift_ratio
@@ -362,15 +397,26 @@ class IdaCurve:
         return replace(self.collapse, threshold=threshold)
 
     def intensity_at(self, drift_ratios: Array) -> Array:
-        """Return the capacities for drift ratios, shape (k,): infinity if censored, NaN if unknown,
-        and 0 if the residual drift of a damaged building already reaches the drift ratio."""
-        values = []
+        """Return the intensities at which the curve reaches drift ratios.
+
+        Parameters
+        ----------
+        drift_ratios : ndarray, shape (k,)
+            Drift ratios.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            Intensities: infinity if censored, NaN if unknown, and 0 if the residual drift of a
+            damaged building is at least the drift ratio.
+        """
+        intensities = []
         for drift in drift_ratios.tolist():
             capacity = self.capacity(drift)
             # Without any run below collapse, the lower bound is NaN: the capacity is unknown.
             is_infinite = capacity.censored and capacity.capacity > 0.0
-            values.append(math.inf if is_infinite else capacity.capacity)
-        return np.where(drift_ratios <= self.left, 0.0, np.array(values))
+            intensities.append(math.inf if is_infinite else capacity.capacity)
+        return np.where(drift_ratios <= self.left, 0.0, np.array(intensities))
 
 
 @dataclass(frozen=True)
@@ -394,7 +440,7 @@ class PairCurve(IdaCurve):
     demand: str = LARGER
 
     @classmethod
-    def of(cls, first: IdaCurve, second: IdaCurve, demand: str) -> Self:
+    def combine_components(cls, first: IdaCurve, second: IdaCurve, demand: str) -> Self:
         """Return the curve of a pair from the curves of its two components.
 
         Parameters
@@ -450,8 +496,20 @@ class PairCurve(IdaCurve):
 
 
 def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
-    """Return the drift ratios of a curve at intensity levels, shape (k,). The levels must not
-    exceed the last level of the curve below collapse."""
+    """Return the drift ratios of a curve at levels of intensity, by interpolation.
+
+    Parameters
+    ----------
+    curve : IdaCurve
+        Curve with at least one run below its first collapse, unless `levels` is empty.
+    levels : sequence of float
+        Levels up to the last level of the curve below its first collapse.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Drift ratio at each level.
+    """
     if not levels:
         return np.empty(0)
     im = np.array([run.im for run in curve.stable])
@@ -467,11 +525,12 @@ def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
 def fractiles(
     curves: Sequence[IdaCurve], drift_ratios: Array, fractions: Sequence[float] = (0.16, 0.5, 0.84)
 ) -> Array:
-    """Return, for each drift ratio, the fractiles of the intensity over the records.
+    """Return fractiles, over the records, of the intensity at which the building reaches each drift
+    ratio.
 
     Records without a run below collapse are omitted. A fractile between two records is interpolated
-    linearly in the logarithm; it is NaN if the intensity of one of them is censored (infinite),
-    unknown (NaN), or zero.
+    linearly in the logarithm of the intensity. It is NaN if the intensity of one of these records
+    is censored (infinite), unknown (NaN), or zero.
 
     Parameters
     ----------
@@ -503,12 +562,17 @@ def fractiles(
 
 # ---- Damage
 
-_DAMAGE_HUNT = 1.3  # ratio of successive factors until the drift is reached
-_MAX_DAMAGE_HUNTS = 60  # maximum number of factors until the drift is reached
-_DRIFT_TOLERANCE = 1e-4
-"""Relative tolerance of the drift of a mainshock."""
+_DAMAGE_HUNT = 1.3
+"""Ratio of successive scale factors of a mainshock until the specified drift ratio is reached."""
 
-_MAX_BISECTIONS = 60  # maximum number of bisections; 2^-60 is below rounding errors
+_MAX_DAMAGE_HUNTS = 60
+"""Maximum number of these scale factors."""
+
+_DRIFT_TOLERANCE = 1e-4
+"""Relative tolerance of the drift ratio to which a mainshock is scaled."""
+
+_MAX_BISECTIONS = 60
+"""Maximum number of bisections of the scale factor; 2^-60 is below rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -579,8 +643,10 @@ class DamagedState:
 def damaged(
     subject: Subject, mainshock: Record, drift: float, *, first_factor: float, dt: float | None
 ) -> DamagedState:
-    """Scale a mainshock so that the maximum drift ratio of a building reaches a value, with the
-    smallest scale factor found.
+    """Scale a mainshock so that the maximum drift ratio of a building reaches a specified value.
+
+    The search for the scale factor increases it from a first value, so that the smallest suitable
+    factor is usually found.
 
     Parameters
     ----------
@@ -612,6 +678,7 @@ def damaged(
     case = subject.case(scaled)
     # The second event of this sequence starts when free vibration has decayed.
     sequence = sequence_of(case, [scaled, scaled], dt=dt)
+    # `starts` contains the index of the first sample of each event.
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
     single_event = ShockSequence(sequence.records[:1], (0,))
     single_case = case.under(single_event.whole)
@@ -623,8 +690,8 @@ def damaged(
 def _factor_for_drift(
     subject: Subject, mainshock: Record, drift: float, *, first_factor: float, dt: float | None
 ) -> float:
-    """Return the scale factor of a mainshock at which the maximum drift ratio equals `drift`. The
-    parameters are those of `damaged`.
+    """Return the scale factor of a mainshock at which the maximum drift ratio of a building equals
+    a specified value.
 
     Parameters
     ----------
@@ -645,9 +712,9 @@ def _factor_for_drift(
         The building collapses before it reaches the drift ratio.
     """
 
-    # Failed runs and collapses count as infinite drift: the factor must be smaller.
-    def drift_of(factor: float) -> float:
-        """Return the maximum drift ratio for a scale factor."""
+    def max_drift_ratio(factor: float) -> float:
+        """Return the maximum drift ratio at a scale factor; infinity if the run fails or the
+        building collapses, because the suitable factor is smaller in both cases."""
         case = subject.case(mainshock, factor)
         try:
             response = case.integrate(case.steps(dt, mainshock.duration))
@@ -655,16 +722,16 @@ def _factor_for_drift(
             return math.inf
         return math.inf if response.collapse else demands(response.stories).drift_ratio.value
 
-    # Increase the factor until the drift is reached, then bisect. The drift may jump over the value
-    # because the building collapses; then no factor exists.
+    # Increase the factor until the drift is reached, then bisect. If the building collapses before
+    # it reaches the drift, no suitable factor exists and the bisection does not converge.
     low, high = 0.0, first_factor
     for _ in range(_MAX_DAMAGE_HUNTS):
-        if drift_of(high) >= drift:
+        if max_drift_ratio(high) >= drift:
             break
         low, high = high, _DAMAGE_HUNT * high
     for _ in range(_MAX_BISECTIONS):
         factor = 0.5 * (low + high)
-        reached_drift = drift_of(factor)
+        reached_drift = max_drift_ratio(factor)
         if abs(reached_drift - drift) <= _DRIFT_TOLERANCE * drift:
             return factor
         if reached_drift < drift:

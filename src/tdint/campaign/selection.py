@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -114,32 +115,17 @@ def select(
     _check_arguments(len(motions), count, factors, events, per_event)
     target_spectrum, compared_periods = target_at(target, periods)
     target_scatter = _target_scatter(scatter, compared_periods, count)
-    # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
     suite = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
     check_rule(rule, suite, count, target_spectrum)
-    pool, spectra, left_out = _pool(suite, compared_periods, damping, spectrum_pair)
-    # Without a maximum per event, each motion counts as a separate event.
-    event_numbers, labels = np.arange(len(suite)), list[str]()
-    if per_event is not None:
-        labels = events_of(suite) if events is None else [str(event or "") for event in events]
-        _check_events_known(suite, labels)
-        event_numbers = np.unique(labels, return_inverse=True)[1]
+    # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
+    pool, spectra, excluded_counts = _pool(suite, compared_periods, damping, spectrum_pair)
+    event_numbers, labels = _number_events(suite, events, per_event)
     pool_events, max_per_event = event_numbers[pool], per_event or len(suite)
-    possible = int(np.minimum(np.bincount(pool_events), max_per_event).sum()) if len(pool) else 0
-    if possible < count:
-        reasons = [f"{number} {reason}" for reason, number in left_out.items() if number]
-        if per_event is not None:
-            event_count = pluralize(int(np.max(event_numbers)) + 1, "event")
-            reasons.append(f"at most {per_event} of an event, {event_count}")
-        explanation = f" ({', '.join(reasons)})" if reasons else ""
-        raise UsageError(
-            f"{count} motions are requested, but only {possible} of {len(suite)} can be selected"
-            f"{explanation}"
-        )
+    _check_pool_size(count, pool_events, event_numbers, per_event, excluded_counts)
     # Compute the factors by least squares within the limits, then search the best selection.
     ln_target, ln_spectra = np.log(target_spectrum.at(compared_periods)), np.log(spectra)
-    ln_fitted = np.mean(ln_target - ln_spectra, axis=1)
+    ln_fitted = np.mean(ln_target - ln_spectra, axis=1)  # ln of the factors without limits
     fitted = Scaling(
         tuple(suite[index] for index in pool),
         np.clip(np.exp(ln_fitted), low, high),
@@ -157,16 +143,16 @@ def select(
 
     if rule == "mean":
         chosen = choose(fitted.factors)
-        scaling, scaled = _subset(fitted, chosen), fitted.factors
+        scaling, pool_factors = _subset(fitted, chosen), fitted.factors
     else:
-        chosen, scaling, scaled = _within_limits(fitted, rule, (low, high), choose)
-    others = np.setdiff1d(np.arange(len(pool)), chosen)
-    is_at_limit = (ln_fitted[others] <= np.log(low)) | (ln_fitted[others] >= np.log(high))
+        chosen, scaling, pool_factors = _within_limits(fitted, rule, (low, high), choose)
+    unselected = np.setdiff1d(np.arange(len(pool)), chosen)
+    is_at_limit = (ln_fitted[unselected] <= np.log(low)) | (ln_fitted[unselected] >= np.log(high))
     return replace(
         scaling,
         chosen=tuple(pool[index] for index in chosen),
-        left_out=left_out,
-        rest=spectra[others] * scaled[others, None],
+        left_out=excluded_counts,
+        rest=spectra[unselected] * pool_factors[unselected, None],
         events=tuple(labels[pool[index]] for index in chosen) if labels else (),
         limits=(low, high),
         others_at_limit=int(np.sum(is_at_limit)),
@@ -213,6 +199,79 @@ def _check_arguments(
         )
 
 
+def _number_events(
+    suite: Sequence[GroundMotion], events: Sequence[object] | None, per_event: int | None
+) -> tuple[NDArray[np.int64], list[str]]:
+    """Return the number of the event of each motion, and the labels of the events.
+
+    Parameters
+    ----------
+    suite : sequence of Record or Horizontals
+        All motions.
+    events : sequence or None
+        Event of each motion, empty if unknown; None: read the events from the files.
+    per_event : int or None
+        Maximum number of selected motions of one event. None: events are not needed, so each
+        motion counts as a separate event and the list of labels is empty.
+
+    Returns
+    -------
+    numbers : ndarray of int, shape (n,)
+        Number of the event of each motion, from 0.
+    labels : list of str
+        Label of the event of each motion; empty if `per_event` is None.
+
+    Raises
+    ------
+    UsageError
+        The event of a motion is unknown.
+    """
+    if per_event is None:
+        return np.arange(len(suite)), []
+    labels = events_of(suite) if events is None else [str(event or "") for event in events]
+    _check_events_known(suite, labels)
+    return np.unique(labels, return_inverse=True)[1], labels
+
+
+def _check_pool_size(
+    count: int,
+    pool_events: NDArray[np.int64],
+    event_numbers: NDArray[np.int64],
+    per_event: int | None,
+    excluded_counts: Mapping[str, int],
+) -> None:
+    """Raise UsageError if fewer motions can be selected than requested.
+
+    Parameters
+    ----------
+    count : int
+        Number of motions to select.
+    pool_events : ndarray of int
+        Number of the event of each motion in the pool, that is, that can be selected.
+    event_numbers : ndarray of int
+        Number of the event of each motion, from 0, including the motions outside of the pool.
+    per_event : int or None
+        Maximum number of selected motions of one event; None: no maximum.
+    excluded_counts : mapping of str to int
+        Number of motions outside of the pool, by reason.
+    """
+    motion_count = len(event_numbers)
+    # `bincount` returns the number of motions of each event in the pool.
+    possible_by_event = np.minimum(np.bincount(pool_events), per_event or motion_count)
+    possible = int(possible_by_event.sum()) if len(pool_events) else 0
+    if possible >= count:
+        return
+    reasons = [f"{number} {reason}" for reason, number in excluded_counts.items() if number]
+    if per_event is not None:
+        event_count = pluralize(int(np.max(event_numbers)) + 1, "event")
+        reasons.append(f"at most {per_event} of an event, {event_count}")
+    explanation = f" ({', '.join(reasons)})" if reasons else ""
+    raise UsageError(
+        f"{count} motions are requested, but only {possible} of {motion_count} can be selected"
+        f"{explanation}; select fewer motions, or add motions"
+    )
+
+
 def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int) -> Array | None:
     """Return the target standard deviation of ln Sa at each period; None if not specified.
 
@@ -242,7 +301,8 @@ def _target_scatter(scatter: float | Numbers | None, periods: Array, count: int)
 
 
 def _subset(fitted: Scaling, indices: Sequence[int]) -> Scaling:
-    """Return the motions of a suite with the given indices, with their factors."""
+    """Return the scaling of some motions of a suite, selected by their indices, with unchanged
+    factors."""
     motions = tuple(fitted.motions[index] for index in indices)
     return replace(fitted, motions=motions, factors=fitted.factors[list(indices)])
 
@@ -432,7 +492,8 @@ class _EventGroups:
         for motion, event in enumerate(self.events):
             if event.is_known:
                 label_of_group.setdefault(self._root(motion), event.label)
-        return [label_of_group.get(self._root(motion), "") for motion in range(len(self.events))]
+        groups = [self._root(motion) for motion in range(len(self.events))]
+        return [label_of_group.get(group, "") for group in groups]
 
 
 def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, str]) -> list[str]:
@@ -464,38 +525,50 @@ def named_events(motions: Sequence[GroundMotion], event_of_file: Mapping[str, st
         for file, name in zip(files, names, strict=True):
             keys = (file, Path(file).name, Path(file).stem)
             event = next((event_of_file[key] for key in keys if event_of_file.get(key)), "")
-            other_file, other_event = file_and_event.get(name, (file, event))
-            if event and event != other_event:
+            # Compare the event with the event of the other component, if that was read before.
+            first_file, first_event = file_and_event.get(name, (file, event))
+            if event and event != first_event:
                 raise UsageError(
-                    f"{other_file} and {file} are components of one recording, but their events "
-                    f"differ: {other_event!r} and {event!r}"
+                    f"{first_file} and {file} are components of one recording, but their events "
+                    f"differ: {first_event!r} and {event!r}; specify the same event for both files"
                 )
             if event:
                 file_and_event[name] = (file, event)
+    event_of_recording = {name: event for name, (_, event) in file_and_event.items()}
     return [
-        next((file_and_event[name][1] for name in names if name in file_and_event), "")
+        next((event_of_recording[name] for name in names if name in event_of_recording), "")
         for names in recordings
     ]
 
 
 def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
-    """Return, for each motion, a list with a name of the recording of each of its files. The names
-    are equal for the files of one recording."""
-    files = [
+    """Return the names of the recordings to which the files of each motion belong.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions. The two components of a recording may be in one file or in two files.
+
+    Returns
+    -------
+    list of list of str
+        For each motion, one name per file. Files of the same recording have equal names.
+    """
+    files_by_motion = [
         list(dict.fromkeys(record.source for record in components(motion))) for motion in motions
     ]
-    all_files = list(dict.fromkeys(file for motion_files in files for file in motion_files if file))
-    recording_of_file = dict(zip(all_files, motion_names(all_files), strict=True))
+    named_files = list(dict.fromkeys(filter(None, chain.from_iterable(files_by_motion))))
+    recording_of_file = dict(zip(named_files, motion_names(named_files), strict=True))
     # Motions that were not read from files have no name; each is a different recording.
     return [
-        [recording_of_file.get(file, f"motion {index}") for file in motion_files]
-        for index, motion_files in enumerate(files)
+        [recording_of_file.get(file, f"motion {index}") for file in files]
+        for index, files in enumerate(files_by_motion)
     ]
 
 
 def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) -> None:
-    """Raise UsageError, with a list of files, if the event of a motion is unknown (an empty
-    text)."""
+    """Raise UsageError if the event of a motion is unknown. `events` contains the label of the
+    event of each motion, empty if unknown. The message lists the files of these motions."""
     unknown = [motion.source for motion, event in zip(motions, events, strict=True) if not event]
     if unknown:
         raise UsageError(
@@ -534,29 +607,31 @@ def _pool(
         Indices of the motions that can be selected.
     spectra : ndarray, shape (n, k)
         Their spectra, m/s^2.
-    left_out : dict of str to int
-        Number of all other motions, by reason.
+    excluded_counts : dict of str to int
+        Number of motions that cannot be selected, by reason: `duplicate` (equal to another
+        motion), `range of periods` (the sampling interval is too long for a period) or `zero` (a
+        component without motion).
     """
-    left_out = {"duplicate": 0, "range of periods": 0, "zero": 0}
-    indices, spectra, known_hashes = [], [], set()
+    excluded_counts = {"duplicate": 0, "range of periods": 0, "zero": 0}
+    indices, spectra, previous_hashes = [], [], set()
     for index, motion in enumerate(motions):
         # Compare hashes instead of samples, which would have to be stored for all motions.
         samples = tuple((record.dt, record.acceleration.tobytes()) for record in components(motion))
         samples_hash = hash(samples)
-        if samples_hash in known_hashes:
-            left_out["duplicate"] += 1
+        if samples_hash in previous_hashes:
+            excluded_counts["duplicate"] += 1
             continue
-        known_hashes.add(samples_hash)
+        previous_hashes.add(samples_hash)
         if not all(np.any(record.acceleration) for record in components(motion)):
-            left_out["zero"] += 1
+            excluded_counts["zero"] += 1
             continue
         try:
             spectra.append(pseudo_accelerations(motion, periods, damping, pair))
         except AnalysisError:  # a period is too short for the sampling interval
-            left_out["range of periods"] += 1
+            excluded_counts["range of periods"] += 1
             continue
         indices.append(index)
-    return indices, np.array(spectra).reshape(-1, len(periods)), left_out
+    return indices, np.array(spectra).reshape(-1, len(periods)), excluded_counts
 
 
 def _search(
@@ -566,7 +641,7 @@ def _search(
     events: NDArray[np.int64],
     max_per_event: int,
 ) -> list[int]:
-    """Search for the selection of motions with the minimum score, and return their rows.
+    """Search for the selection of motions with the minimum score.
 
     The score is the mean over the periods of (mean deviation)^2, plus half of (standard deviation -
     target)^2. The search adds the best row repeatedly, and then exchanges rows as long as the score
@@ -586,18 +661,26 @@ def _search(
         Event of each row.
     max_per_event : int
         Maximum number of rows of one event.
+
+    Returns
+    -------
+    list of int
+        Rows of the selected motions, in ascending order.
     """
+    # A fixed seed makes the selection reproducible.
     generator, best_selection, best_score = np.random.default_rng(0), list[int](), np.inf
     scores = _Scores(deviations, target_scatter, events, max_per_event).with_row
-    for start_number in range(int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))):
+    start_count = int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))
+    for start_number in range(start_count):
         selection: list[int] = []
-        if start_number % 2:  # half of the best selection so far
+        if start_number % 2:  # start from a random half of the best selection so far
             selection = generator.permutation(best_selection)[: count // 2].tolist()
-        elif start_number:  # random rows; the finite scores are those of rows that can be added
+        elif start_number:  # start from random rows
             while len(selection) < count:
-                selection.append(
-                    int(generator.choice(np.flatnonzero(np.isfinite(scores(selection, 2)))))
-                )
+                # Rows that cannot be added have an infinite score.
+                possible_rows = np.flatnonzero(np.isfinite(scores(selection, 2)))
+                selection.append(int(generator.choice(possible_rows)))
+        # Complete the selection: add the row that results in the lowest score, repeatedly.
         while len(selection) < count:
             selection.append(int(np.argmin(scores(selection, len(selection) + 1))))
         score = _exchange_rows(selection, scores)
@@ -631,7 +714,7 @@ def _exchange_rows(selection: list[int], scores: Callable[[list[int], int], Arra
 
 
 class _Scores:
-    """Scores of selections; the parameters are those of `_search`.
+    """Compute scores of selections of motions, where a lower score is a better fit to the target.
 
     Parameters
     ----------

@@ -1,5 +1,8 @@
-"""Store of a campaign or study: an SQLite file, which a single process
-writes chunk by chunk."""
+"""Store the results of a campaign or study in an SQLite file.
+
+A single process writes the file, one chunk of runs after another, so that an interrupted campaign
+can continue from its completed chunks. Other processes can read the file at the same time.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,9 @@ from tdint.units import SI, OutputUnits, parse_output_units
 
 # ---- Identity of a store: complete input of its runs. Differences between two identities
 
-_MAX_LISTED_DIFFERENCES = 8  # lines of a message; users do not read longer lists
+_MAX_LISTED_DIFFERENCES = 8
+"""Maximum number of differences in a message, for each type of entry, so that the message stays
+readable."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +68,14 @@ class Identity:
     settings : dict
         Settings that apply to all runs: JSON texts by name.
     buildings, motions : sequence
-        Buildings and ground motions; the index is the number in the store.
+        Buildings and ground motions. Their indices are their numbers in the tables of the store.
     chunks, runs : int
         Number of chunks and of runs; 0 runs if the number depends on results.
     size : callable
         Function that returns the number of runs of a chunk, or None if the number depends on
         results.
-    unused : sequence of tuple
-        Inputs that could not be used: `record` or `building`, and the reason.
+    unused : sequence of (str, str)
+        Inputs that could not be used: the category (`record` or `building`), and the reason.
     units : OutputUnits
         Output units that the models request.
     damage : Damage or None
@@ -114,10 +119,11 @@ class Identity:
         Parameters
         ----------
         plan : Plan
-            Campaign.
+            Campaign with its buildings, motions and settings.
         building_numbers : sequence of int or None
-            Numbers of the buildings in the store; None: all.
+            Numbers of the buildings that the store contains; None: all buildings.
         """
+        # Attributes that have the same name and meaning in `Plan` and `Identity`.
         plan_attributes = (
             "buildings",
             "motions",
@@ -165,8 +171,8 @@ class Identity:
 
     @property
     def compared_values(self) -> ComparedValues:
-        """Values that `all_differences` compares to describe the differences from another
-        identity."""
+        """Values from which `all_differences` describes the differences between this identity and
+        a store."""
         buildings = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
         # Motions with the same name and component, such as the samples of a grid, are
@@ -184,34 +190,42 @@ def as_json(settings: dict[str, Any]) -> dict[str, str]:
 
 
 def differences(
-    stored: dict[str, str], other: dict[str, str], *, kind: str, stored_label: str, other_label: str
+    stored: dict[str, str],
+    compared: dict[str, str],
+    *,
+    entry_type: str,
+    stored_label: str,
+    compared_label: str,
 ) -> list[str]:
-    """List the differences between two mappings, one sentence each, at most eight.
+    """Describe the differences between two mappings by at most eight lines, followed by a line
+    with the number of further differences if there are more.
 
     Parameters
     ----------
-    stored, other : dict of str to str
+    stored, compared : dict of str to str
         The mappings: values, or SHA-256, by name.
-    kind : str
+    entry_type : str
         Type of the entries: `setting`, `building`, `record` or `plug-in`. Only the values of
         settings are shown.
-    stored_label, other_label : str
-        Labels of `stored` and `other` in the sentences.
+    stored_label, compared_label : str
+        Labels of `stored` and `compared` in the lines, for example `the store`.
     """
     lines = []
-    for name in dict.fromkeys([*stored, *other]):
-        if name not in other:
-            lines.append(f"{kind} {name}: only in {stored_label}")
+    for name in dict.fromkeys([*stored, *compared]):
+        if name not in compared:
+            lines.append(f"{entry_type} {name}: only in {stored_label}")
         elif name not in stored:
-            lines.append(f"{kind} {name}: only in {other_label}")
-        elif stored[name] != other[name]:
+            lines.append(f"{entry_type} {name}: only in {compared_label}")
+        elif stored[name] != compared[name]:
             difference = "differs"
-            if kind == "setting":
-                difference = f"{stored[name]} in {stored_label}, {other[name]} in {other_label}"
-            lines.append(f"{kind} {name}: {difference}")
+            if entry_type == "setting":
+                difference = (
+                    f"{stored[name]} in {stored_label}, {compared[name]} in {compared_label}"
+                )
+            lines.append(f"{entry_type} {name}: {difference}")
     if len(lines) > _MAX_LISTED_DIFFERENCES:
         lines[_MAX_LISTED_DIFFERENCES:] = [
-            f"and {len(lines) - _MAX_LISTED_DIFFERENCES} more differences of type {kind}"
+            f"and {len(lines) - _MAX_LISTED_DIFFERENCES} more differences of type {entry_type}"
         ]
     return lines
 
@@ -230,53 +244,64 @@ INVENTORY_CHANGED = (
 
 def all_differences(
     stored: ComparedValues,
-    other: ComparedValues,
+    compared: ComparedValues,
     *,
     stored_label: str = "the store",
-    other_label: str,
+    compared_label: str,
     are_shards: bool = False,
     has_new_inventory: bool = False,
 ) -> str:
-    """Return the differences between two stores or campaigns, one line each.
+    """Return a text that describes the differences between two stores or campaigns, one per line.
 
     Parameters
     ----------
-    stored, other : ComparedValues
+    stored, compared : ComparedValues
         Settings, buildings, records and plug-ins of the two stores or campaigns.
-    stored_label, other_label : str
-        Labels of `stored` and `other` in the lines.
+    stored_label, compared_label : str
+        Labels of `stored` and `compared` in the lines.
     are_shards : bool
-        True if `stored` or `other` is a shard. A shard has only some of the buildings, so only
-        buildings in both of them are compared.
+        True if `stored` or `compared` is a shard. A shard contains only some of the buildings, so
+        only buildings that both contain are compared.
     has_new_inventory : bool
         True if the files of the inventory differ.
     """
-    kinds = ("setting", "building", "record", "plug-in")
+    entry_types = ("setting", "building", "record", "plug-in")
     lines = [INVENTORY_CHANGED] if are_shards and has_new_inventory else []
-    for kind, stored_values, other_values in zip(kinds, stored, other, strict=True):
-        first, second = dict(stored_values), dict(other_values)
-        if are_shards and kind == "building":
+    for entry_type, stored_entries, compared_entries in zip(
+        entry_types, stored, compared, strict=True
+    ):
+        first, second = dict(stored_entries), dict(compared_entries)
+        if are_shards and entry_type == "building":
             common_names = first.keys() & second.keys()
             first = {name: first[name] for name in first if name in common_names}
             second = {name: second[name] for name in second if name in common_names}
         lines += differences(
-            first, second, kind=kind, stored_label=stored_label, other_label=other_label
+            first,
+            second,
+            entry_type=entry_type,
+            stored_label=stored_label,
+            compared_label=compared_label,
         )
-    # If the fingerprints differ, but all compared values are equal, the reason is the inventory
-    # from which the shards are derived, or the order.
-    other_reason = INVENTORY_CHANGED if are_shards else "the order of buildings or records differs"
-    return "\n".join(lines or [other_reason])
+    # This function is called if the fingerprints differ. If all compared values are equal, the
+    # reason is the inventory from which the shards are derived, or the order of the entries.
+    remaining_reason = (
+        INVENTORY_CHANGED if are_shards else "the order of buildings or records differs"
+    )
+    return "\n".join(lines or [remaining_reason])
 
 
 # ---- Store
 
 FILE = "campaign.sqlite"
+"""File name of the store in the directory of a campaign."""
 
 _SETTING = "setting "  # prefix of the keys of settings in the table `meta`
 
 
 class Store:
-    """Open store: database with the runs of a campaign or study.
+    """Open database with the definition and the runs of a campaign or study.
+
+    Runs are written in chunks. As a context manager, the store closes the database.
 
     Attributes
     ----------
@@ -291,13 +316,21 @@ class Store:
         self.name = name
 
     def __enter__(self) -> Self:
+        """Return the open store."""
         return self
 
     def __exit__(
         self, error: type[BaseException] | None, raised: BaseException | None, *_: object
     ) -> None:
-        """Move the log of the database into the file, unless an error occurred, and close the
-        store.
+        """Close the store. Unless an exception occurred, first move the write-ahead log of the
+        database into the file.
+
+        Parameters
+        ----------
+        error : type or None
+            Type of the exception in the `with` block; None: no exception.
+        raised : BaseException or None
+            The exception.
 
         Raises
         ------
@@ -325,14 +358,14 @@ class Store:
         return str(value)
 
     def settings(self) -> dict[str, str]:
-        """Return the settings that apply to all runs, as JSON texts by name."""
+        """Return the settings that apply to all runs: their values as JSON texts, by name."""
         rows = self.connection.execute(
             "SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key"
         )
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
     def parameters(self) -> dict[str, Any]:
-        """Return the settings that apply to all runs, as values by name."""
+        """Return the settings that apply to all runs: their decoded values, by name."""
         return {name: json.loads(value) for name, value in self.settings().items()}
 
     def varied(self) -> list[dict[str, float]]:
@@ -343,11 +376,12 @@ class Store:
 
     @property
     def checked(self) -> bool:
-        """True if the errors of the demands are estimated."""
+        """True if the campaign estimates the errors of the demands."""
         return self.settings().get("check") == "true"
 
     def digests(self, table: str) -> dict[str, str]:
-        """Return the SHA-256 of all buildings or all records by name."""
+        """Return the SHA-256 of the entries of `table` (`buildings` or `records`) by their names.
+        The name of a record includes its component."""
         name = "name" if table == "buildings" else "name || ' ' || component"
         return dict(self.connection.execute(f"SELECT {name}, sha256 FROM {table} ORDER BY id"))
 
@@ -356,10 +390,11 @@ class Store:
         return dict(json.loads(self._meta_or_none("code") or "{}"))
 
     def compared_values(self) -> ComparedValues:
-        """Return the quantities that `all_differences` compares."""
+        """Return settings, buildings, records and plug-ins, in the form that `all_differences`
+        compares."""
         return self.settings(), self.digests("buildings"), self.digests("records"), self.code()
 
-    def done(self) -> set[int]:
+    def completed_chunks(self) -> set[int]:
         """Return the numbers of the completed chunks."""
         return {number for (number,) in self.connection.execute("SELECT id FROM chunks")}
 
@@ -376,30 +411,36 @@ class Store:
         )
 
     def count(self, condition: str) -> int:
-        """Return the number of runs that meet a condition on the columns of `run_rows`."""
+        """Return the number of runs that meet a condition: an SQL expression of the columns of the
+        table `run_rows`."""
         query = f"SELECT count(*) FROM run_rows WHERE {condition}"
         (count,) = self.connection.execute(query).fetchone()
         return int(count)
 
-    def add(self, done: ChunkResult) -> None:
+    def add(self, result: ChunkResult) -> None:
         """Write the rows of a chunk and mark the chunk as completed, in one transaction.
+
+        Parameters
+        ----------
+        result : ChunkResult
+            Rows of the runs of the chunk, and the processor time.
 
         Raises
         ------
         OutputError
             The disk is full, the file is corrupt, or another process is writing.
         """
-        # The fields of `done.rows` are in the order of `ROW_TABLES`: runs, stories and events of
+        # The fields of `result.rows` are in the order of `ROW_TABLES`: runs, stories and events of
         # sequences. `plain` converts the values to the types of SQLite.
-        rows_of_tables = [
+        rows_by_table = [
             table.plain(rows)
-            for table, rows in zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
+            for table, rows in zip(schema.ROW_TABLES, vars(result.rows).values(), strict=True)
         ]
-        runs, stories, _ = rows_of_tables
-        number, seconds = done.number, float(done.seconds)
-        digest = schema.chunk_digest(number, seconds, *rows_of_tables)
+        runs, stories, _events = rows_by_table
+        number, seconds = result.number, float(result.seconds)
+        digest = schema.chunk_digest(number, seconds, *rows_by_table)
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-            for table, rows in zip(schema.ROW_TABLES, rows_of_tables, strict=True):
+            for table, rows in zip(schema.ROW_TABLES, rows_by_table, strict=True):
                 table.insert(self.connection, rows, number)
             values = (number, len(runs), len(stories), seconds, digest)
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
@@ -442,7 +483,8 @@ class Store:
             return len(invalid_chunks)
 
     def remove(self, chunks: Collection[int]) -> None:
-        """Remove chunks, so that they are run again."""
+        """Remove the chunks with the given numbers and all their rows, so that they are run
+        again."""
         number_columns = {table.name: "chunk" for table in schema.ROW_TABLES} | {"chunks": "id"}
         with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             for table, column in number_columns.items():
@@ -450,8 +492,8 @@ class Store:
                 self.connection.executemany(statement, ((number,) for number in chunks))
 
     def is_ours(self, file: Path) -> bool:
-        """Return True if a file was written from this store and is unchanged since then. False if
-        it does not exist."""
+        """Return True if a file exists, was written from this store, and was not changed since
+        then."""
         return is_file(file) and (file.name, digest_of(file)) in self.written()
 
     def refuse_foreign(self, files: Iterable[Path]) -> None:
@@ -467,21 +509,27 @@ class Store:
         return set(self.connection.execute("SELECT file, sha256 FROM written"))
 
     def record_written(self, files: Mapping[Path, str]) -> None:
-        """Record that files are written from this store, before they are moved to their final
-        paths. `files` contains the SHA-256 of each file."""
-        new = {(file.name, digest) for file, digest in files.items()} - self.written()
-        if new:
+        """Record that files are written from this store, so that `is_ours` recognizes them.
+
+        The caller records the files before it moves them to their final paths.
+
+        Parameters
+        ----------
+        files : mapping of Path to str
+            SHA-256 of each file.
+        """
+        new_entries = {(file.name, digest) for file, digest in files.items()} - self.written()
+        if new_entries:
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-                self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new))
+                self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new_entries))
 
     def unused(self) -> dict[str, list[str]]:
         """Return the reasons for which inputs could not be used. The keys are `record` and
         `building`; each value is a list of reasons, one line each."""
         reasons: dict[str, list[str]] = {"record": [], "building": []}
-        for kind, reason in self.connection.execute(
-            "SELECT kind, reason FROM unused ORDER BY rowid"
-        ):
-            reasons.setdefault(kind, []).append(reason)
+        query = "SELECT kind, reason FROM unused ORDER BY rowid"
+        for category, reason in self.connection.execute(query):
+            reasons.setdefault(category, []).append(reason)
         return reasons
 
     def output_units(self) -> OutputUnits:
@@ -490,9 +538,12 @@ class Store:
         return parse_output_units(units) if units is not None else SI
 
     def update_metadata(self, identity: Identity) -> None:
-        """Store the metadata that do not affect the results of runs: unused inputs, output
-        units, damage states, limits, style of figures, files of models, and columns of an
-        inventory. Also add buildings that the store does not contain yet."""
+        """Store the metadata that do not affect the results of runs, and add buildings that the
+        store does not contain yet.
+
+        The metadata are unused inputs, output units, damage states, limits, style of figures, files
+        of models, and columns of an inventory. `identity` is the present campaign or study.
+        """
         values = _metadata(identity)
         stored_unused = [
             (category, reason) for category, reasons in self.unused().items() for reason in reasons
@@ -516,7 +567,7 @@ class Store:
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
             if is_unchanged:
                 changed_numbers = new_numbers
-            else:  # rewrite the data of all buildings, which may have changed
+            else:  # rewrite the data of all buildings, because they may have changed
                 changed_numbers = sorted(stored_numbers.union(new_numbers))
                 self.connection.execute("DELETE FROM inventory")
                 self.connection.execute("DELETE FROM building_types")
@@ -569,8 +620,8 @@ class Store:
         return list(json.loads(self._meta_or_none("shards") or "[]"))
 
     def add_shard(self, text: str) -> None:
-        """Record that a shard, K/N, is written to this store, so that `merge` can report missing
-        shards."""
+        """Record that a shard is written to this store, so that `merge` can report missing shards.
+        `text` is the number of the shard and the number of shards, for example `2/5`."""
         if text not in (shards := self.shards()):
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
                 values = ("shards", json.dumps([*shards, text]))
@@ -591,7 +642,7 @@ class Store:
         return list(json.loads(row[0])) if row else []
 
     def _meta_or_none(self, key: str) -> str | None:
-        """Return a value of the table `meta`, or None if the key does not exist."""
+        """Return the value of a key of the table `meta`, or None if the key does not exist."""
         row = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return row[0] if row else None
 
@@ -620,11 +671,12 @@ class Store:
         """Return the rule that combines the components of pairs, with the pairs of this store."""
         return PairRule(self.pair_demand(), recording_numbers(self.records()))
 
-    def choose_pair_demand(self, demand: str) -> None:
-        """Store the rule that combines the components of pairs."""
-        if demand != self.pair_demand():
+    def choose_pair_demand(self, rule: str) -> None:
+        """Store the rule that combines the demands of the components of pairs, an item of
+        `tdint.campaign.pairs.PAIR_DEMANDS`."""
+        if rule != self.pair_demand():
             with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
-                values = ("pair_demand", demand)
+                values = ("pair_demand", rule)
                 self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
                 self.seal()
 
@@ -672,7 +724,8 @@ class Store:
         return name, type_name, divisor, period
 
     def add_unused(self, reasons: Iterable[tuple[str, str]]) -> None:
-        """Add inputs that could not be used. The caller must call `seal` afterwards."""
+        """Store inputs that could not be used. Each item is the category of the input (`record` or
+        `building`) and the reason. The caller must call `seal` afterwards."""
         self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", reasons)
 
     def seal(self) -> None:
@@ -682,21 +735,23 @@ class Store:
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
-        """Yield the columns of `RUNS` for all runs, in the order of the key."""
+        """Yield one tuple per run, with the values of the columns of `store_schema.RUNS`, in the
+        order of its key."""
         yield from self.connection.execute(schema.RUNS.select())
 
     def runs_of(self, chunk: int) -> list[RunRow]:
-        """Return the runs of a chunk."""
+        """Return the rows of the runs of the chunk with this number."""
         rows = self.connection.execute(schema.RUNS.select(where="WHERE chunk = ?"), (chunk,))
         return [schema.run_of(row) for row in rows]
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
-        """Yield the columns of `STORIES` for the stories of all runs, in the order of the key."""
+        """Yield one tuple per story and run, with the values of the columns of
+        `store_schema.STORIES`, in the order of its key."""
         yield from self.connection.execute(schema.STORIES.select())
 
     def shocks(self) -> Iterator[tuple[Any, ...]]:
-        """Yield the columns of `SHOCKS` for the events of all runs of sequences, in the order of
-        the key."""
+        """Yield one tuple per event and run under a sequence of earthquakes, with the values of the
+        columns of `store_schema.SHOCKS`, in the order of its key."""
         yield from self.connection.execute(schema.SHOCKS.select())
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
@@ -819,7 +874,13 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
 
 
 def open_written(file: Path) -> Store:
-    """Open the store of a study, which is written without a write-ahead log, and verify it.
+    """Open the store of a study and verify it. Unlike the store of a campaign, it is written
+    without a write-ahead log.
+
+    Parameters
+    ----------
+    file : Path
+        Path of the store.
 
     Raises
     ------
@@ -833,8 +894,13 @@ def open_written(file: Path) -> Store:
 
 
 def _has_contents(store: Store) -> bool:
-    """Return True if a store has contents, False if it is empty. Contents are verified; if they are
-    invalid, close the store and raise OutputError."""
+    """Verify a store, and return True if it has contents.
+
+    Raises
+    ------
+    OutputError
+        The contents are invalid; the store is closed.
+    """
     with schema.closed_on_failure(store.connection), sqlite_errors_reported(store.name):
         has_contents = not is_empty(store)
         if has_contents:
@@ -877,13 +943,13 @@ def check_same(store: Store, identity: Identity) -> list[str]:
         lines = all_differences(
             store.compared_values(),
             identity.compared_values,
-            other_label=f"this {identity.kind}",
+            compared_label=f"this {identity.kind}",
             are_shards=bool(store.shards()),
             has_new_inventory=store.inventory_files() not in ([], sorted(identity.files.values())),
         )
         raise UsageError(
-            f"{store.name}: contains another {identity.kind}; give another directory with -o, or "
-            "--overwrite to start again\n"
+            f"{store.name}: contains another {identity.kind}; specify another directory with -o, "
+            "or add --overwrite to start again\n"
             f"{lines}"
         )
     version = store.meta("version")
@@ -902,7 +968,7 @@ def foreign_file_error(file: Path) -> OutputError:
 
 
 def remove_store(file: Path) -> None:
-    """Remove a store from a locked directory.
+    """Remove the file of a store and its log files. The caller has locked the directory.
 
     Raises
     ------
@@ -935,7 +1001,11 @@ def is_empty(store: Store) -> bool:
 
 
 def _create(store: Store, identity: Identity) -> None:
-    """Create the tables and store the definition of the campaign or study, in one transaction."""
+    """Create the tables of an empty store, and write the definition of a campaign or study, in one
+    transaction.
+
+    The buildings are written later, by `Store.update_metadata`.
+    """
     metadata = {
         "schema": schema.VERSION,
         "version": __version__,
@@ -964,7 +1034,8 @@ def _create(store: Store, identity: Identity) -> None:
 
 
 def _record_rows(motions: Sequence[SuiteMotion]) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of the table `records`."""
+    """Yield the rows of the table `records`: number, name, component, direction, sampling interval
+    (s), number of samples, PGA (m/s^2), PGV (m/s) and SHA-256 of each ground motion."""
     for number, motion in enumerate(motions):
         record = motion.record
         yield (
