@@ -318,7 +318,7 @@ def building_step(
     tolerance: float,
 ) -> float | None:
     """Return the time step for all runs of a building, s: the maximum time step at which the
-    estimated errors of the peak drifts stay below a tolerance.
+    estimated errors of the peak drifts are below a tolerance.
 
     The errors are estimated for a quarter of the runs, but for at least 4 and at most 8 runs. The
     result is the minimum of the time steps of these runs.
@@ -368,11 +368,11 @@ def building_step(
 
 
 def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) -> Iterator[Run]:
-    """Return the runs of a building, ordered so that the first few represent all of them.
+    """Return the runs of a building, ordered so that the first few runs represent all runs.
 
-    The discretization error depends on the ground motion as much as on the building, so a single
-    motion, even the strongest, is not representative. The first runs therefore use as many
-    different motions as possible. The motion of medium intensity is first, and the first run of
+    The discretization error depends on the ground motion as strongly as on the building, so a
+    single motion, even the strongest, is not representative. The first runs therefore use
+    different motions if possible. The motion of medium intensity is first, and the first run of
     each motion has its median scale factor.
 
     Parameters
@@ -400,8 +400,8 @@ def _representative_first(runs: Sequence[Run], records: Mapping[int, Record]) ->
 
 
 def _middle_first(items: Sequence[Item]) -> Iterator[Item]:
-    """Yield the middle item of a sequence, then the middle items of its two halves, then those of
-    the quarters, and so on until every item has been yielded one time."""
+    """Yield the middle item of a sequence, then the middle items of its two halves, then the middle
+    items of the quarters, and so on until every item has been yielded one time."""
     segments = deque([items])
     while segments:
         segment = segments.popleft()
@@ -490,8 +490,8 @@ class Batch:
         if max_step is None:
             results.runs += [self._row(job, NO_STEP) for job in jobs]
             return results
-        # Each pass integrates the jobs and keeps the failed ones, with half the time step, for the
-        # next pass. The loop ends because the number of repetitions of a job is limited.
+        # Each pass integrates the jobs. Failed jobs are kept, with half the time step, for the next
+        # pass. The loop ends because the number of repetitions of a job is limited.
         while jobs:
             jobs_to_repeat: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
@@ -581,7 +581,7 @@ class Batch:
         return self.subject.case(self.motions.records[run.motion], run.scale)
 
     def _integrate_together(self, jobs: list[_Job], results: Rows) -> list[_Job]:
-        """Integrate runs that have the same time step by one compiled call.
+        """Integrate runs that have the same time step by a compiled call.
 
         Parameters
         ----------
@@ -653,8 +653,8 @@ class Batch:
         collapse : Collapse, optional
             Collapse of the building.
         **values : Any
-            Further values by the name of their quantity in `RUN`, such as demands. A failed run has
-            none; its other quantities are None.
+            Further values by the name of their quantity in `RUN`, such as demands. They are omitted
+            for a failed run: its other quantities are None.
         """
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
@@ -787,7 +787,7 @@ def _first_mode_accelerations(
     for building, building_runs in enumerate(chunk.buildings):
         for motion in dict.fromkeys(run.motion for run in building_runs.runs):
             buildings_of_motion.setdefault(motion, []).append(building)
-    # Compute the values of a motion at the periods of all its buildings in one call.
+    # Compute the values of a motion at the periods of all its buildings in a single call.
     for motion, buildings in buildings_of_motion.items():
         motion_periods = [periods[building] for building in buildings]
         values = spectral_accelerations(chunk.records[motion], motion_periods)

@@ -327,7 +327,7 @@ def limits_of_text(text: str) -> list[BuildingLimits]:
 
     stored = json.loads(text or '{"sets": [], "of": []}')
     sets = [
-        BuildingLimits(tuple(map(Limit.of_json, limits)), tuple(isolators))
+        BuildingLimits(tuple(map(Limit.from_json, limits)), tuple(isolators))
         for limits, isolators in stored["sets"]
     ]
     return [sets[number] for number in stored["of"]]

@@ -128,7 +128,7 @@ class IdaStudy(Tabular):
     resumed : int
         Number of records that were completed by an earlier call.
     remarks : tuple of str
-        Messages about these records, one sentence each.
+        Messages about these records.
     checked : bool
         True if the errors of the demands were estimated.
     pair_demand : str
@@ -248,10 +248,10 @@ def ida(
         Combination of the components of a pair in the intensity measure: a name of `PAIRS`; by
         default the geometric mean.
     jobs : int
-        Number of threads; results do not depend on it.
+        Number of threads; it does not affect the results.
     folder : str or Path, optional
-        Directory in which completed runs are stored, from which the next call with the same
-        arguments continues.
+        Directory for the results of completed runs. The next call with the same arguments continues
+        from these results.
     progress : bool or callable
         True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
         with the number of completed records and of all records.
@@ -403,7 +403,7 @@ def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Stor
     Yields
     ------
     Store, list of str
-        Store, and messages for the user about it, one sentence each.
+        Store, and messages for the user about the store.
     """
     with locked(folder) if folder else nullcontext():
         store, remarks = open_or_create(folder / STORE if folder else None, identity, log=False)
@@ -413,8 +413,10 @@ def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Stor
 
 @dataclass(frozen=True)
 class _WorkItem:
-    """All runs of a building, in one state of damage, under one record. Work items can be run in
-    parallel, because the levels of an item depend only on its own runs.
+    """All runs of a building, in a state of damage, under a record.
+
+    Work items can be run in parallel, because the levels of an item depend only on the runs of the
+    same item.
 
     Attributes
     ----------
@@ -444,7 +446,7 @@ class _WorkItem:
 
     @property
     def record(self) -> Record:
-        """Record of the runs, which includes the mainshock if the building is damaged by one."""
+        """Record of the runs. It includes the mainshock if a mainshock has damaged the building."""
         return self.batch.motions.records[self.number]
 
     def curve(self, runs: RecordRuns, collapse_drift: float) -> IdaCurve:

@@ -28,7 +28,7 @@ from tdint.model.damage_states import DONE, FALLEN
 
 # ---- Curve of a building under one record: runs at levels of intensity, and search for levels
 #
-# A level depends only on the runs so far, so that an interrupted study can continue. The search
+# A level depends only on the preceding runs, so that an interrupted study can continue. The search
 # increases the level to collapse (hunt), bisects the bracket of the collapse, fills gaps
 # (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), and then tries
 # levels above the capacity, where a building may not collapse (structural resurrection).
@@ -172,7 +172,7 @@ class LevelSearch:
         Parameters
         ----------
         runs : sequence of IdaRun
-            Runs so far, in any order.
+            Completed runs, in any order.
         """
         if not runs:
             return min(self.start, self.max_level)
@@ -271,7 +271,7 @@ def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
     low, high : float
         Adjacent levels of runs with a result. There may be runs without a result between them.
     runs : sequence of IdaRun
-        Runs so far.
+        Completed runs.
     """
     tried_levels = [run.im for run in runs if low < run.im < high]
     tolerance = _EQUAL_LEVELS * math.log(high / low)
@@ -529,8 +529,8 @@ def fractiles(
     ratio.
 
     Records without a run below collapse are omitted. A fractile between two records is interpolated
-    linearly in the logarithm of the intensity. It is NaN if the intensity of one of these records
-    is censored (infinite), unknown (NaN), or zero.
+    linearly in the logarithm of the intensity. It is NaN if the intensity of either record is
+    censored (infinite), unknown (NaN), or zero.
 
     Parameters
     ----------

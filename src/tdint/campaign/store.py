@@ -51,7 +51,7 @@ from tdint.units import SI, OutputUnits, parse_output_units
 # ---- Identity of a store: complete input of its runs. Differences between two identities
 
 _MAX_LISTED_DIFFERENCES = 8
-"""Maximum number of differences in a message, for each type of entry, so that the message stays
+"""Maximum number of differences in a message, for each type of entry, so that the message is
 readable."""
 
 
@@ -91,7 +91,7 @@ class Identity:
     pair_demand : str or None
         Rule that combines the demands of the two components of a pair; None: the default.
     building_numbers : sequence of int or None
-        Numbers of the buildings that are written to the store, those of a shard; None: all.
+        Numbers of the buildings that are written to the store, that is, of a shard; None: all.
     """
 
     name: str
@@ -369,7 +369,7 @@ class Store:
         return {name: json.loads(value) for name, value in self.settings().items()}
 
     def varied(self) -> list[dict[str, float]]:
-        """Return a list with one dictionary per building, in the order of the numbers of the
+        """Return a list with one dictionary per building, in the order of the
         buildings: the values of the parameters that a sweep changed, by name. The list is empty
         without a sweep."""
         return list(json.loads(self._meta_or_none("varied") or "[]"))
@@ -492,8 +492,8 @@ class Store:
                 self.connection.executemany(statement, ((number,) for number in chunks))
 
     def is_ours(self, file: Path) -> bool:
-        """Return True if a file exists, was written from this store, and was not changed since
-        then."""
+        """Return True if a file exists, was written from this store, and was not changed
+        afterwards."""
         return is_file(file) and (file.name, digest_of(file)) in self.written()
 
     def refuse_foreign(self, files: Iterable[Path]) -> None:
@@ -525,7 +525,7 @@ class Store:
 
     def unused(self) -> dict[str, list[str]]:
         """Return the reasons for which inputs could not be used. The keys are `record` and
-        `building`; each value is a list of reasons, one line each."""
+        `building`; each value is a list of reasons."""
         reasons: dict[str, list[str]] = {"record": [], "building": []}
         query = "SELECT kind, reason FROM unused ORDER BY rowid"
         for category, reason in self.connection.execute(query):
@@ -787,7 +787,7 @@ def open_store(
     Raises
     ------
     UsageError
-        The directory contains another campaign; the message lists the differences, one line each.
+        The directory contains another campaign; the message has one line per difference.
     OutputError
         The store cannot be written.
     """
@@ -818,7 +818,7 @@ def open_or_create(
     Raises
     ------
     UsageError
-        The file contains another campaign; the message lists the differences, one line each.
+        The file contains another campaign; the message has one line per difference.
     OutputError
         The file cannot be written.
     """
@@ -937,7 +937,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
     Raises
     ------
     UsageError
-        The store contains another campaign; the message lists the differences, one line each.
+        The store contains another campaign; the message has one line per difference.
     """
     if identity.fingerprint != store.meta("fingerprint"):
         lines = all_differences(
@@ -949,7 +949,7 @@ def check_same(store: Store, identity: Identity) -> list[str]:
         )
         raise UsageError(
             f"{store.name}: contains another {identity.kind}; specify another directory with -o, "
-            "or add --overwrite to start again\n"
+            "or --overwrite to start again\n"
             f"{lines}"
         )
     version = store.meta("version")
@@ -1017,7 +1017,7 @@ def _create(store: Store, identity: Identity) -> None:
     if identity.code:
         metadata["code"] = json.dumps(identity.code)
     # Buildings of an inventory without a sweep have no varied parameters. There may be millions of
-    # these buildings, so do not query each of them.
+    # these buildings, so do not query each building.
     buildings = identity.buildings
     if not isinstance(buildings, RowBuildings) or buildings.rows.is_varied:
         varied_parameters = [dict(building.varied) for building in buildings]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
@@ -247,10 +247,9 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
     dict of str to str
         Type of fault -> message for the first hysteresis model with this fault.
     """
-    label, faults = integrator.label, dict[str, str]()
+    faults: dict[str, str] = {}
     for law in laws:
         reference = _reference_displacements(law)
-        maximum = float(np.max(np.abs(reference)))
         try:
             integrations = {
                 parts: integrate_in_python(law, integrator, parts) for parts in (1, 2, 4)
@@ -258,62 +257,155 @@ def faults_with_yielding(integrator: Integrator, laws: Iterable[str] = _YIELDING
         except AnalysisError as error:
             faults["failed"] = str(error)
             continue
-        errors = {
-            parts: _distance(_displacements(arrays, parts), reference) / maximum
-            for parts, arrays in integrations.items()
+        messages = {
+            "order": _order_fault(integrator, law, integrations, reference),
+            "energy": _energy_fault(integrator, law, integrations[4]),
+            "scratch": _scratch_fault(integrator, law, integrations[1], reference),
+            "halved": _halving_fault(integrator, law, integrations[1], reference),
         }
-        # The results must converge to the motion of impulse4 with the order of the method, or with
-        # the order that the kinks permit. The law tanh has no kinks; the reference has order 4.
-        expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-        # Order from the errors of the time steps _H and _H / 4, and of _H / 2 and _H / 4
-        observed_orders = [math.inf]
-        if errors[4]:
-            observed_orders = [
-                0.5 * math.log2(errors[1] / errors[4]),
-                math.log2(errors[2] / errors[4]),
-            ]
-        if not (
-            max(observed_orders) >= expected_order - _ORDER_TOLERANCE or errors[4] <= _NEGLIGIBLE
-        ):
-            measured = [f"{error:.2g} at dt {_H / n:g} s" for n, error in errors.items()]
-            faults.setdefault(
-                "order",
-                f"{label}: with stories of law {law} the relative errors of the displacements are "
-                f"{', '.join(measured)}: order {max(observed_orders):.1f}, the expected order is "
-                f"{expected_order:.2g}; the state of each story must be committed once per step, "
-                "with the drift at its end",
-            )
-        # The input energy must equal the sum of the stored, damped and dissipated energy.
-        balance = abs(_imbalance(integrations[4].totals))
-        if not balance <= _ENERGY_TOLERANCE:
-            faults.setdefault(
-                "energy",
-                f"{label}: with stories of law {law} the energies are not balanced: the imbalance "
-                f"is {100.0 * balance:.2g} % of the largest input energy at dt {_H / 4:g} s; the "
-                "dissipated energy must be accumulated (`commit`, or `accumulate_dissipation` "
-                "before `commit_without_dissipation`)",
-            )
-        # A method must keep all its memory in the state. Cleared scratch arrays must not change the
-        # result beyond rounding, and a halved step must not increase the error.
-        continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
-        if not _distance(continued, _displacements(integrations[1], 1)) <= _NEGLIGIBLE * maximum:
-            faults.setdefault(
-                "scratch",
-                f"{label}: the result changes if the scratch rows are cleared between steps: "
-                "values that a later step needs must be stored in the state",
-            )
-        if integrator.family.halvable:
-            arrays = integrate_in_python(law, integrator, 1, halve_at=60)
-            halved = _distance(_displacements(arrays, 1), reference) / maximum
-            if not halved <= 2.0 * errors[1] + _NEGLIGIBLE:
-                faults.setdefault(
-                    "halved",
-                    f"{label}: the relative error of the displacements is {halved:.2g} with a "
-                    f"halved step, and {errors[1]:.2g} without; the coefficients must be valid for "
-                    "any step (otherwise set `Family.halvable` to False), and a step that does not "
-                    "converge must not change the state",
-                )
+        for fault_type, message in messages.items():
+            if message:
+                faults.setdefault(fault_type, message)
     return faults
+
+
+def _relative_error(arrays: Workspace, parts: int, reference: Array) -> float:
+    """Return the maximum error of the displacements of an integration, divided by the maximum
+    reference displacement.
+
+    Parameters
+    ----------
+    arrays : Workspace
+        Results of the integration with the time step `_H` / parts.
+    parts : int
+        Number of time steps in `_H`.
+    reference : ndarray
+        Reference displacements at multiples of `_H`, m.
+    """
+    maximum = float(np.max(np.abs(reference)))
+    return _distance(_displacements(arrays, parts), reference) / maximum
+
+
+def _order_fault(
+    integrator: Integrator, law: str, integrations: Mapping[int, Workspace], reference: Array
+) -> str:
+    """Return a message if the displacements do not converge to the reference; otherwise an empty
+    text.
+
+    They must converge with the order of the method, or with the order that the kinks of the
+    hysteresis model permit.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        The method.
+    law : str
+        Name of the hysteresis model.
+    integrations : mapping of int to Workspace
+        Results with 1, 2 and 4 time steps in `_H`.
+    reference : ndarray
+        Reference displacements at multiples of `_H`, m.
+    """
+    errors = {
+        parts: _relative_error(arrays, parts, reference) for parts, arrays in integrations.items()
+    }
+    # The law tanh has no kinks; the reference has order 4.
+    expected_order = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
+    # Order from the errors of the time steps _H and _H / 4, and of _H / 2 and _H / 4
+    observed_orders = [math.inf]
+    if errors[4]:
+        observed_orders = [
+            0.5 * math.log2(errors[1] / errors[4]),
+            math.log2(errors[2] / errors[4]),
+        ]
+    if max(observed_orders) >= expected_order - _ORDER_TOLERANCE or errors[4] <= _NEGLIGIBLE:
+        return ""
+    measured = [f"{error:.2g} at dt {_H / parts:g} s" for parts, error in errors.items()]
+    return (
+        f"{integrator.label}: with stories of law {law} the relative errors of the displacements "
+        f"are {', '.join(measured)}: order {max(observed_orders):.1f}, the expected order is "
+        f"{expected_order:.2g}; the state of each story must be committed once per step, with the "
+        "drift at its end"
+    )
+
+
+def _energy_fault(integrator: Integrator, law: str, arrays: Workspace) -> str:
+    """Return a message if the input energy differs from the sum of the stored, damped and
+    dissipated energy; otherwise an empty text.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        The method.
+    law : str
+        Name of the hysteresis model.
+    arrays : Workspace
+        Results with the time step `_H` / 4.
+    """
+    balance = abs(_imbalance(arrays.totals))
+    if balance <= _ENERGY_TOLERANCE:
+        return ""
+    return (
+        f"{integrator.label}: with stories of law {law} the energies are not balanced: the "
+        f"imbalance is {100.0 * balance:.2g} % of the largest input energy at dt {_H / 4:g} s; the "
+        "dissipated energy must be accumulated (`commit`, or `accumulate_dissipation` before "
+        "`commit_without_dissipation`)"
+    )
+
+
+def _scratch_fault(integrator: Integrator, law: str, arrays: Workspace, reference: Array) -> str:
+    """Return a message if the result changes when the scratch arrays of a method are cleared during
+    an integration; otherwise an empty text. A method must keep all its memory in the state.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        The method.
+    law : str
+        Name of the hysteresis model.
+    arrays : Workspace
+        Results with the time step `_H`, without clearing.
+    reference : ndarray
+        Reference displacements at multiples of `_H`, m. Differences are compared with the maximum.
+    """
+    continued = _displacements(integrate_in_python(law, integrator, 1, fresh_at=60), 1)
+    limit = _NEGLIGIBLE * float(np.max(np.abs(reference)))
+    if _distance(continued, _displacements(arrays, 1)) <= limit:
+        return ""
+    return (
+        f"{integrator.label}: the result changes if the scratch rows are cleared between steps: "
+        "values that a later step needs must be stored in the state"
+    )
+
+
+def _halving_fault(integrator: Integrator, law: str, arrays: Workspace, reference: Array) -> str:
+    """Return a message if a halved step increases the error of a method that allows halved steps;
+    otherwise an empty text.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        The method.
+    law : str
+        Name of the hysteresis model.
+    arrays : Workspace
+        Results with the time step `_H`, without a halved step.
+    reference : ndarray
+        Reference displacements at multiples of `_H`, m.
+    """
+    if not integrator.family.halvable:
+        return ""
+    halved_arrays = integrate_in_python(law, integrator, 1, halve_at=60)
+    halved_error = _relative_error(halved_arrays, 1, reference)
+    error = _relative_error(arrays, 1, reference)
+    if halved_error <= 2.0 * error + _NEGLIGIBLE:
+        return ""
+    return (
+        f"{integrator.label}: the relative error of the displacements is {halved_error:.2g} with a "
+        f"halved step, and {error:.2g} without; the coefficients must be valid for any step "
+        "(otherwise set `Family.halvable` to False), and a step that does not converge must not "
+        "change the state"
+    )
 
 
 def _imbalance(totals: Array) -> float:

@@ -1,8 +1,8 @@
 """Limits of demands by quantity, story and performance level, and their comparison with demands.
 
-One function, `check_limits`, compares limits with the demands of a run, or with the mean demands of
-a suite: maximum of each motion over time, in each story; mean over the motions; maximum ratio of
-demand to limit over the stories.
+`check_limits` compares limits with the demands of a run, or with the mean demands of a suite of
+ground motions. The demand of a story is its maximum response over time, averaged over the motions.
+The story with the maximum ratio of demand to limit governs.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ if TYPE_CHECKING:  # reading a model does not need numpy
 
 @dataclass(frozen=True)
 class LimitedQuantity:
-    """Quantity that a limit can apply to.
+    """Response quantity that can be limited.
 
     Attributes
     ----------
     unit : str
         SI unit; 1 for a ratio.
     text : str
-        Name in sentences.
+        Name of the quantity in sentences.
     place : str
-        Type of location: story or floor.
+        Location of the quantity: `story` or `floor`.
     values : callable
-        Returns the absolute values, shape (motions, n), from the peaks by name and the heights.
+        Function that returns the absolute values of the quantity, shape (motions, n). Its arguments
+        are the peak responses by name, and the story heights in m.
     """
 
     unit: str
@@ -86,13 +87,16 @@ class Limit:
     values: tuple[float, ...]
 
     @classmethod
-    def of_json(cls, stored: Sequence[Any]) -> Self:
-        """Create a limit from the list that `as_json` returned."""
-        level, quantity, values = stored
-        return cls(level, quantity, tuple(math.nan if v is None else v for v in values))
+    def from_json(cls, stored: Sequence[Any]) -> Self:
+        """Create a limit from the list that `as_json` returned: level, quantity, and the limit of
+        each story (None: no limit)."""
+        level, quantity, limits = stored
+        values = tuple(math.nan if limit is None else limit for limit in limits)
+        return cls(level, quantity, values)
 
     def as_json(self) -> list[Any]:
-        """Return the limit as a list that JSON can represent; null is a story without a limit."""
+        """Return the limit as a list that JSON can represent: level, quantity, and the limit of
+        each story (None: no limit), because JSON has no nan."""
         return [
             self.level,
             self.quantity,
@@ -146,14 +150,15 @@ def check_limits(
     height: Array,
     motions: Sequence[str],
 ) -> tuple[LimitCheck, ...]:
-    """Compare limits with the demands of a building; empty without motions.
+    """Compare limits with the demands of a building.
 
     Parameters
     ----------
     limits : iterable of Limit
         Limits of the building.
     peaks : mapping of str to ndarray, shape (motions, n)
-        Peaks of the stories of each motion, by the names of `StoryValues`.
+        Peak responses of the stories under each motion, by the names of
+        `tdint.analysis.run.outcome.StoryValues`.
     height : ndarray, shape (n,)
         Story heights, m; nan for isolators.
     motions : sequence of str
@@ -162,7 +167,7 @@ def check_limits(
     Returns
     -------
     tuple of LimitCheck
-        One comparison for each limit, in the order of the limits.
+        Comparison for each limit, in the order of the limits; empty without motions.
     """
     import numpy as np
 
@@ -170,26 +175,28 @@ def check_limits(
         return ()
     checks = []
     for limit in limits:
-        limit_values = np.array(limit.values)
-        has_limit = ~np.isnan(limit_values)
+        # Select the stories with a limit.
+        all_values = np.array(limit.values)
+        has_limit = ~np.isnan(all_values)
         demands = QUANTITIES[limit.quantity].values(peaks, height)[:, has_limit]
-        story_numbers, limit_values = np.flatnonzero(has_limit) + 1, limit_values[has_limit]
+        story_numbers, limit_values = np.flatnonzero(has_limit) + 1, all_values[has_limit]
         # Use the maximum of the story means, as in design codes, not the mean of the maxima.
-        mean = np.mean(demands, axis=0)
-        # A nan has the maximum ratio: a limit without a known demand is not met.
-        governing = int(np.argmax(mean / limit_values))
+        mean_demands = np.mean(demands, axis=0)
+        # `argmax` returns the index of a nan, if there is one: a limit without a known demand is
+        # not met.
+        governing = int(np.argmax(mean_demands / limit_values))
         motion, story = np.unravel_index(int(np.argmax(demands)), demands.shape)
         checks.append(
             LimitCheck(
                 limit.level,
                 limit.quantity,
-                int(story_numbers[governing]),
-                float(mean[governing]),
-                float(limit_values[governing]),
-                bool(np.all(mean <= limit_values)),
-                float(demands[motion, story]),
-                int(story_numbers[story]),
-                motions[int(motion)],
+                story=int(story_numbers[governing]),
+                demand=float(mean_demands[governing]),
+                limit=float(limit_values[governing]),
+                within=bool(np.all(mean_demands <= limit_values)),
+                largest=float(demands[motion, story]),
+                largest_story=int(story_numbers[story]),
+                motion=motions[int(motion)],
             )
         )
     return tuple(checks)
@@ -205,25 +212,32 @@ def check_demands(
     name: str,
     has_failure: bool,
 ) -> tuple[LimitCheck, ...]:
-    """Compare the demands of a run or the mean demands of a suite with the limits that apply.
+    """Select the limits that apply to a building, and compare them with the demands of a run or
+    with the mean demands of a suite.
 
     Parameters
     ----------
     limits : tuple of Limit
         Limits of the model.
     requested : float, str or None
-        Drift limit or name of a performance level, as in `chosen_limits`.
-    peaks, height, motions
-        As in `check_limits`.
+        Drift limit that is used instead of the limits of the model, or the name of a performance
+        level of the model; None for all limits of the model.
+    peaks : mapping of str to ndarray, shape (motions, n)
+        Peak responses of the stories under each motion, as for `check_limits`.
+    height : ndarray, shape (n,)
+        Story heights, m; nan for isolators.
+    motions : sequence of str
+        Names of the motions. Without motions the result is empty.
     name : str
         Name of the building, for messages.
     has_failure : bool
-        True if the building collapsed, or has no result, under a motion: no limit is then met.
+        True if the building collapsed, or has no result, under a motion. In this case no limit is
+        met.
 
     Raises
     ------
     UsageError
-        As in `chosen_limits`.
+        The requested limit is invalid, as for `chosen_limits`.
     """
     if not motions:
         return ()
@@ -233,19 +247,20 @@ def check_demands(
 
 
 def by_level(checks: Iterable[LimitCheck]) -> dict[str, list[LimitCheck]]:
-    """Return the comparisons of each performance level, the governing comparison first.
+    """Group comparisons with limits by performance level.
 
-    The governing comparison has the maximum ratio of demand to limit.
+    The first comparison of each group governs: it has the maximum ratio of demand to limit.
     """
-    levels: dict[str, list[LimitCheck]] = {}
+    checks_by_level: dict[str, list[LimitCheck]] = {}
     for check in checks:
-        levels.setdefault(check.level, []).append(check)
-    # The highest ratio of demand to limit comes first. An unknown ratio (nan) precedes it, so that
-    # the first check states whether the level is met.
-    return {
-        level: sorted(of_level, key=lambda check: (not math.isnan(check.ratio), -check.ratio))
-        for level, of_level in levels.items()
-    }
+        checks_by_level.setdefault(check.level, []).append(check)
+
+    def rank(check: LimitCheck) -> tuple[bool, float]:
+        """Return the sort key of a comparison. An unknown ratio (nan) precedes the maximum ratio,
+        because a limit without a known demand is not met."""
+        return not math.isnan(check.ratio), -check.ratio
+
+    return {level: sorted(group, key=rank) for level, group in checks_by_level.items()}
 
 
 def chosen_limits(
@@ -282,29 +297,41 @@ def chosen_limits(
             "a limit must be a positive drift ratio, such as 0.02, or the name of a performance "
             f"level, got {requested!r:.60}"
         )
-    missing = (ratios != ratios).reshape(-1, ratios.shape[-1]).all(axis=0)  # nan
-    if missing.all():
+    # A nan differs from itself. Stories with nan under all motions have no drift ratio.
+    has_no_ratio = (ratios != ratios).reshape(-1, ratios.shape[-1]).all(axis=0)
+    if has_no_ratio.all():
         raise UsageError(
             f"{name}: a limit of drift ratios requires story heights; add `height` to the stories "
             "of the model"
         )
-    values = tuple(math.nan if without else requested for without in missing.tolist())
+    values = tuple(math.nan if is_missing else requested for is_missing in has_no_ratio.tolist())
     return (Limit("", DRIFT_RATIO, values),)
 
 
 def check_level(limits: Iterable[Limit], level: str, name: str) -> None:
-    """Raise UsageError if limits of a building do not contain a performance level."""
-    known = list(dict.fromkeys(limit.level for limit in limits if limit.level))
-    if level not in known:
-        available = f"; its levels: {', '.join(known)}" if known else "; its model has no levels"
+    """Raise UsageError if the limits of a building do not include a performance level.
+
+    Parameters
+    ----------
+    limits : iterable of Limit
+        Limits of the building.
+    level : str
+        Name of the requested performance level.
+    name : str
+        Name of the building, for the message.
+    """
+    levels = list(dict.fromkeys(limit.level for limit in limits if limit.level))
+    if level not in levels:
+        available = f"; its levels: {', '.join(levels)}" if levels else "; its model has no levels"
         raise UsageError(
             f"--limit {level}: {name} has no performance level {level!r}"
-            f"{did_you_mean(level, known) or available}"
+            f"{did_you_mean(level, levels) or available}"
         )
 
 
 def uniform_drift_limit(limits: Iterable[Limit]) -> float | None:
-    """Return the drift limit that all stories have in common, for figures; None without one."""
+    """Return the limit of the drift ratio, if it is the same in all stories with such a limit, for
+    figures. The result is None if the limits differ or there is no limit."""
     values = {
         value
         for limit in limits
@@ -316,10 +343,17 @@ def uniform_drift_limit(limits: Iterable[Limit]) -> float | None:
 
 
 def isolator_limits(isolators: Iterable[int], stories: int) -> tuple[Limit, ...]:
-    """Return an infinite limit of the displacement of the isolators, to find their maximum.
+    """Return an infinite limit of the displacements of isolators.
 
-    `isolators` are story numbers from 1; the result is empty without isolators.
+    The comparison of demands with this limit returns the maximum displacement of the isolators.
+
+    Parameters
+    ----------
+    isolators : iterable of int
+        Numbers of the stories that are isolators, from 1. Without isolators the result is empty.
+    stories : int
+        Number of stories of the building.
     """
     numbers = set(isolators)
-    values = tuple(math.inf if i + 1 in numbers else math.nan for i in range(stories))
+    values = tuple(math.inf if number in numbers else math.nan for number in range(1, stories + 1))
     return (Limit("", ISOLATOR, values),) if numbers else ()

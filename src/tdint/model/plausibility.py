@@ -1,6 +1,6 @@
-"""Plausibility warnings for buildings and ground motions, most of which are caused by wrong units.
+"""Plausibility warnings about unusual values of buildings and ground motions.
 
-Unusual buildings are never refused.
+Wrong units cause most of these values. Unusual buildings cause warnings but no errors.
 """
 
 from __future__ import annotations
@@ -18,24 +18,27 @@ from tdint.model.definition import Model
 from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
-_MAX_LISTED = 3  # maximum number of stories or ground motions that one warning lists
-_MANY = 10  # maximum number of warnings on the buildings of a study
+_MAX_LISTED = 3
+"""Maximum number of stories or ground motions that a warning lists, so that it stays short."""
+
+_MAX_STUDY_WARNINGS = 10
+"""Maximum number of warnings about the buildings of a study; further warnings are counted."""
 
 
 @dataclass(frozen=True)
-class Usual:
-    """Usual range of a number.
+class UsualRange:
+    """Range of the usual values of a property of buildings, and the warning about other values.
 
     Attributes
     ----------
     name : str
-        Name of the number in warnings.
+        Name of the property in warnings.
     low, high : float
-        Usual range.
+        Minimum and maximum usual value, SI units.
     form : str
-        Format with the unit.
+        Format string for a value with its unit.
     reason : str
-        Examples and a question that help to find the error.
+        Examples of values, and a question that helps the user to identify the error.
     """
 
     name: str
@@ -45,15 +48,16 @@ class Usual:
     reason: str
 
     def text(self, value: float) -> str:
-        """Return a number with its unit."""
+        """Return a value as text with its unit."""
         return self.form.format(value)
 
     def contains(self, value: float) -> bool:
-        """Return True if a number is usual or nan."""
+        """Return True if a value is in the range, or nan (unknown)."""
         return math.isnan(value) or self.low <= value <= self.high
 
     def warning(self, values: str) -> str:
-        """Return the warning for unusual numbers; `values` lists them with their stories."""
+        """Return the warning about unusual values. `values` is a text that lists the values, for
+        example with the numbers of their stories."""
         limits = f"{self.text(self.low)} to {self.text(self.high)}"
         usual = f"at most {self.text(self.high)}" if self.low <= 0.0 else limits
         return f"{self.name} {values}, usual: {usual} ({self.reason})"
@@ -61,7 +65,7 @@ class Usual:
 
 _SECONDS, _METERS = "{:.3g} s", "{:.3g} m"
 
-PERIOD = Usual(
+PERIOD = UsualRange(
     "fundamental period",
     0.03,
     12.0,
@@ -69,7 +73,7 @@ PERIOD = Usual(
     "a one-story masonry house has 0.05 s, the tallest towers 10 s: are the units of mass and "
     "stiffness right?",
 )
-DAMPING = Usual(
+DAMPING = UsualRange(
     "damping ratio of the first mode",
     0.005,
     0.20,
@@ -81,18 +85,18 @@ DAMPING = Usual(
 It detects damping that does not reach the first mode, such as a percentage of a percentage, or
 dashpots of the superstructure only under a building on isolators."""
 
-HEIGHT = Usual(
+HEIGHT = UsualRange(
     "story height",
     1.5,
     15.0,
     _METERS,
     "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?",
 )
-FLOOR = Usual(
+FLOOR = UsualRange(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
     "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg: is the unit of mass right?",
 )  # fmt: skip
-STRENGTH = Usual(
+STRENGTH = UsualRange(
     "yield force over the weight above:",
     0.005,
     3.0,
@@ -100,28 +104,28 @@ STRENGTH = Usual(
     "smaller values would yield in wind, codes require 0.03 to 0.3, low walls have 2: are the "
     "units of force and mass right?",
 )
-BASE_STRENGTH = Usual(
+BASE_STRENGTH = UsualRange(
     "base shear at yield over the weight",
     0.03,
     3.0,
     "{:.3g}",
     "codes require 0.03 to 0.3: do the stiffness and the yield force fit this number of stories?",
 )
-STEP = Usual(
+STEP = UsualRange(
     "steps in a fundamental period",
     10.0,
     math.inf,
     "{:.3g}",
     "with a tenth of the period, peaks have errors of several percent: use a smaller analysis.dt",
 )
-COLLAPSE = Usual(
+COLLAPSE = UsualRange(
     "collapse_drift",
     0.0,
     0.20,
     "{:.3g}",
     "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1",
 )
-DUCTILITY = Usual(
+DUCTILITY = UsualRange(
     "ductility", 0.0, 50.0, "{:.3g}",
     "tests end below 20: is the yield force, or the unit of the record, right?",
 )  # fmt: skip
@@ -139,17 +143,17 @@ UNDAMPED = (
 def plausibility_warnings(
     model: Model, building: Building, pga: float = math.nan, *, has_motion: bool = False
 ) -> tuple[str, ...]:
-    """Return all warnings on a building, and on the peak ground acceleration.
+    """Return all warnings about a building and about the peak ground acceleration.
 
-    In addition to unusual values, these are stories with P-delta larger than the stiffness after
+    The warnings report unusual values, stories with a P-delta effect above the stiffness after
     yield, isolators without restoring stiffness, and an undamped model under a ground motion.
 
     Parameters
     ----------
     model : Model
-        The building.
+        The building as read from its model file.
     building : Building
-        The same as arrays.
+        The same building, assembled to arrays.
     pga : float
         Peak ground acceleration, m/s^2; nan by default, if unknown.
     has_motion : bool
@@ -159,29 +163,41 @@ def plausibility_warnings(
     warnings = unusual_values(model, building, pga)
     if has_motion and not model.plausibility_off and building.approximate_first_mode[1] <= 0.0:
         warnings.append(UNDAMPED)
-    # The residual drift of an isolator without restoring stiffness is arbitrary.
-    unrestored = [
-        i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0
+    # `building.isolators` contains indices from 0; stories are numbered from 1.
+    isolators_without_stiffness = [
+        index + 1
+        for index in building.isolators
+        if stiffness_after_yield(model.stories[index]) <= 0.0
     ]
-    if unrestored:
+    if isolators_without_stiffness:
+        numbers = ", ".join(map(str, isolators_without_stiffness))
         warnings.append(
-            f"isolator of story {', '.join(map(str, unrestored))} has no stiffness after yield: no "
-            "force moves it back, so residual drifts are arbitrary; add hardening"
+            f"isolator of story {numbers} has no stiffness after yield: no force moves it back, so "
+            "residual drifts are arbitrary; add hardening"
         )
     return (*warnings, *unstable_after_yield(model))
 
 
 def unusual_values(model: Model, building: Building, pga: float = math.nan) -> list[str]:
-    """Return a warning for each unusual value of a building.
+    """Return warnings about unusual values of a building and of the ground acceleration.
 
-    `pga` is the peak ground acceleration, m/s^2; nan if unknown.
+    If the model switches plausibility warnings off, only the ground acceleration is checked.
+
+    Parameters
+    ----------
+    model : Model
+        The building as read from its model file.
+    building : Building
+        The same building, assembled to arrays.
+    pga : float
+        Peak ground acceleration, m/s^2; nan if unknown.
     """
     if model.plausibility_off:
         return [*peak_warnings(pga)]
     omega, damping = building.approximate_first_mode
     period = 2.0 * math.pi / omega
-    # A model without any damping is a choice: textbook examples and free vibration are undamped. A
-    # small ratio is damping that does not reach the first mode.
+    # A ratio of 0 is not checked: the user intends it, for example for textbook examples. A small
+    # positive ratio indicates damping that does not act on the first mode.
     checked_damping = damping if damping > 0.0 else math.nan
     checked_values = (
         (PERIOD, period),
@@ -189,9 +205,9 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         (COLLAPSE, model.collapse_drift),
     )
     warnings = [
-        bound.warning(bound.text(value))
-        for bound, value in checked_values
-        if not bound.contains(value)
+        usual_range.warning(usual_range.text(value))
+        for usual_range, value in checked_values
+        if not usual_range.contains(value)
     ]
     warnings += peak_warnings(pga)
     # Strength divided by the weight of the floors above, as codes specify base shears.
@@ -202,8 +218,9 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
         *unusual_stories(STRENGTH, strength / weight),
         *_unusual_floors(building, period),
     ]
-    # No code requires a base shear below the bound. Isolators yield early; a base without a height
-    # is not part of a building; a strength below the bound of the stories is reported already.
+    # Check the base shear at yield, because no code requires less than the minimum of its usual
+    # range. It is not checked if the first story has no height (an isolator, or a model that is not
+    # a building), or if a warning about the strength of this story exists.
     base_strength_ratio = float(strength[0] / weight[0])
     is_base_checked = math.isfinite(building.heights[0]) and STRENGTH.contains(base_strength_ratio)
     if is_base_checked and not BASE_STRENGTH.contains(base_strength_ratio):
@@ -212,42 +229,57 @@ def unusual_values(model: Model, building: Building, pga: float = math.nan) -> l
 
 
 def _unusual_floors(building: Building, period: float) -> list[str]:
-    """Return a warning on floors that are unusually light or heavy; `period` is the first period.
+    """Return a warning about floors that are unusually light or heavy.
 
-    With 200 kg instead of 200 t and a stiffness in kN/m, the period is usual, so the period does
-    not reveal this error. Models without story heights are skipped, because they may represent a
-    laboratory test or a textbook example.
+    If mass and stiffness have wrong units of the same factor, for example kg instead of t and N/m
+    instead of kN/m, the period is usual, so only the mass reveals this error. Stories without a
+    usual height are skipped, because the model may represent a laboratory test or a textbook
+    example.
+
+    Parameters
+    ----------
+    building : Building
+        The building.
+    period : float
+        First natural period, s. If it is unusual, another warning reports this, and the floors are
+        not checked.
     """
     if not PERIOD.contains(period):
         return []
-    usual = building.heights >= HEIGHT.low
-    return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
+    has_usual_height = building.heights >= HEIGHT.low
+    return unusual_stories(FLOOR, np.where(has_usual_height, building.mass, math.nan))
 
 
-# Minimum number of time steps in the fundamental period if the time step is the sampling interval
-# of the record. The default method has errors of 0.05 to 0.3 % with 8 steps and of up to 3 % with
-# 6. With several samples per step, errors are 10 % or more with 10 steps, so `STEP` applies.
-_SAMPLES = 7.0
+_MIN_SAMPLES = 7.0
+"""Minimum number of time steps in the fundamental period if the time step is at most the sampling
+interval of the record. The default method has errors of 0.05 to 0.3 % with 8 steps and of up to 3 %
+with 6 steps. With several samples per step, errors are 10 % or more with 10 steps, so `STEP`
+applies."""
 
 
 def long_step(building: Building, dt: float | None, interval: float | None) -> list[str]:
-    """Return a warning on a time step that is long compared with the fundamental period.
+    """Return a warning if the time step is too long compared with the fundamental period.
 
     Parameters
     ----------
     building : Building
         The building.
     dt : float or None
-        Time step, s; None is the sampling interval of the record.
+        Time step, s; None: the sampling interval of the record is the time step.
     interval : float or None
         Sampling interval of the record, s; None without a record.
+
+    Returns
+    -------
+    list of str
+        The warning; empty if the time step is short enough, or unknown.
     """
     period = 2.0 * math.pi / building.approximate_first_mode[0]
     step = dt or interval
     if step is None or STEP.contains(period / step):
         return []
     # Time steps up to the sampling interval need fewer steps in the period.
-    if interval is not None and step <= interval and period / step >= _SAMPLES:
+    if interval is not None and step <= interval and period / step >= _MIN_SAMPLES:
         return []
     return [
         f"time step {step:.4g} s: {STEP.text(period / step)} steps in the fundamental period, "
@@ -256,33 +288,37 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
 
 
 def study_plausibility_warnings(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]:
-    """Return the warnings on the buildings of a study, each with its model file.
+    """Return warnings about the buildings of a study, each preceded by the model file.
 
-    The same warning on several models is one line; of many lines the first ones are returned.
+    A warning about several models is returned a single time, with the number of models. The result
+    contains at most ten warnings, and the number of further warnings.
 
     Parameters
     ----------
     models : iterable of (Model, Building)
-        Models, and the same as arrays.
+        Buildings as read from their model files, and assembled to arrays.
     """
-    sources: dict[str, list[str]] = {}
+    files_by_warning: dict[str, list[str]] = {}
     for model, building in models:
-        for text in plausibility_warnings(model, building, has_motion=True):
-            sources.setdefault(text, []).append(model.source)
+        for warning in plausibility_warnings(model, building, has_motion=True):
+            files_by_warning.setdefault(warning, []).append(model.source)
     lines = []
-    for text, named in sources.items():
-        # Variations of one model have the same file.
-        files = list(dict.fromkeys(named))
-        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
-        lines.append(f"{files[0]}{more}: {text}")
-    if len(lines) > _MANY:
-        more = f"{len(lines) - _MANY} more warnings on the buildings; `tdint check` lists all"
-        lines = [*lines[:_MANY], more]
+    for warning, files in files_by_warning.items():
+        # Variations of a model have the same file.
+        first_file, *more_files = dict.fromkeys(files)
+        more_text = f" and {len(more_files)} more" if more_files else ""
+        lines.append(f"{first_file}{more_text}: {warning}")
+    if len(lines) > _MAX_STUDY_WARNINGS:
+        omitted_count = len(lines) - _MAX_STUDY_WARNINGS
+        lines[_MAX_STUDY_WARNINGS:] = [
+            f"{omitted_count} more warnings on the buildings; `tdint check` lists all"
+        ]
     return tuple(lines)
 
 
 def suppression_reason(model: Model) -> list[str]:
-    """Return a note if the model suppresses plausibility warnings, with the reason."""
+    """Return a note with the reason if the model switches plausibility warnings off; otherwise an
+    empty list."""
     return (
         [f"plausibility warnings are not shown: {model.plausibility_off}"]
         if model.plausibility_off
@@ -290,22 +326,42 @@ def suppression_reason(model: Model) -> list[str]:
     )
 
 
-def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
-    """Return a warning on the stories with unusual values; empty if all values are usual."""
-    numbers = np.asarray(values, dtype=float).tolist()
-    if all(map(bound.contains, numbers)):
-        return []
-    return unusual(bound, {f"story {number}": value for number, value in enumerate(numbers, 1)})
+def unusual_stories(usual_range: UsualRange, values: Array | Sequence[float]) -> list[str]:
+    """Return a warning about the stories with unusual values; empty if all values are usual.
 
-
-def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
-    """Return a warning that lists the first unusual values; empty if all values are usual.
-
-    `values` contains the values by the name of the story or ground motion.
+    Parameters
+    ----------
+    usual_range : UsualRange
+        Range of the usual values.
+    values : array, shape (n,)
+        Value of each story from the ground up, SI units; nan if unknown.
     """
-    listed = [
-        f"{bound.text(value)} in {name}"
+    values_by_story = np.asarray(values, dtype=float).tolist()
+    # Buildings of a campaign usually have usual values. Skip the dictionary in this case.
+    if all(map(usual_range.contains, values_by_story)):
+        return []
+    return unusual(
+        usual_range,
+        {f"story {number}": value for number, value in enumerate(values_by_story, start=1)},
+    )
+
+
+def unusual(usual_range: UsualRange, values: Mapping[str, float]) -> list[str]:
+    """Return a warning about unusual values; empty if all values are usual. The warning lists the
+    first three unusual values.
+
+    Parameters
+    ----------
+    usual_range : UsualRange
+        Range of the usual values.
+    values : mapping of str to float
+        Values, SI units, by the name of the story or ground motion.
+    """
+    unusual_texts = [
+        f"{usual_range.text(value)} in {name}"
         for name, value in values.items()
-        if not bound.contains(value)
+        if not usual_range.contains(value)
     ]
-    return [bound.warning(abbreviate(listed, _MAX_LISTED))] if listed else []
+    if not unusual_texts:
+        return []
+    return [usual_range.warning(abbreviate(unusual_texts, _MAX_LISTED))]

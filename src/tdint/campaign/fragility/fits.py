@@ -35,6 +35,8 @@ from tdint.number_parsing import LARGEST, abbreviate, pluralize
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 
 _MAX_ITERATIONS = 200
+"""Maximum number of Newton iterations. The iteration usually needs fewer than 20."""
+
 _CONVERGED = 1e-13
 """Tolerance of the Newton decrement, which is about twice the distance of the log-likelihood from
 its maximum. Near the maximum, each decrement is about the square of the previous one."""
@@ -50,12 +52,13 @@ diagonals. Below it, the maximum is not unique."""
 
 @dataclass(frozen=True)
 class Observations:
-    """Observations of a model that is linear in its parameters.
+    """Observations of a normal variable, some of them censored, with standardized values that are
+    linear in the parameters of the model.
 
     Attributes
     ----------
     design : ndarray, shape (n, k)
-        z = design @ parameters.
+        Coefficients of the parameters: the standardized values are z = design @ parameters.
     below, above : ndarray of bool, shape (n,)
         True for a value that is known only to be below, or above, its entry in the design. The
         value is exact if both are False.
@@ -72,21 +75,35 @@ class Observations:
     inverse_sigma: int
 
     @property
-    def known(self) -> float:
-        """Number of exact values."""
+    def exact_count(self) -> float:
+        """Number of exact (not censored) values."""
         return float(np.sum(self.count[~(self.below | self.above)]))
 
-    def logarithm(self, parameters: Array) -> float:
-        """Return the log-likelihood without its constant; -inf if 1 / sigma is not positive."""
+    def log_likelihood(self, parameters: Array) -> float:
+        """Return the logarithm of the likelihood of parameters, shape (k,), without its constant
+        term; -inf if 1 / sigma is not positive."""
         inverse_sigma = float(parameters[self.inverse_sigma])
         if not inverse_sigma > 0.0:
             return -math.inf
         z = self.design @ parameters
         terms = np.where(self.below, log_ndtr(z), np.where(self.above, log_ndtr(-z), -0.5 * z * z))
-        return float(np.sum(self.count * terms)) + self.known * math.log(inverse_sigma)
+        return float(np.sum(self.count * terms)) + self.exact_count * math.log(inverse_sigma)
 
     def derivatives(self, parameters: Array) -> tuple[Array, Array]:
-        """Return gradient and Hessian of the log-likelihood, shapes (k,) and (k, k)."""
+        """Return the derivatives of the log-likelihood with respect to the parameters.
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (k,)
+            Parameters with a positive 1 / sigma.
+
+        Returns
+        -------
+        gradient : ndarray, shape (k,)
+            First derivatives.
+        hessian : ndarray, shape (k, k)
+            Second derivatives.
+        """
         # The derivatives contain phi(z) / Phi(z), the density divided by the distribution function.
         # Compute the ratio from logarithms, because both functions underflow for large |z|.
         z = self.design @ parameters
@@ -104,14 +121,13 @@ class Observations:
         inverse_sigma, index = float(parameters[self.inverse_sigma]), self.inverse_sigma
         gradient = self.design.T @ (self.count * first)
         hessian = (self.design.T * (self.count * second)) @ self.design
-        gradient[index] += self.known / inverse_sigma
-        hessian[index, index] -= self.known / inverse_sigma**2
+        gradient[index] += self.exact_count / inverse_sigma
+        hessian[index, index] -= self.exact_count / inverse_sigma**2
         return gradient, hessian
 
 
 def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | None:
-    """Return the parameters of maximum likelihood, and their covariance (the inverse of the
-    observed information).
+    """Compute the parameters of maximum likelihood by Newton's iteration.
 
     Parameters
     ----------
@@ -122,11 +138,12 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
 
     Returns
     -------
-    tuple or None
-        Arrays of shape (k,) and (k, k); None if no maximum exists at finite parameters.
+    tuple of ndarray, or None
+        Parameters, shape (k,), and their covariance, shape (k, k), which is the inverse of the
+        observed information. None if no maximum exists at finite parameters.
     """
     parameters = np.asarray(start, float)
-    value = observations.logarithm(parameters)
+    log_likelihood = observations.log_likelihood(parameters)
     for _ in range(_MAX_ITERATIONS):
         # The log-likelihood is concave, so that Newton's iteration converges to its maximum. If it
         # has no curvature in some direction, it has no unique maximum.
@@ -135,23 +152,26 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
             return None
         step = np.linalg.solve(-hessian, gradient)
         newton_decrement = float(gradient @ step)
-        # Converged. Add this last step without checking that the likelihood increases, because
-        # rounding errors would exceed the increase.
-        if newton_decrement <= _CONVERGED * max(1.0, abs(value)):
+        # After convergence, add the last step without a check that the likelihood increases,
+        # because rounding errors would exceed the increase.
+        if newton_decrement <= _CONVERGED * max(1.0, abs(log_likelihood)):
             return parameters + step, np.asarray(np.linalg.inv(-hessian), float)
-        fraction = 1.0
         # A step that does not increase the likelihood is too long, and is halved.
-        while not (new_value := observations.logarithm(parameters + fraction * step)) > value:
+        fraction = 1.0
+        increased = observations.log_likelihood(parameters + step)
+        while not increased > log_likelihood:
             fraction *= 0.5
             if fraction < _MIN_STEP_FRACTION:
                 return None
-        parameters, value = parameters + fraction * step, new_value
+            increased = observations.log_likelihood(parameters + fraction * step)
+        parameters, log_likelihood = parameters + fraction * step, increased
     return None
 
 
 def _is_flat(hessian: Array) -> bool:
-    """Return True if the log-likelihood has no curvature in some direction of the parameters. Then
-    it increases without limit, or it does not distinguish the parameters."""
+    """Return True if the log-likelihood with this Hessian, shape (k, k), has no curvature in some
+    direction of the parameters. In this case it increases without limit in this direction, or the
+    observations do not distinguish the parameters."""
     diagonal = -np.diagonal(hessian)
     if not np.all(diagonal > 0.0):
         return True
@@ -162,10 +182,17 @@ def _is_flat(hessian: Array) -> bool:
 
 STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
 FITS = (STRIPES, IDA, CLOUD)
-_MIN_DISPERSION = 1e-9  # smaller dispersions are rounding errors of equal capacities
-_MOST_NAMES = 10  # maximum number of names in a message
-# Number of standard deviations around the mean that contain 95 % of a normal distribution
+"""Names of the available fits."""
+
+_MIN_DISPERSION = 1e-9
+"""Minimum dispersion of capacities. Smaller values are rounding errors of equal capacities."""
+
+_MOST_NAMES = 10
+"""Maximum number of names of functions in a message, so that the message stays readable."""
+
 _NORMAL_95 = 1.959963984540054
+"""Half width of the interval around the mean that contains 95 % of a normal distribution, in
+standard deviations."""
 
 SAME_LEVEL = 1e-6
 """Relative difference of intensities below which they belong to one level."""
@@ -181,8 +208,15 @@ four states) random scatter exceeds it in one of five studies."""
 
 @dataclass(frozen=True)
 class Points:
-    """Observations of a fit for figures: intensities, and the fraction of the records that exceed
-    the threshold at each intensity; arrays of shape (k,)."""
+    """Observations of a fit that a figure shows next to the fitted function.
+
+    Attributes
+    ----------
+    im : ndarray, shape (k,)
+        Intensities.
+    fraction : ndarray, shape (k,)
+        Fraction of the records that exceed the threshold at each intensity.
+    """
 
     im: Array
     fraction: Array
@@ -224,15 +258,16 @@ class Counted:
 
     @property
     def excess_in_errors(self) -> Array:
-        """Difference between function and count, reduced by half a ground motion, divided by its
-        standard error."""
+        """Absolute difference between fitted and counted fraction, reduced by half a ground motion
+        and divided by its standard error; 0 if the difference is at most half a ground motion."""
         excess = np.abs(self.fraction - self.fitted) - self.half_motion
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(excess > 0.0, excess / self.error, 0.0)
 
     @property
     def bound(self) -> Array:
-        """Difference between function and count that is reported if exceeded."""
+        """Maximum absolute difference between fitted and counted fraction that random scatter
+        explains. Larger differences are reported."""
         return _REPORTED_DIFFERENCE * self.error + self.half_motion
 
 
@@ -378,14 +413,26 @@ class Fragility:
         im : ndarray, shape (k,)
             Intensities in the unit of the function.
         """
-        z, error = self._z(im)
+        z, error = self._standardize(im)
         return np.asarray(ndtr(z - _NORMAL_95 * error)), np.asarray(ndtr(z + _NORMAL_95 * error))
 
-    def _z(self, im: Array) -> tuple[Array, Array]:
-        """Return z = ln(im / theta) / beta and its standard error (delta method), shape (k,)."""
+    def _standardize(self, im: Array) -> tuple[Array, Array]:
+        """Return the standardized intensities z = ln(im / theta) / beta and their standard errors,
+        by the delta method.
+
+        Parameters
+        ----------
+        im : ndarray, shape (k,)
+            Intensities in the unit of theta.
+
+        Returns
+        -------
+        tuple of ndarray, shape (k,)
+            z, and its standard error.
+        """
         z = np.log(np.asarray(im) / self.theta) / self.beta
-        (theta_variance, mixed), (_, beta_variance) = self.covariance
-        variance = theta_variance + 2.0 * mixed * z + beta_variance * z * z
+        (ln_theta_variance, mixed), (_, beta_variance) = self.covariance
+        variance = ln_theta_variance + 2.0 * mixed * z + beta_variance * z * z
         return z, np.sqrt(np.maximum(variance, 0.0)) / self.beta
 
     def beside_counts(
@@ -396,8 +443,10 @@ class Fragility:
         runs: Array | None = None,
         motion: NDArray[np.intp] | None = None,
     ) -> Fragility:
-        """Return the function with `counted`, the counts of exceedances with which it can be
-        compared. The covariance is removed if the median is extrapolated (`within`).
+        """Return a copy of the function with the attribute `counted`: the fractions of exceedances
+        in bins of the intensity, with which the function can be compared.
+
+        If the median is extrapolated, the covariance of the copy is NaN (`within`).
 
         Parameters
         ----------
@@ -412,32 +461,25 @@ class Fragility:
             as one observation. By default all entries are independent.
         """
         weight = np.ones(im.size) if runs is None else runs
-        # Form bins with about equal numbers of runs. With few levels, each level is a bin.
-        # Otherwise the bin of a level follows from the fraction of the runs at lower levels.
-        level = levels_of(im)
-        runs_at_level = np.bincount(level, weight)
-        fraction_below = (np.cumsum(runs_at_level) - 0.5 * runs_at_level) / np.sum(runs_at_level)
-        bin_of_run = level
-        if runs_at_level.size > BINS:
-            bin_of_run = np.floor(BINS * fraction_below).astype(np.intp)[level]
-        bin_index = np.unique(bin_of_run, return_inverse=True)[1]  # without empty bins
+        bin_index = _bin_indices(im, weight)
         bin_runs = np.bincount(bin_index, weight)
         bin_im = np.exp(np.bincount(bin_index, weight * np.log(im)) / bin_runs)
         fraction = np.bincount(bin_index, weight * exceeding) / bin_runs
         fitted = np.bincount(bin_index, weight * self.probability(im)) / bin_runs
         # The variance is binomial, with one independent observation per ground motion, plus the
         # variance of the fit, by the delta method.
-        motions = bin_runs
-        if motion is not None:  # number of distinct ground motions in each bin
-            distinct = np.unique(np.column_stack([bin_index, motion]), axis=0)
-            motions = np.bincount(distinct[:, 0])
-        z, error = self._z(bin_im)
-        fit_error = np.nan_to_num(error) * np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        motion_counts = bin_runs
+        if motion is not None:  # count the distinct ground motions in each bin
+            distinct_pairs = np.unique(np.column_stack([bin_index, motion]), axis=0)
+            motion_counts = np.bincount(distinct_pairs[:, 0])
+        z, z_error = self._standardize(bin_im)
+        density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        fit_error = np.nan_to_num(z_error) * density
         difference_error = np.sqrt(
-            np.maximum(fitted * (1.0 - fitted), 0.0) / motions + fit_error**2
+            np.maximum(fitted * (1.0 - fitted), 0.0) / motion_counts + fit_error**2
         )
         counted = Counted(
-            bin_im, bin_runs.astype(float), fraction, fitted, difference_error, 0.5 / motions
+            bin_im, bin_runs.astype(float), fraction, fitted, difference_error, 0.5 / motion_counts
         )
         return replace(self, counted=counted).within(
             im, float(np.sum(weight * exceeding) / np.sum(weight))
@@ -530,18 +572,20 @@ class Fragility:
         UsageError
             The unit of the intensity is unknown.
         """
-        quantities = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH}
-        si = next((si for si, units in quantities.items() if self.unit in units), "")
-        if not si:
+        # For each SI unit, the units of the same quantity and their values in the SI unit.
+        units_by_si = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH}
+        si_unit = next((si for si, names in units_by_si.items() if self.unit in names), "")
+        if not si_unit:
             raise UsageError(
                 "output units cannot be used, because the unit of the intensities is unknown, got "
                 f"{self.unit!r}; add a column `unit` to the table, with a unit such as m/s^2"
             )
-        unit, value = units.unit(si)
-        factor = quantities[si][self.unit] / value
+        unit, value = units.unit(si_unit)
+        factor = units_by_si[si_unit][self.unit] / value
         # Convert the observations also, because figures show them on the same axis.
-        points, cloud = self.points and replace(self.points, im=factor * self.points.im), self.cloud
-        if cloud is not None:  # ln EDP = a + b ln IM
+        points = self.points and replace(self.points, im=factor * self.points.im)
+        cloud = self.cloud
+        if cloud is not None:  # the line is ln EDP = intercept + slope ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
         first_bound, second_bound = (
@@ -559,23 +603,67 @@ class Fragility:
         )
 
 
+def _bin_indices(im: Array, weight: Array) -> NDArray[np.intp]:
+    """Divide intensities into at most `BINS` bins with about equal numbers of runs, and return the
+    index of the bin of each intensity.
+
+    Parameters
+    ----------
+    im : ndarray, shape (n,)
+        Intensities.
+    weight : ndarray, shape (n,)
+        Number of runs at each intensity.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Index of the bin, from 0. No bin is empty.
+    """
+    level = levels_of(im)
+    runs_at_level = np.bincount(level, weight)
+    # With few levels, each level is a bin. Otherwise the bin of a level is determined by the
+    # fraction of the runs below its middle run.
+    bin_numbers = level
+    if runs_at_level.size > BINS:
+        fraction_below = (np.cumsum(runs_at_level) - 0.5 * runs_at_level) / np.sum(runs_at_level)
+        bin_numbers = np.floor(BINS * fraction_below).astype(np.intp)[level]
+    # Renumber the bins, because bins may be empty.
+    return np.unique(bin_numbers, return_inverse=True)[1]
+
+
 def extrapolated(functions: Sequence[Fragility]) -> list[str]:
-    """Return one message for each reason why medians are extrapolated, which lists the functions
-    that the reason concerns."""
-    names_of_reason: dict[str, list[str]] = {}
+    """Return messages about functions with an extrapolated median.
+
+    Each reason for an extrapolation has one message, which lists the functions that the reason
+    concerns.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        All functions of a table.
+    """
+    names_by_reason: dict[str, list[str]] = {}
     for function in functions:
         if function.extrapolated:
             name = function.exceeded or "the threshold"
-            names_of_reason.setdefault(function.extrapolated, []).append(name)
+            names_by_reason.setdefault(function.extrapolated, []).append(name)
     return [
         f"{reason} {abbreviate(names, _MOST_NAMES)}: the median is extrapolated"
-        for reason, names in sorted(names_of_reason.items(), reverse=True)
+        for reason, names in sorted(names_by_reason.items(), reverse=True)
     ]
 
 
 def levels_of(im: Array) -> NDArray[np.intp]:
-    """Return the index of the intensity level of each intensity, from 0. Intensities belong to one
-    level if, in ascending order, they differ from their neighbors by less than `SAME_LEVEL`."""
+    """Return the index of the level of each intensity, from 0 for the lowest level.
+
+    In ascending order, neighboring intensities belong to the same level if their relative
+    difference is at most `SAME_LEVEL`.
+
+    Parameters
+    ----------
+    im : ndarray, shape (n,)
+        Intensities, positive, in any order.
+    """
     order = np.argsort(im)
     ln_lowest = math.log(float(im[order[0]]))
     is_next_level = np.diff(np.log(im[order]), prepend=ln_lowest) > SAME_LEVEL
@@ -609,25 +697,59 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
     im_levels, exceeding_counts, record_counts = (
         np.asarray(values, float) for values in (im, exceeding, records)
     )
-    if not (
-        im_levels.ndim == 1
-        and im_levels.shape == exceeding_counts.shape == record_counts.shape
-        and im_levels.size
-    ):
+    _check_stripes(im_levels, exceeding_counts, record_counts)
+    # An exceedance is a capacity below the level; any other record has a capacity above it.
+    other_counts = record_counts - exceeding_counts
+    limits = np.concatenate([im_levels, im_levels])
+    is_below = np.repeat([True, False], im_levels.size)
+    counts_at_limits = np.concatenate([exceeding_counts, other_counts])
+    solution = _lognormal(limits, is_below, ~is_below, counts_at_limits)
+    if solution is None:
+        raise AnalysisError(
+            "the fraction of exceedances does not increase with intensity: no lognormal "
+            "distribution can be fitted; check the levels, or add records"
+        )
+    return _function(
+        STRIPES,
+        *solution,
+        runs=int(np.sum(record_counts)),
+        motions=int(np.max(record_counts)),
+        points=Points(im_levels, exceeding_counts / record_counts),
+    )
+
+
+def _check_stripes(im_levels: Array, exceeding_counts: Array, record_counts: Array) -> None:
+    """Check that exceedances at intensity levels determine a lognormal distribution.
+
+    Parameters
+    ----------
+    im_levels : ndarray
+        Intensity levels.
+    exceeding_counts, record_counts : ndarray
+        Number of records that exceed, and number of all records, at each level.
+
+    Raises
+    ------
+    UsageError
+        The arrays have different shapes, or a value is invalid.
+    AnalysisError
+        The likelihood has no maximum: only exceedances or no exceedances exist, or the levels with
+        and without exceedances do not overlap.
+    """
+    has_equal_shapes = im_levels.shape == exceeding_counts.shape == record_counts.shape
+    if im_levels.ndim != 1 or not im_levels.size or not has_equal_shapes:
         raise UsageError(
             "stripes: levels, numbers of exceedances and numbers of records must be arrays of the "
-            "same length"
+            f"same length, got the shapes {im_levels.shape}, {exceeding_counts.shape} and "
+            f"{record_counts.shape}"
         )
     _check_positive(im_levels, "levels of intensity")
-    if not np.all(
-        (exceeding_counts >= 0) & (exceeding_counts <= record_counts) & (record_counts > 0)
-    ):
+    is_count_valid = (exceeding_counts >= 0) & (exceeding_counts <= record_counts)
+    if not np.all(is_count_valid & (record_counts > 0)):
         raise UsageError(
             "stripes: at every level the number of records must be positive, and the number of "
             "exceedances must not exceed it"
         )
-    # Detect the two cases without a maximum of the likelihood before the iteration: only
-    # exceedances or none at all, and no overlap of the levels with and without exceedances.
     other_counts = record_counts - exceeding_counts
     if not exceeding_counts.any() or not other_counts.any():
         reason = (
@@ -643,28 +765,11 @@ def fit_stripes(im: Numbers, exceeding: Numbers, records: Numbers) -> Fragility:
             "no record exceeds below some level and all records exceed above it: the dispersion "
             "cannot be estimated; add intensity levels in between"
         )
-    # An exceedance is a capacity below the level; any other record has a capacity above it.
-    both_levels = np.concatenate([im_levels, im_levels])
-    is_below = np.repeat([True, False], im_levels.size)
-    solution = _lognormal(
-        both_levels, is_below, ~is_below, np.concatenate([exceeding_counts, other_counts])
-    )
-    if solution is None:
-        raise AnalysisError(
-            "the fraction of exceedances does not increase with intensity: no lognormal "
-            "distribution can be fitted"
-        )
-    counts: dict[str, Any] = {
-        "runs": int(np.sum(record_counts)),
-        "motions": int(np.max(record_counts)),
-    }
-    return _function(
-        STRIPES, *solution, **counts, points=Points(im_levels, exceeding_counts / record_counts)
-    )
 
 
 def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) -> Fragility:
-    """Fit a lognormal distribution to capacities: intensities at which records first exceed.
+    """Fit a lognormal distribution to capacities: the intensities at which the records first exceed
+    a threshold.
 
     Without censored capacities theta is the geometric mean, and beta is the standard deviation of
     the logarithms (n - 1). With censored capacities both are maximum-likelihood estimates.
@@ -716,9 +821,14 @@ def fit_capacities(capacity: Numbers, censored: Sequence[bool] | None = None) ->
         raise AnalysisError(
             "the dispersion cannot be estimated: too many capacities are equal or censored"
         )
-    points = empirical(x, above)
-    counts: dict[str, Any] = {"runs": x.size, "motions": x.size, "censored": int(np.sum(above))}
-    return _function(IDA, *solution, **counts, points=points)
+    return _function(
+        IDA,
+        *solution,
+        runs=x.size,
+        motions=x.size,
+        censored=int(np.sum(above)),
+        points=empirical(x, above),
+    )
 
 
 def fit_cloud(
@@ -791,17 +901,17 @@ def fit_cloud(
     }
     inverse_beta, functions = slope / sigma, []
     for threshold in thresholds:
-        mean = (math.log(threshold) - intercept) / slope
-        # Derivatives of ln theta and beta with respect to (g0, g1, 1 / sigma)
+        ln_theta = (math.log(threshold) - intercept) / slope
+        # The rows are the derivatives of ln theta and beta with respect to (g0, g1, 1 / sigma).
         jacobian = (
-            np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / inverse_beta, 0.0]])
+            np.array([[-1.0, -ln_theta, math.log(threshold)], [0.0, -1.0 / inverse_beta, 0.0]])
             / inverse_beta
         )
         function_covariance = jacobian @ covariance @ jacobian.T
         functions.append(
             _function(
                 CLOUD,
-                mean,
+                ln_theta,
                 1.0 / inverse_beta,
                 function_covariance,
                 threshold=float(threshold),
@@ -837,7 +947,7 @@ def _line(
     if not below.any() and np.unique(x[exact]).size < 3:
         raise AnalysisError(
             "a cloud requires at least three different intensities with demands that are not "
-            "censored"
+            f"censored, got {np.unique(x[exact]).size}; add runs at other intensities"
         )
     # Start from the least-squares line. If all demands are exactly on it, the dispersion is zero,
     # and the likelihood has no maximum.
@@ -858,14 +968,21 @@ def _line(
         raise AnalysisError(
             "demands do not increase with intensity: a line with positive slope cannot be fitted"
         )
-    (g0, g1, h), covariance = solution
-    return float(g0 / h), float(g1 / h), float(1.0 / h), covariance
+    # The parameters of the likelihood are the coefficients of the line divided by sigma, and
+    # 1 / sigma.
+    (scaled_intercept, scaled_slope, inverse_sigma), covariance = solution
+    return (
+        float(scaled_intercept / inverse_sigma),
+        float(scaled_slope / inverse_sigma),
+        float(1.0 / inverse_sigma),
+        covariance,
+    )
 
 
 def _function(
     fit: str, ln_theta: float, beta: float, covariance: Array, **attributes: Any
 ) -> Fragility:
-    """Return the fragility function of a fit.
+    """Create the fragility function of a fit.
 
     Parameters
     ----------
@@ -875,8 +992,8 @@ def _function(
         Logarithm of the median, and dispersion.
     covariance : ndarray, shape (2, 2)
         Covariance of `ln_theta` and `beta`.
-    **observed
-        Further attributes of `Fragility`.
+    **attributes
+        Further attributes of `Fragility` by name.
 
     Raises
     ------
@@ -895,8 +1012,7 @@ def _function(
 def _lognormal(
     x: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], count: Array
 ) -> tuple[float, float, Array] | None:
-    """Fit a lognormal distribution of capacities by maximum likelihood. Return ln theta, beta and
-    their covariance; None if the likelihood has no maximum.
+    """Fit a lognormal distribution of capacities by maximum likelihood.
 
     Parameters
     ----------
@@ -906,6 +1022,12 @@ def _lognormal(
         True if the capacity is known only to be below, or above, the intensity.
     count : ndarray, shape (n,)
         Number of times that each observation was made.
+
+    Returns
+    -------
+    tuple or None
+        Logarithm of the median, dispersion, and their covariance, shape (2, 2); None if the
+        likelihood has no maximum.
     """
     # Standardized logarithms avoid a nearly singular Hessian if all intensities are similar. If all
     # are equal, their standard deviation is zero, and any scale is possible.
@@ -925,9 +1047,21 @@ def _lognormal(
 
 
 def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
-    """Return the fraction of records that exceed at each exact capacity (Kaplan and Meier 1958).
+    """Return the empirical distribution of capacities, some of which may be censored (Kaplan and
+    Meier 1958).
 
-    The fraction is the middle of the step of the empirical distribution at that capacity.
+    Parameters
+    ----------
+    capacity : ndarray, shape (n,)
+        Capacities; for censored capacities the limit above which they are.
+    censored : ndarray of bool, shape (n,)
+        True for censored capacities.
+
+    Returns
+    -------
+    Points
+        Capacities that are not censored, in ascending order, and the fraction of records that
+        exceed at each capacity: the middle of the step of the empirical distribution.
     """
     order = np.lexsort((censored, capacity))
     # `not_exceeded` is the estimated fraction of records that do not exceed below the present
@@ -944,7 +1078,8 @@ def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
 
 
 def _check_positive(values: Array, name: str) -> None:
-    """Raise UsageError if a value is not a positive number."""
+    """Raise UsageError if a value is not a positive number. `name` is the name of the values in the
+    message, in the plural."""
     is_valid = np.isfinite(values) & (values > 0.0)
     if not np.all(is_valid):
         raise UsageError(f"{name} must be positive numbers, got {values[~is_valid][0]:g}")
@@ -953,8 +1088,8 @@ def _check_positive(values: Array, name: str) -> None:
 def fit_at_threshold(
     threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
 ) -> Fragility | AnalysisError:
-    """Return the function that `fit` fits, with its threshold; if it cannot be fitted, return the
-    error.
+    """Fit a function for a threshold. If it cannot be fitted, return the error instead of raising
+    it, so that the caller can report it with the other functions.
 
     Parameters
     ----------
