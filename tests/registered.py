@@ -28,7 +28,7 @@ def forget():
     for name in list(definition.CODES)[OURS:]:
         del definition.CODES[name]
     del NUMBERED[OURS:]
-    for name in set(measures.MEASURES) - set(measures._OURS):
+    for name in set(measures.MEASURES) - set(measures._BUILTIN_MEASURES):
         del measures.MEASURES[name]
     for cached in (methods._known, methods.catalogue, definition.laws, runs._parse_cached):
         cached.cache_clear()

@@ -31,38 +31,50 @@ CAV5 = 0.05
 BRACKET = 0.05 * STANDARD_GRAVITY
 """Acceleration threshold of the bracketed duration, m/s^2 (Bolt 1969)."""
 
-_A95 = 0.95  # fraction of the Arias intensity at accelerations up to A95
+_A95 = 0.95  # fraction of the Arias intensity below the level A95 (Sarma and Yang 1987)
 
 _MEAN_PERIOD_BAND = (0.25, 20.0)
 _MEAN_PERIOD_STEP = 0.05
 """Frequency range and maximum frequency interval of the mean period, Hz (Rathje, Faraj, Russell and
 Bray 2004, Earthquake Spectra 20(1))."""
 
-_MOST_POINTS = 10_000_000  # samples with zeros behind the record; limits time and memory
+_MAX_FOURIER_SAMPLES = 10_000_000
+"""Maximum number of samples of the Fourier transform, with added zeros, for the mean period; limits
+time and memory."""
 
 _CODES = re.compile(r"[A-Z0-9]{0,2}\.[A-Z0-9]{1,5}\.[^.]*\.[A-Z0-9]N[A-Z0-9]")
 """Pattern of the id of an accelerometer channel that MiniSEED can store (SEED manual 2.4)."""
 
-_HALVINGS = 60  # bisection steps; the interval is then below the resolution of floats
-_PADDING = 0.05
-"""Fraction of the record length; more zeros at an end are reported."""
+_MAX_BISECTIONS = 60
+"""Maximum number of bisections of an interval of length 1; the final interval is then shorter than
+the resolution of floats."""
 
-_FEW_ZEROS = 10  # samples; up to this number, zeros at an end are not reported
+_ZERO_FRACTION = 0.05
+"""Fraction of the number of samples; more zeros at an end of the record are reported."""
 
-_JUMP = 0.1
+_MIN_REPORTED_ZEROS = 10  # up to this number of samples, zeros at an end are not reported
+
+_MAX_FIRST_SAMPLE = 0.1
 """Fraction of the peak acceleration; a larger first sample is reported."""
 
-_LEFT = 0.5
+_MAX_FINAL_DISPLACEMENT = 0.5
 """Fraction of the peak displacement; a larger final displacement is reported."""
 
-_DRIFT = 0.1
+_MAX_FINAL_VELOCITY = 0.1
 """Fraction of the peak velocity; a larger final velocity is reported."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Velocity (m/s) and displacement (m) of the ground at the samples, shape (samples,), and their
-    peaks, including maxima between samples."""
+    """Velocity and displacement of the ground, computed by integration of the acceleration.
+
+    Attributes
+    ----------
+    velocity, displacement : ndarray, shape (samples,)
+        Velocity (m/s) and displacement (m) at the samples.
+    pgv, pgd : float
+        Maximum absolute velocity (m/s) and displacement (m) at and between the samples.
+    """
 
     velocity: Array
     displacement: Array
@@ -121,39 +133,64 @@ class Measures:
 
 
 def measure(record: Record) -> Measures:
-    """Compute the intensity measures of a record, except the spectrum intensity; infinite or nan
-    if they exceed the range of floats."""
+    """Compute the intensity measures of a record that do not require a response spectrum.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+
+    Returns
+    -------
+    Measures
+        Intensity measures in SI units; infinite or nan if a value exceeds the range of floats.
+    """
     # As a decorator, errstate would share its saved state between threads (numpy before 2).
     with np.errstate(over="ignore", invalid="ignore"):
         motion = integrate(record)
         leading, trailing = zeros_at_ends(record.acceleration)
-        doubts = _doubts(record, motion, leading, trailing)
-    # Peaks of the velocity and the displacement in a file are more accurate than integration.
-    both = (
+        warnings = _plausibility_notes(record, motion, leading, trailing)
+    # Peaks that are stored in the file are used instead of the integrated peaks, because they are
+    # more accurate. The notes state the integrated peaks for comparison.
+    peaks = (
         ("velocity", record.peaks[0], motion.pgv, "m/s"),
         ("displacement", record.peaks[1], motion.pgd, "m"),
     )
-    of_file = [
+    peak_notes = [
         f"the peak {name} is from the {name} in the file; integration from rest gives "
-        f"{integrated:.4g} {unit}"
-        for name, column, integrated, unit in both
-        if column is not None
+        f"{integrated_peak:.4g} {unit}"
+        for name, stored_peak, integrated_peak, unit in peaks
+        if stored_peak is not None
     ]
     return Measures(
-        **{name.replace("-", "_"): MEASURES[name].of(record) for name in _OURS},
+        **{name.replace("-", "_"): MEASURES[name].of(record) for name in _BUILTIN_MEASURES},
         mean_period=mean_period(record),
         a95=a95(record),
         bracketed_duration=bracketed_duration(record, BRACKET),
         mean=float(np.mean(record.acceleration)),
         leading_zeros=leading,
         trailing_zeros=trailing,
-        notes=(*of_file, *doubts),
+        notes=(*peak_notes, *warnings),
     )
 
 
 def integrate(record: Record) -> Motion:
-    """Integrate the acceleration of a record from rest at the first sample, without baseline
-    correction."""
+    """Integrate the acceleration of a record to velocity and displacement.
+
+    The ground is at rest at the first sample, and the acceleration is linear between samples. The
+    integrals and the maxima between samples are exact for this acceleration. The baseline is not
+    corrected.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+
+    Returns
+    -------
+    Motion
+        Velocity and displacement at the samples, and their peaks.
+    """
     a, h = record.acceleration, record.dt
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
     displacement = np.concatenate(
@@ -165,39 +202,52 @@ def integrate(record: Record) -> Motion:
     time = h * a[i] / (a[i] - a[i + 1])
     pgv = max(_largest(velocity), _largest(velocity[i] + 0.5 * a[i] * time))
 
-    # The displacement may have its maximum at a zero of the velocity, a parabola between samples.
+    # The displacement may have its maximum at a zero of the velocity, which is a quadratic function
+    # of time between samples. The roots are computed by the formula without cancellation. A root
+    # that does not exist is nan or infinite, and is excluded by the comparison with h.
     start, slope = a[:-1], np.diff(a) / h
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # Without a root, or with a root at infinity, no maximum is within the interval.
-        q = -0.5 * (
-            start + np.copysign(np.sqrt(start * start - 2.0 * slope * velocity[:-1]), start)
-        )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        discriminant = start * start - 2.0 * slope * velocity[:-1]
+        q = -0.5 * (start + np.copysign(np.sqrt(discriminant), start))
         roots = np.stack([2.0 * q / slope, velocity[:-1] / q])
     row, i = np.nonzero((roots > 0.0) & (roots < h))
     t = roots[row, i]
-    between = displacement[i] + t * (velocity[i] + t * (0.5 * start[i] + t * slope[i] / 6.0))
-    return Motion(velocity, displacement, pgv, max(_largest(displacement), _largest(between)))
+    extrema = displacement[i] + t * (velocity[i] + t * (0.5 * start[i] + t * slope[i] / 6.0))
+    return Motion(velocity, displacement, pgv, max(_largest(displacement), _largest(extrema)))
 
 
 def channels_of(records: Sequence[Record]) -> list[Record]:
     """Return acceleration, velocity and displacement of records as channels for `to_mseed`.
 
-    The three channels of a record have the same codes, with the location codes of
-    `UNITS_BY_LOCATION`. The codes of the records are used if all are different accelerometer
-    channels. Otherwise the stations are R01, R02, ... with the channel HN1.
+    The three channels of a record differ only in their location codes, which identify the units
+    (`UNITS_BY_LOCATION`). The network, station and channel codes of the records are used if they
+    are different accelerometer channels. Otherwise the stations are R01, R02, ... with the channel
+    HN1.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Ground motions.
+
+    Returns
+    -------
+    list of Record
+        Three records for each ground motion, with ids NET.STA.LOC.CHA. The attribute `acceleration`
+        contains m/s^2, m/s and m, respectively.
     """
     codes = [record.id.split(".") for record in records]
     are_accelerometers = all(_CODES.fullmatch(record.id) for record in records)
-    if not are_accelerometers or len(
+    # The ids are distinct without their locations, because the locations are replaced.
+    are_distinct = are_accelerometers and len(
         {(network, station, channel) for network, station, _, channel in codes}
-    ) < len(codes):
+    ) == len(codes)
+    if not are_distinct:
         codes = [["", f"R{number:02d}", "", "HN1"] for number in range(1, len(records) + 1)]
     channels = []
     for record, (network, station, _, channel) in zip(records, codes, strict=True):
         motion = integrate(record)
-        of_each = (record.acceleration, motion.velocity, motion.displacement)
-        for location, samples in zip(UNITS_BY_LOCATION, of_each, strict=True):
+        quantities = (record.acceleration, motion.velocity, motion.displacement)
+        for location, samples in zip(UNITS_BY_LOCATION, quantities, strict=True):
             channels.append(
                 replace(
                     record, acceleration=samples, id=f"{network}.{station}.{location}.{channel}"
@@ -208,29 +258,32 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
 
 def cumulative_energy(record: Record) -> Array:
     """Return the integral of the squared acceleration from the first sample to each sample,
-    m^2/s^3, shape (samples,)."""
+    m^2/s^3, shape (samples,). It is exact for an acceleration that is linear between samples."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
 
 
-_BEHIND = 0.05  # fraction of the Arias intensity after the end of D5-95
-_MOST_NAMES = 5  # maximum number of records named in a message
+_MAX_OMITTED_ENERGY = 0.05
+"""Fraction of the Arias intensity that an analysis may omit without a warning; it is the fraction
+after the end of the significant duration D5-95."""
 
-_ARIAS = math.pi / (2.0 * STANDARD_GRAVITY)
+_MAX_LISTED_RECORDS = 5  # maximum number of records listed in a message
+
+_ARIAS_FACTOR = math.pi / (2.0 * STANDARD_GRAVITY)
+"""Ratio of the Arias intensity to the integral of the squared acceleration, s^2/m."""
 
 
 def arias_intensity(record: Record) -> float:
     """Return the Arias intensity (Arias 1970), m/s: pi / (2 g) times the integral of the squared
     acceleration."""
-    return _ARIAS * float(cumulative_energy(record)[-1])
+    return _ARIAS_FACTOR * float(cumulative_energy(record)[-1])
 
 
 def cut_off(records: Iterable[Record], end: float) -> list[str]:
-    """Return a warning if an analysis ends too early for its records.
+    """Return a warning if an analysis ends before the strong part of a ground motion does.
 
-    The warning is given if more than 5 % of the Arias intensity of a record, the fraction after
-    D5-95, follows the end of the analysis. The duration in a model may have been chosen for another
-    record.
+    The criterion is that more than 5 % of the Arias intensity of a record follows the end of the
+    analysis. This happens if the duration in a model file was selected for another record.
 
     Parameters
     ----------
@@ -249,20 +302,21 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
         if end < record.duration:
             energy = cumulative_energy(record)
             omitted = float(energy[-1] - energy[round(end / record.dt)])
-            if omitted > _BEHIND * energy[-1]:
+            if omitted > _MAX_OMITTED_ENERGY * energy[-1]:
                 omitted_parts.append(f"{record.name} {100.0 * omitted / energy[-1]:.2g} %")
     warning = (
         f"the analysis ends at {end:.6g} s and omits a part of the Arias intensity: "
-        f"{abbreviate(omitted_parts, _MOST_NAMES)}; increase the duration"
+        f"{abbreviate(omitted_parts, _MAX_LISTED_RECORDS)}; increase the duration"
     )
     return [warning] if omitted_parts else []
 
 
 def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
-    """Return the time from the first sample at which a fraction of the energy is reached.
+    """Return the time from the first sample at which the integral of the squared acceleration
+    reaches a fraction of its final value.
 
-    Within a sampling interval, the energy is a non-decreasing cubic function of time; the time is
-    computed by bisection.
+    Within a sampling interval, the integral is a non-decreasing cubic function of time. The time is
+    therefore computed by bisection.
 
     Parameters
     ----------
@@ -271,105 +325,159 @@ def time_of_energy(record: Record, energy: Array, fraction: float) -> float:
     energy : ndarray, shape (samples,)
         Result of `cumulative_energy`.
     fraction : float
-        Fraction of the final energy.
+        Fraction of the final value, greater than 0 and at most 1.
 
     Returns
     -------
     float
-        Time, s; nan if the final energy is zero or infinite.
+        Time, s; nan if the final value is zero or infinite.
     """
     target = fraction * float(energy[-1])
     if not 0.0 < target < math.inf:
         return math.nan
+    # The target is reached in the interval from sample i to sample i + 1, in which the acceleration
+    # changes linearly from a to b.
     i = int(np.searchsorted(energy, target)) - 1
     a, b = record.acceleration[i : i + 2].tolist()
-    missing = (target - float(energy[i])) / record.dt
-    _, part_of_interval = bisect_interval(
-        lambda x: x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < missing,
-        0.0,
-        1.0,
-        _HALVINGS,
-    )
-    return (i + part_of_interval) * record.dt
+    remaining_energy = (target - float(energy[i])) / record.dt
+
+    def is_before_target(x: float) -> bool:
+        """Return True if the integral over the first part `x` of the interval (0 to 1) is less than
+        the remaining energy, both divided by the length of the interval."""
+        integral: float = x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0)
+        return integral < remaining_energy
+
+    _, fraction_of_interval = bisect_interval(is_before_target, 0.0, 1.0, _MAX_BISECTIONS)
+    return (i + fraction_of_interval) * record.dt
 
 
 def cumulative_absolute_velocity(record: Record) -> float:
-    """Return the integral of the absolute acceleration, m/s."""
+    """Return the cumulative absolute velocity, m/s: the integral of the absolute acceleration."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     total = np.abs(a) + np.abs(b)
-    crosses = a * b < 0.0
-    # If the acceleration changes its sign, the area is two triangles, otherwise a trapezoid.
-    means = np.where(crosses, (a * a + b * b) / np.where(crosses, total, 1.0), total)
-    return 0.5 * record.dt * float(np.sum(means))
+    changes_sign = a * b < 0.0
+    # If the acceleration changes its sign in an interval, the area is two triangles, otherwise a
+    # trapezoid. The areas are computed without the common factor dt / 2.
+    denominator = np.where(changes_sign, total, 1.0)
+    areas = np.where(changes_sign, (a * a + b * b) / denominator, total)
+    return 0.5 * record.dt * float(np.sum(areas))
 
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
-    """Return the integral of the absolute acceleration (m/s) while it is at least
-    `threshold` (m/s^2)."""
+    """Return the integral over time of the absolute acceleration, restricted to the times at which
+    it is at least a threshold.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    threshold : float
+        Acceleration threshold, m/s^2.
+
+    Returns
+    -------
+    float
+        Integral, m/s.
+    """
     a, b = record.acceleration[:-1], record.acceleration[1:]
     low, high = np.minimum(a, b), np.maximum(a, b)
     change = np.where(high > low, high - low, 1.0)
 
-    def integral_up_to(value: Array) -> Array:
-        """Return the integral of the counted values with respect to acceleration, up to `value`."""
+    def integral_from_zero(value: Array) -> Array:
+        """Return the integral of |x| over the accelerations x from 0 to `value` that reach the
+        threshold, m^2/s^4."""
         size = np.abs(value)
         return np.asarray(
             np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
         )
 
-    # An interval is counted completely if both samples reach the threshold with the same sign.
+    # An interval is counted completely if both samples reach the threshold with the same sign. In
+    # the other intervals, the integral over time is an integral over acceleration, because the
+    # acceleration is linear in time.
     is_counted = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
     means = np.where(
         is_counted,
         0.5 * (np.abs(a) + np.abs(b)),
-        (integral_up_to(high) - integral_up_to(low)) / change,
+        (integral_from_zero(high) - integral_from_zero(low)) / change,
     )
     return record.dt * float(np.sum(means))
 
 
 def significant_duration(record: Record, fraction: float) -> float:
-    """Return the time between 5 % and the fraction `fraction` of the Arias intensity (Trifunac and
-    Brady 1975), s; nan if all samples are zero."""
+    """Return the time, s, from 5 % of the Arias intensity to the fraction `fraction` of it, such as
+    0.95 (Trifunac and Brady 1975); nan if all samples are zero."""
     energy = cumulative_energy(record)
     return time_of_energy(record, energy, fraction) - time_of_energy(record, energy, 0.05)
 
 
 def a95(record: Record) -> float:
-    """Return the acceleration level (m/s^2) below which 95 % of the Arias intensity is contained
-    (Sarma and Yang 1987); 0 if all samples are zero, nan if they exceed the range of floats."""
-    largest = record.pga
-    if not 0.0 < largest < math.inf:
-        return 0.0 if largest == 0.0 else math.nan
-    samples = record.acceleration / largest
+    """Return A95, the acceleration level below which 95 % of the Arias intensity is contained
+    (Sarma and Yang 1987).
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+
+    Returns
+    -------
+    float
+        Level, m/s^2; 0 if all samples are zero.
+    """
+    peak = record.pga
+    if not 0.0 < peak < math.inf:
+        return 0.0 if peak == 0.0 else math.nan
+    samples = record.acceleration / peak
     a, b = samples[:-1], samples[1:]
     change = np.where(a == b, 1.0, b - a)
 
     def energy_below(level: float) -> float:
-        """Return the integral of the squares at absolute values up to `level`, in intervals."""
+        """Return the integral of the squared accelerations with absolute values up to `level`, up
+        to a constant factor. Accelerations and level are fractions of the peak."""
         low, high = np.clip(a, -level, level), np.clip(b, -level, level)
-        # Fraction of the interval below the level: all or nothing if the acceleration is constant.
-        part = np.where(a == b, np.abs(a) <= level, (high - low) / change)
-        return float(np.sum(part * (low * low + low * high + high * high)))
+        # This is the fraction of an interval in which the acceleration is below the level. It is 0
+        # or 1 if the acceleration is constant.
+        time_fraction = np.where(a == b, np.abs(a) <= level, (high - low) / change)
+        return float(np.sum(time_fraction * (low * low + low * high + high * high)))
 
     target = _A95 * energy_below(1.0)
-    _, level = bisect_interval(lambda level: energy_below(level) < target, 0.0, 1.0, _HALVINGS)
-    return largest * level
+    _, level = bisect_interval(
+        lambda level: energy_below(level) < target, 0.0, 1.0, _MAX_BISECTIONS
+    )
+    return peak * level
 
 
 def bracketed_duration(record: Record, threshold: float) -> float:
-    """Return the time (s) between the first and the last absolute acceleration of `threshold`
-    (m/s^2, positive); 0 if it is not reached (Bolt 1969)."""
+    """Return the time between the first and the last time at which the absolute acceleration is
+    equal to a threshold (Bolt 1969).
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    threshold : float
+        Acceleration threshold, m/s^2, positive.
+
+    Returns
+    -------
+    float
+        Bracketed duration, s; 0 if the threshold is not reached.
+    """
     size = np.abs(record.acceleration)
     reached = np.flatnonzero(size >= threshold)
     if not reached.size:
         return 0.0
 
     def crossing(outside: int, inside: int) -> float:
-        """Return the time, in sampling intervals, where the line from the sample `outside`, below
-        the threshold, to its neighbor `inside`, at or above, crosses the threshold."""
+        """Return the time, in sampling intervals, at which the acceleration crosses the threshold.
+
+        The acceleration is linear between two neighboring samples: `outside` is the index of the
+        sample below the threshold, `inside` that of the sample at or above the threshold.
+        """
+        # The record starts or ends above the threshold, so there is no crossing.
         if not 0 <= outside < size.size:
             return float(inside)
-        # Both values are positive in the direction of the inner sample.
+        # The signs are changed so that the inner sample is positive.
         sign = math.copysign(1.0, float(record.acceleration[inside]))
         value_inside = sign * float(record.acceleration[inside])
         value_outside = sign * float(record.acceleration[outside])
@@ -381,18 +489,32 @@ def bracketed_duration(record: Record, threshold: float) -> float:
 
 
 def mean_period(record: Record) -> float:
-    """Return the mean period, s (Rathje, Abrahamson and Bray 1998): the mean of the periods from
-    0.25 to 20 Hz, weighted by the squared Fourier amplitudes; nan without amplitudes.
+    """Return the mean period of the Fourier spectrum (Rathje, Abrahamson and Bray 1998).
 
-    Zeros behind the record limit the frequency interval to 0.05 Hz.
+    It is the mean of the periods at frequencies from 0.25 to 20 Hz, weighted by the squared Fourier
+    amplitudes.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+
+    Returns
+    -------
+    float
+        Mean period, s; nan if all amplitudes are zero, if the sampling interval is longer than 2 s,
+        or if the Fourier transform would require too many samples.
     """
-    least = 1.0 / (_MEAN_PERIOD_STEP * record.dt)
-    if not 2.0 * _MEAN_PERIOD_BAND[0] * record.dt <= 1.0 or least > _MOST_POINTS:
-        return math.nan
-    count = max(record.acceleration.size, math.ceil(least))
-    frequencies = np.fft.rfftfreq(count, record.dt)
     low, high = _MEAN_PERIOD_BAND
+    # Zeros are added to a short record, so that the frequency interval is at most 0.05 Hz.
+    min_samples = 1.0 / (_MEAN_PERIOD_STEP * record.dt)
+    is_below_nyquist = 2.0 * low * record.dt <= 1.0
+    if not is_below_nyquist or min_samples > _MAX_FOURIER_SAMPLES:
+        return math.nan
+    count = max(record.acceleration.size, math.ceil(min_samples))
+    frequencies = np.fft.rfftfreq(count, record.dt)
     band = (frequencies >= low) & (frequencies <= high)
+    # Division by the peak prevents overflow of the squares.
     scale = record.pga or 1.0
     squares = np.abs(np.fft.rfft(record.acceleration / scale, count)[band]) ** 2
     total = float(np.sum(squares))
@@ -426,7 +548,8 @@ class Measure:
     column: str = ""
 
     def of(self, record: Record) -> float:
-        """Return the measure of a record; infinite or nan if it exceeds the range of floats.
+        """Return the intensity measure of a record, in `unit`; infinite or nan if it exceeds the
+        range of floats.
 
         Parameters
         ----------
@@ -443,11 +566,12 @@ class Measure:
 
     @property
     def without_levels(self) -> str:
-        """Reason why a motion cannot be scaled to a level of the measure; empty if it can."""
+        """Reason why no scale factor can be computed for a requested value of the measure; empty if
+        a factor can be computed."""
         if self.power is None:
             return "its value is not proportional to a power of the scale factor"
-        changes = "a duration" if self.unit == "s" else "it"
-        return "" if self.power else f"{changes} does not change with a factor"
+        subject = "a duration" if self.unit == "s" else "it"
+        return "" if self.power else f"{subject} does not change with a factor"
 
 
 MEASURES = {
@@ -477,15 +601,16 @@ MEASURES = {
         ),
     )
 }
-"""Intensity measures of ground motions by name: those of tdint, then those of plug-ins
-(`tdint.load_plugin`)."""
+"""Intensity measures of ground motions by name: the measures of tdint, then the measures of
+plug-ins (`tdint.load_plugin`)."""
 
-_OURS = tuple(MEASURES)
+# Plug-ins add measures to MEASURES later; the class `Measures` has only those of tdint.
+_BUILTIN_MEASURES = tuple(MEASURES)
 
 
 def _peak(record: Record, column: int, name: str) -> float:
-    """Return the peak velocity or displacement in the file, otherwise the peak of the integration
-    from rest at the first sample.
+    """Return the peak velocity or displacement of the ground: the value stored in the record file
+    if it has one, otherwise the peak of the integrated acceleration.
 
     Parameters
     ----------
@@ -501,14 +626,22 @@ def _peak(record: Record, column: int, name: str) -> float:
 
 
 def spectrum_intensity(periods: Array, psv: Array) -> float:
-    """Return the spectrum intensity of Housner, m: the integral of pseudo-velocities (m/s) over
-    periods (s), both of shape (k,)."""
+    """Return the spectrum intensity of Housner, m: the integral of the pseudo-velocity over the
+    period by the trapezoidal rule.
+
+    Parameters
+    ----------
+    periods : ndarray, shape (k,)
+        Periods in increasing order, s.
+    psv : ndarray, shape (k,)
+        Pseudo-velocities at these periods, m/s.
+    """
     return float(np.sum(0.5 * np.diff(periods) * (psv[:-1] + psv[1:])))
 
 
 def zeros_at_ends(samples: Array) -> tuple[int, int]:
-    """Return the numbers of samples before the first and after the last non-zero sample; if all
-    samples are zero, their number and 0."""
+    """Return the number of zeros at the start and the number of zeros at the end of the samples,
+    shape (samples,). If all samples are zero, all are counted at the start."""
     nonzero = np.flatnonzero(samples)
     if not nonzero.size:
         return samples.size, 0
@@ -520,44 +653,53 @@ def _largest(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0))
 
 
-def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tuple[str, ...]:
-    """Return notes about zeros at the ends, a start within the motion and a baseline drift.
+def _plausibility_notes(
+    record: Record, motion: Motion, leading: int, trailing: int
+) -> tuple[str, ...]:
+    """Return notes about properties that a complete and corrected ground motion does not have: many
+    zeros at an end, a large first sample, or a baseline drift.
 
     Parameters
     ----------
     record : Record
         Ground motion.
     motion : Motion
-        Result of `integrate`.
+        Velocity and displacement of the same ground motion.
     leading, trailing : int
-        Numbers of zeros at the start and at the end.
+        Number of zeros at the start and at the end.
+
+    Returns
+    -------
+    tuple of str
+        One note for each such property; empty if there are none.
     """
     samples, size = record.acceleration, record.acceleration.size
-    first, last = float(samples[0]), float(motion.velocity[-1])
+    first_sample = float(samples[0])
+    final_velocity = float(motion.velocity[-1])
+    final_displacement = float(motion.displacement[-1])
     notes = [
-        f"the {where} {zeros} of {size} samples are zero; check whether zeros were added"
-        for where, zeros in (("first", leading), ("last", trailing))
-        if max(_PADDING * size, _FEW_ZEROS) < zeros < size
+        f"the {position} {zeros} of {size} samples are zero; check whether zeros were added"
+        for position, zeros in (("first", leading), ("last", trailing))
+        if max(_ZERO_FRACTION * size, _MIN_REPORTED_ZEROS) < zeros < size
     ]
-    if abs(first) > _JUMP * record.pga:
-        share = abs(first) / record.pga
+    if abs(first_sample) > _MAX_FIRST_SAMPLE * record.pga:
+        share = abs(first_sample) / record.pga
         notes.append(
-            f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak; check whether the "
-            "start of the motion is missing"
+            f"the first sample is {first_sample:.3g} m/s^2, {share:.0%} of the peak; check "
+            "whether the start of the motion is missing"
         )
     # A baseline drift is visible in the velocity first. The displacement is checked only if the
     # velocity is not suspicious.
-    end = abs(float(motion.displacement[-1]))
-    if abs(last) > _DRIFT * motion.pgv:
-        share = abs(last) / motion.pgv
+    if abs(final_velocity) > _MAX_FINAL_VELOCITY * motion.pgv:
+        share = abs(final_velocity) / motion.pgv
         notes.append(
-            f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak; check for "
-            "baseline drift"
+            f"the velocity at the end is {final_velocity:.3g} m/s, {share:.0%} of its peak; check "
+            "for baseline drift"
         )
-    elif end > _LEFT * motion.pgd and record.peaks[1] is None:
-        share = end / motion.pgd
+    elif abs(final_displacement) > _MAX_FINAL_DISPLACEMENT * motion.pgd and record.peaks[1] is None:
+        share = abs(final_displacement) / motion.pgd
         notes.append(
-            f"the displacement at the end is {end:.3g} m, {share:.0%} of its peak; check for "
-            "baseline drift (permanent ground displacement is also possible)"
+            f"the displacement at the end is {abs(final_displacement):.3g} m, {share:.0%} of its "
+            "peak; check for baseline drift (permanent ground displacement is also possible)"
         )
     return tuple(notes)
