@@ -4,6 +4,7 @@ import gc
 import logging
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,11 @@ from typing import Any
 import platformdirs
 import pytest
 from hypothesis import settings
+
+# Container images often forbid bytecode files to stay small. Without these files, each process that
+# a test starts would parse the package again, and pytest would rewrite all assertions again.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # Compiled loops are stored in a separate directory: in the cache of the user they would replace the
 # user's own loops. All clones share the directory, because names of loops contain a hash of their
