@@ -56,7 +56,7 @@ def _with_percent_errors(table: Table) -> Table:
     from tdint.output.tables.table import Table
 
     indices = {name: i for i, name in enumerate(table.columns)}
-    # Map the index of each value column to the index of its error column.
+    # `error_columns` maps the index of each value column to the index of its error column.
     error_columns = {
         i: indices[f"{name}_error"] for name, i in indices.items() if f"{name}_error" in indices
     }

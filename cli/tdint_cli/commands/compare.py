@@ -321,7 +321,7 @@ def _page(
     verdict.append((None, _least_agreement(comparisons)))
     sentences = [_motion_sentence(item, units) for item in comparisons]
     sentences += [f"The values were fitted in {pluralize(fitted.runs, 'run')}."] if fitted else []
-    # The notes of the terminal: removed offsets, disabled checks.
+    # The report repeats the notes of the terminal, such as removed offsets and disabled checks.
     notes = [text for item in comparisons for text in (*item.event.notes, *item.response.notes)]
     notes += fitted.notes if fitted else ()
     sentences += [f"Note: {text}." for text in dict.fromkeys(notes)]

@@ -321,7 +321,7 @@ def _report_example(example: Example, runs: list[ExampleRun], reference: str, re
 
     dt = runs[0].dt
     say(f"Example {example.number}: {example.about}")
-    # Maximum differences from the finer reference solution.
+    # Both gaps are maximum differences from the finer reference solution.
     paper_gap = gap(example, dt, EXACT, exact_steps(example, dt))
     check_gap = gap(example, dt, _CHECK_METHOD)
     say(

@@ -295,7 +295,7 @@ def _mean_sentence(matches: Sequence[Match], target: TargetSpectrum) -> str:
     """
     import numpy as np
 
-    # Rows: ground motions; columns: periods.
+    # Each row belongs to a ground motion, each column to a period.
     matched_psa = np.array([matched.psa for matched in matches])
     seed_psa = np.array([matched.seed_psa for matched in matches])
     misfit = np.abs(np.mean(matched_psa, axis=0) / target.at(matches[0].periods) - 1.0)

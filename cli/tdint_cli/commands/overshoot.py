@@ -72,7 +72,7 @@ def command(request: Request) -> None:
     integrators = options.analysis.integrators(request.methods)
     if request.law != "linear":
         integrators = options.analysis.for_nonlinear(integrators, request.law)
-    # For each method and damping ratio: the motions from an initial displacement and from an
+    # Each method and damping ratio has two motions: from an initial displacement and from an
     # initial velocity.
     pairs = {
         (integrator, ratio): [
@@ -145,7 +145,7 @@ def _report_maxima(pairs: dict[str, list[Overshoot]]) -> None:
         ("method", "u from u0", "v from u0", "u from v0", "v from v0", "overshoots")
     ]
     for name, pair in pairs.items():
-        # The maximum ratios of displacement and velocity of each motion.
+        # Each item of `maxima` contains the ratios of displacement and velocity of a motion.
         maxima = [motion.largest for motion in pair]
         overshooting = []
         for i, quantity in enumerate(("displacement", "velocity")):

@@ -303,7 +303,7 @@ def command(request: ScaleRequest) -> None:
 
 
 def _scale_function(request: ScaleRequest) -> Any:
-    """Return the function that scales a suite (argument: its motions) as the options request.
+    """Return a function that scales the ground motions that it receives, as the options request.
 
     The target is read here, before the records, so that its errors are reported immediately.
 
@@ -348,10 +348,17 @@ def _scale_function(request: ScaleRequest) -> Any:
 
 
 def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
-    """Return the periods of the comparison of the spectra with the target, s.
+    """Return the periods at which the spectra are compared with the target, s.
 
-    The range is --range, or 0.2 to 2 times the period of --at or the natural periods of the
-    buildings, or all periods of the target.
+    The range is, in this order of priority: --range; 0.2 to 2 times the period of --at; 0.2 times
+    the shortest to 2 times the longest first period of the buildings; all periods of the target.
+
+    Parameters
+    ----------
+    request : ScaleRequest
+        Options of the command line.
+    target : TargetSpectrum
+        Target spectrum.
     """
     from tdint.number_parsing import Grid
 
@@ -373,7 +380,7 @@ def _period_range(request: ScaleRequest, target: TargetSpectrum) -> Grid:
 def _select_function(
     request: ScaleRequest, target: TargetSpectrum, periods: Array
 ) -> Callable[[Any], Scaling]:
-    """Return the function that selects and scales ground motions (argument: the motions).
+    """Return a function that selects and scales some of the ground motions that it receives.
 
     The tables of events and of the standard deviation are read here, before the records.
 
@@ -392,7 +399,7 @@ def _select_function(
     from tdint.campaign.selection import named_events, select
     from tdint.csv_table import read_table
 
-    # Read the target standard deviation: a number, or a table over the periods.
+    # The target standard deviation is a number, or the name of a table over the periods.
     scatter: Any = None
     if request.target_std is not None:
         try:
@@ -452,7 +459,7 @@ def _warnings(scaling: Scaling) -> list[str]:
     if scaling.rule == "ec8" and len(scaling.motions) < FEW:
         warnings.append(
             f"the mean spectrum of EN 1998-1 requires at least {FEW} ground motions, got "
-            f"{len(scaling.motions)}"
+            f"{len(scaling.motions)}; add records"
         )
     # Factors that scale to a value of an intensity measure may be larger.
     bounds, reason = POSSIBLE, "which often indicates incorrect units"
@@ -507,9 +514,9 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
 
 
 def _limit_line(scaling: Scaling) -> str:
-    """Return a line about motions whose factors are at a limit; empty if there are none.
+    """Return a line on scale factors that are equal to a limit of --factor-range.
 
-    The motions that are not selected also have factors.
+    The line counts selected and other ground motions. It is empty without such factors.
 
     Parameters
     ----------
@@ -589,7 +596,7 @@ def _selection_text(scaling: Scaling) -> str:
     periods, target, remaining = scaling.periods, scaling.target, scaling.rest
     if target is None or periods is None or remaining is None:
         return ""
-    # Rows of the spectra: ground motions; columns: periods.
+    # The rows of the spectra are ground motions and the columns are periods.
     mean_ln_sa = np.mean(np.log(scaling.spectra(periods)), axis=0)
     difference = mean_ln_sa - np.log(target.at(periods))
     text = (

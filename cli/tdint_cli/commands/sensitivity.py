@@ -141,7 +141,8 @@ def _one_at_a_time(request: Request) -> None:
 
     model = load_model(request.building)
     motions = read_motions(RecordFiles(request.records, request.choice))
-    # A small campaign in memory: the unchanged building, and each parameter at its two values.
+    # The runs are a campaign in memory, with the unchanged building and with buildings in which a
+    # parameter has its low or its high value.
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)

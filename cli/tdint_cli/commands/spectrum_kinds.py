@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits
 
 
-# ---- The command lines of `spectrum` and `drift-spectrum`, and the interface of a type of table
-# over the period
+# ---- This part contains the command lines of `spectrum` and `drift-spectrum`, and the interface of
+# a type of table over the period.
 
 AXES = options.output.option(
     "--axes",
@@ -62,7 +62,7 @@ _NOT_SETTINGS = (
 
 @dataclass(frozen=True)
 class Results:
-    """The results that a command computes from one record.
+    """The results that a command computes from a record with one or several components.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ class TablesRequest(RecordsRequest):
 
     @property
     def shown_units(self) -> OutputUnits:
-        """The units of all that is written."""
+        """The units of tables, figures and JSON files."""
         from tdint.units import SI
 
         return self.output_units or SI

@@ -74,8 +74,8 @@ def _check_output(
         Value of the option; None if it is not specified.
     """
     alternatives = (parameter.metavar or "").split("|")
-    # FILE, DIR or both. A directory cannot be written to standard output; a table is written there
-    # without -o.
+    # The metavar of -o is FILE, DIR or FILE|DIR. A directory cannot be written to standard output;
+    # a table is written to standard output without -o.
     if value == STDIN and alternatives == ["DIR"]:
         raise UsageError(
             "-o - is standard output, but this command writes a directory; specify a directory, or "

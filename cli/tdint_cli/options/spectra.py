@@ -215,7 +215,7 @@ class FloorRequest:
             SPECTRA_MEAN: tables.campaign.floor_suite_table(store, suites).in_units(units).csv(),
         }
         if plot and suites:
-            # Names of the buildings with their first periods; a store may contain no periods.
+            # The figure marks the first periods of the buildings. A store may contain no periods.
             periods = []
             for number, (name, _) in store.buildings().items():
                 period = store.period(number)

@@ -97,7 +97,10 @@ def first_period(model: Model) -> float:
 
 
 def _secant_period(model: Model, peaks: StoryPeaks) -> float:
-    """Return the first period, s, with the secant stiffness of the isolators at peak drift."""
+    """Return the first period of a building, s, with the secant stiffness of its isolators.
+
+    The secant stiffness is the peak shear of a run divided by its peak drift (`peaks`).
+    """
     stories = tuple(
         replace(story, stiffness=shear / drift) if story.isolator and drift > 0.0 else story
         for story, shear, drift in zip(
@@ -108,7 +111,10 @@ def _secant_period(model: Model, peaks: StoryPeaks) -> float:
 
 
 def damping_text(model: Model) -> str:
-    """Return a short description of the damping of the model, dashpots excluded."""
+    """Return a clause on the damping of a model, such as "Rayleigh damping of 5 % in mode 1".
+
+    Dashpots of stories are not included.
+    """
     exception = ""
     if not all(story.rayleigh for story in model.stories):
         exception = ", without the share of the isolators"
@@ -129,16 +135,16 @@ def damping_text(model: Model) -> str:
 
 # ---- Reports of a run and of a suite
 
-_MOST_MOTIONS = 60
+_MAX_MOTIONS = 60
 """Maximum number of ground motions in the table of runs and in the figure of spectra."""
 
-_MOST_LEVELS = 4
+_MAX_LEVELS = 4
 """Maximum number of intensity levels that list their ground motions."""
 
-_MOST_MODELS = 8
+_MAX_MODELS = 8
 """Maximum number of buildings that list their stories."""
 
-_MOST_DAMAGE = 60
+_MAX_DAMAGE_ROWS = 60
 """Maximum number of rows in tables of damage."""
 
 SPECTRUM_PERIODS = (0.05, 5.0, 100)
@@ -161,6 +167,7 @@ _SUITE_COLUMNS = (
     "peak_absolute_acceleration",
     "peak_damper_force",
 )
+# This sentence precedes the tables of estimated errors.
 _ERRORS = (
     "Estimated errors of the time integration, in percent; the smallest estimate is "
     f"{number_text(100.0 * FLOOR)} %. Errors of residual drifts are in percent of the peak drifts:"
@@ -189,8 +196,8 @@ def run_page(
     """
     model, check, units = response.model, response.check, page_units(units)
     table = story_table(response.stories, check.errors if check else None).in_units(units)
-    # The table of a building with dampers shows the damper forces instead of the restoring forces,
-    # because the page is too narrow for both.
+    # The page is too narrow for restoring forces and damper forces. The table of a building with
+    # dampers contains only the damper forces.
     damped = any(response.stories.peak_damper_force)
     columns = {_quantity(table, name): name for name in table.columns}
     names = [
@@ -242,9 +249,19 @@ def run_page(
 
 
 def _limit_parts(response: Response, page_text: PageText, units: OutputUnits) -> list[Part]:
-    """Return the table of limits, and the hysteresis loop of the governing story.
+    """Return the content of the chapter on limits: their table and a hysteresis loop.
 
-    The loop is omitted if the figure of the run already contains it, or without a history.
+    The loop is that of the story with the highest ratio of demand to limit. It is omitted if the
+    figure of the run already contains it, or if the run has no response history.
+
+    Parameters
+    ----------
+    response : Response
+        Result of the run.
+    page_text : PageText
+        Table of the limits, and number of the governing story.
+    units : OutputUnits
+        Units of the figure.
     """
     parts: list[Part] = [page_text.limits] if page_text.limits else []
     story = page_text.governing_story
@@ -292,8 +309,8 @@ def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tu
     if check is None or check.drift_error is None:
         return ("The error of the time integration was not estimated (--no-check).",)
     cells = {name: [row[i] for row in table.rows] for i, name in enumerate(table.columns)}
-    # The relative errors of drift ratios are equal to those of the drifts, so they are not
-    # repeated.
+    # The relative error of a drift ratio is equal to the relative error of the drift, so that it is
+    # not repeated.
     drift = next(name for name in names if _quantity(table, name) == "peak_drift")
     shown, columns = [name for name in names if "_ratio" not in name], [cells["story"]]
     for name in shown:
@@ -363,7 +380,7 @@ def suite_page(
         "Floor spectra: mean, envelope",
     )
     # Only the first buildings are described, because the report must remain readable.
-    buildings_by_name = {building.name: building for building in plan.buildings[:_MOST_MODELS]}
+    buildings_by_name = {building.name: building for building in plan.buildings[:_MAX_MODELS]}
     subjects = [building.subject() for building in buildings_by_name.values()]
     # Warnings about the scaling and the records are printed at the top. Notes with the same text
     # are omitted.
@@ -458,7 +475,11 @@ def _headlines(store: Store, profiles: Sequence[Profile]) -> list[tuple[bool | N
 
 
 def _steps_and_errors(store: Store) -> tuple[str, str]:
-    """Return a text on the time steps of a campaign, and a text on the errors of its runs."""
+    """Return two clauses on a campaign: its time steps, and the maximum errors of its runs.
+
+    The second clause states the energy imbalance and, with error estimates, the estimated error of
+    the drifts.
+    """
     query = "SELECT min(dt_s), max(dt_s), max(abs(energy_error)) FROM run_rows"
     low, high, energy = store.connection.execute(query).fetchone()
     step = (
@@ -490,7 +511,16 @@ def _first_periods(store: Store) -> list[tuple[str, float]]:
 
 
 def _statistics_chapter(profile: Profile, units: OutputUnits) -> Chapter:
-    """Return the chapter of means and maxima of a building, with their estimated errors."""
+    """Return the chapter of means and maxima of a building at one intensity level.
+
+    Parameters
+    ----------
+    profile : Profile
+        Statistics of the building over the ground motions; estimated errors are added if the runs
+        have error estimates.
+    units : OutputUnits
+        Units of the tables.
+    """
     has_heights = not np.isnan(profile.height).any()
     # Isolators have no height, so their drifts in length units are listed in addition to the
     # ratios.
@@ -519,7 +549,7 @@ def _runs_chapter(store: Store) -> Chapter:
     columns = ("building", "record", "component", *numbers, "status")
     meanings = {name: {"meaning": "", "unit": "1"} for name in numbers}
     meanings["peak_drift_m"] = {"unit": "m"}
-    table = Table(columns, rows[:_MOST_MOTIONS], meanings)
+    table = Table(columns, rows[:_MAX_MOTIONS], meanings)
     # If any story has a height, the drift ratio is shown and the drift is omitted.
     has_ratios = any(row[columns.index("peak_drift_ratio")] is not None for row in rows)
     omitted = ["peak_drift_m" if has_ratios else "peak_drift_ratio"]
@@ -528,13 +558,17 @@ def _runs_chapter(store: Store) -> Chapter:
         omitted.append("building")
     table = table.chosen([name for name in columns if name not in omitted])
     omission = ""
-    if len(rows) > _MOST_MOTIONS:
-        omission = f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
+    if len(rows) > _MAX_MOTIONS:
+        omission = f"The first {_MAX_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
     return Chapter("Individual ground motions, largest drift first", (table, omission))
 
 
 def _ratio_rows(ratios: Table) -> Table:
-    """Return the rows that contain a ratio, with spaces instead of underscores in quantities."""
+    """Return a table of ratios to a baseline building, prepared for a report.
+
+    Rows without any number are omitted, and names of quantities contain spaces instead of
+    underscores.
+    """
     first_ratio = ratios.columns.index("quantity") + 1
     rows = [
         row
@@ -555,16 +589,16 @@ def _damage(store: Store) -> tuple[Part, ...]:
     # The rule for pairs is one of the assumptions, so its column is omitted.
     losses = loss_table(store)
     losses = losses.chosen([name for name in losses.columns if name != "pair_demand"])
-    losses = replace(losses, rows=losses.rows[:_MOST_DAMAGE])
+    losses = replace(losses, rows=losses.rows[:_MAX_DAMAGE_ROWS])
     states = _with_state_columns(type_table(store))
-    states = replace(states, rows=states.rows[:_MOST_DAMAGE])
+    states = replace(states, rows=states.rows[:_MAX_DAMAGE_ROWS])
     loss_text = ""
     if losses.rows:
         loss_text = (
             "Mean loss ratios with their standard errors, and standard deviations of the loss:"
         )
     omission = ""
-    if _MOST_DAMAGE in (len(states.rows), len(losses.rows)):
+    if _MAX_DAMAGE_ROWS in (len(states.rows), len(losses.rows)):
         omission = "The first rows; damage-types.csv and losses.csv list all."
     return (
         "Mean probabilities of the damage states, by building type and level:",
@@ -576,10 +610,21 @@ def _damage(store: Store) -> tuple[Part, ...]:
 
 
 def _with_state_columns(table: Table) -> Table:
-    """Return damage-types.csv with one row per type, level and event, and a column per state."""
+    """Return the probabilities of damage states with a column per state.
+
+    Parameters
+    ----------
+    table : Table
+        Table with a row per type, level, event and state, as in damage-types.csv.
+
+    Returns
+    -------
+    Table
+        Table with a row per type, level and event.
+    """
     keys: list[str] = [name for name in ("type", "level", "event") if name in table.columns]
     indices = [table.columns.index(name) for name in (*keys, "state", "probability")]
-    # For each type, level and event: the probability of each state.
+    # The probabilities of all states are collected by type, level and event.
     probabilities: dict[tuple[Cell, ...], dict[str, Cell]] = {}
     states: dict[str, None] = {}  # an ordered set
     for row in table.rows:
@@ -600,11 +645,11 @@ def _motions_of_levels(plan: Plan, store: Store) -> list[list[tuple[Record, floa
 
     Lists that several buildings share are returned once.
     """
-    # Factors by building, ground motion and sample of the varied parameters.
+    # The factors are collected by building, ground motion and sample of the varied parameters.
     factors: dict[tuple[int, int, int], list[float]] = {}
     for building, motion, scale, sample, *_ in store.runs():
         factors.setdefault((building, motion, sample), []).append(scale)
-    # Ground motions and factors by building and level.
+    # The ground motions and their factors are collected by building and level.
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
         # The smallest factor of each ground motion belongs to the first level, whatever its value.
@@ -628,10 +673,25 @@ _RULES = {
 def _scaling(
     plan: Plan, units: OutputUnits, periods: FirstPeriods
 ) -> tuple[tuple[Part, ...], list[str]]:
-    """Return the description of the scaling, with a figure for a target spectrum, and warnings.
+    """Return the description of the scaling of ground motions in a campaign, and its warnings.
 
-    The data are read from the JSON file that `tdint scale` writes next to the scale factors. The
-    figure marks the first periods of the buildings.
+    The data are from the JSON file that `tdint scale` writes next to the scale factors.
+
+    Parameters
+    ----------
+    plan : Plan
+        Campaign with scale factors; without them, the description is empty.
+    units : OutputUnits
+        Units of the figure of the scaled spectra, which is added for a target spectrum.
+    periods : sequence of (str, float)
+        Names and first periods of the buildings, s, which the figure marks.
+
+    Returns
+    -------
+    parts : tuple of Part
+        Sentence and figure for the report.
+    warnings : list of str
+        Warnings of `tdint scale`.
     """
     if not plan.factors:
         return (), []
@@ -640,7 +700,8 @@ def _scaling(
             f"Scale factors: {plan.factors}; the method of scaling is unknown, because there is no "
             "JSON file of `tdint scale` next to the factors.",
         ), []
-    # The settings of the command: target or intensity measure, rule, period range, damping, pairs.
+    # `settings` contains the target or intensity measure, the rule, the period range, the damping
+    # ratio and the treatment of pairs.
     settings = plan.scaled["settings"]
     parts: list[Part] = [_scaling_text(plan.factors, settings)]
     if settings["target"] and isinstance(plan.levels, MotionFactors):
@@ -727,7 +788,8 @@ def _scaled_motions(
 
     If `paired` is true, pairs are returned as pairs, also if the runs use single components.
     """
-    # The index of the first component for each second component, and vice versa.
+    # The keys of `first_of_second` are indices of second components, and the values are indices of
+    # their first components.
     first_of_second = PairRule.of_motions(plan.motions, None).partners if paired else {}
     second_of_first = {first: second for second, first in first_of_second.items()}
     # Both components of a pair in one file have the same object `whole`: use it as the key.
@@ -769,7 +831,7 @@ def motion_chapter(
     """
     parts: list[Part] = list(scaled)
     drawn = drawn or any(isinstance(part, Picture) for part in scaled)
-    for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
+    for number, level in enumerate(levels[:_MAX_LEVELS], start=1):
         # A factor that all ground motions share is stated once.
         records = [record.scaled(factor) for record, factor in level]
         factors = {factor for _, factor in level}
@@ -779,7 +841,7 @@ def motion_chapter(
             parts.append(f"Level {number} of {len(levels)}{scaling}:")
         parts.append(motion_table(records, component_names(records)).in_units(units))
         # A figure of more spectra would be a gray area.
-        if len(records) <= _MOST_MOTIONS and not drawn:
+        if len(records) <= _MAX_MOTIONS and not drawn:
             grid = np.geomspace(SPECTRUM_PERIODS[0], SPECTRUM_PERIODS[1], int(SPECTRUM_PERIODS[2]))
             spectra = [spectrum(record, grid) for record in records]
             draw = partial(figures.spectrum_curves.low_picture, spectra, units, periods)
@@ -787,6 +849,7 @@ def motion_chapter(
     return Chapter("Ground motions", parts)
 
 
+# This assumption applies to all reports of a suite.
 _SUITE = "means are over the ground motions without collapse"
 
 
@@ -797,9 +860,14 @@ def _pair_rule(store: Store) -> list[str]:
 
 
 def assumptions(step: str, more: Sequence[str]) -> Chapter:
-    """Return the chapter of assumptions.
+    """Return the chapter of the assumptions of a report.
 
-    `step` describes the method and the time step; `more` lists assumptions of the analysis.
+    Parameters
+    ----------
+    step : str
+        Method and time step of the integration.
+    more : sequence of str
+        Further assumptions of the analysis, without capitals and periods.
     """
     points = (
         f"Time integration: {step}.",
@@ -812,6 +880,6 @@ def assumptions(step: str, more: Sequence[str]) -> Chapter:
 
 
 def simplifications() -> tuple[str, ...]:
-    """Return the simplifications of a shear building, one sentence or two each."""
+    """Return the simplifications of a shear building; the first text names this type of model."""
     first, *others = MODEL_LIMITS
     return (f"Shear building: {first[0].lower()}{first[1:]}", *others)

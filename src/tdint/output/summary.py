@@ -536,7 +536,7 @@ def comparison_summary(
     """
     from tdint.output.tables.buildings import comparison_table, fitted_table
 
-    # The fitted values and their descriptions, in output units.
+    # The fitted values are stored with their descriptions, because their names depend on the units.
     fit: dict[str, Any] | None = None
     if fitted is not None:
         table = fitted_table(fitted.values, units)

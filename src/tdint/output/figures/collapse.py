@@ -202,7 +202,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI, periods: FirstPerio
     if periods:
         mark_first_periods(axes, periods)
         axes.legend(loc="lower left")
-    # Description of the target: a design spectrum, a file, or the value of an intensity measure.
+    # The target is described as a design spectrum, a file, or the value of an intensity measure.
     target = ""
     if scaling.target is not None:
         source = scaling.target.source
@@ -509,7 +509,8 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
     limit : float
         Maximum drift ratio of the panel; marks of larger drifts are at this ratio.
     """
-    # Each mark (marker, filling, label) is mapped to its points: drift ratio in percent, intensity.
+    # `groups` contains the points (drift ratio in percent, intensity) of each type of mark, which
+    # is a marker, its filling and its label.
     collapse = ("o", COLORS[1], "capacity against collapse")
     resurrection = ("D", "white", "capacity, no collapse at a higher level")
     censored = ("^", "white", "does not collapse up to here")
@@ -577,8 +578,8 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         layout="constrained",
     )
     if crowded:
-        # The fitted functions with their confidence bands, next to the functions with the modeling
-        # dispersion.
+        # The fitted functions with their confidence bands are in the first panel, the functions
+        # with the modeling dispersion in the second panel.
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
         draw_functions(first, functions, total=False)
         end = _axis_end(functions)

@@ -116,7 +116,8 @@ def row_picture(title: str, model: Model) -> Figure:
             )
         _draw_link(axes, left - (1.0 - _SIDE), left)
         _draw_mass(axes, model, index, left)
-    # The law of the links, in powers of the drift d, once if all are alike.
+    # The hysteretic laws are polynomials of the drift d. A law that all links have is written once,
+    # without the number of a link.
     laws: list[str] = []
     for story in model.stories:
         powers = zip(story.law.parameters, ("d", "d²", "d³"), strict=False)
@@ -130,12 +131,12 @@ def row_picture(title: str, model: Model) -> Figure:
 
 
 def _draw_link(axes: Any, start: float, end: float) -> None:
-    """Draw a spring above a dashpot between the abscissas `start` and `end`."""
+    """Draw a spring and, below it, a dashpot from the abscissa `start` to the abscissa `end`."""
     black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
     middle = 0.5 * (start + end)
     teeth = np.array([0.0, 0.0, 1.0, -1.0, 1.0, -1.0, 1.0, 0.0, 0.0])
     axes.plot(np.linspace(start, end, 9), 0.13 + 0.05 * teeth, **black)
-    # Rod, piston and cylinder of the dashpot.
+    # The lines of the dashpot are the rod, the piston, the cylinder and its connection.
     axes.plot([start, middle], [-0.13, -0.13], **black)
     axes.plot([middle, middle], [-0.18, -0.08], **black)
     cylinder = [middle - 0.06, middle + 0.06, middle + 0.06, middle - 0.06]
@@ -164,7 +165,7 @@ def _draw_mass(axes: Any, model: Model, index: int, left: float) -> None:
     mass = f"{model.stories[index].mass:g} kg"
     axes.text(center, 0.0, mass, ha="center", va="center", fontsize=7.5)
     axes.text(center, -0.4, f"{index + 1}", ha="center", va="center", fontsize=7.5)
-    # The force on the floor, a sum of cosines and sines.
+    # The force on the floor is a sum of cosines and sines of the time t.
     terms: list[str] = []
     for force in model.excitation.forces:
         if force.floor == index + 1:

@@ -107,7 +107,8 @@ def gradient_picture(gradient: Gradient, units: OutputUnits = SI) -> Figure:
     errors = gradient.errors.peak_drift if gradient.errors is not None else None
     for number, (axes, name) in enumerate(zip(panels, shown, strict=False)):
         values = gradient.peak_drift[number]
-        # A power of ten in the label instead of the corner of the panel, where texts overlap.
+        # Matplotlib writes a power of ten into the corner of a panel, where texts would overlap.
+        # The label of the axis contains the power instead.
         largest = float(np.nanmax(np.abs(values), initial=0.0))
         power = math.floor(math.log10(largest)) if largest > 0.0 else 0
         power = 0 if abs(power) <= _MAX_PLAIN_POWER else power

@@ -402,7 +402,8 @@ def draw_tripartite(
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         ends = np.array([left, right])
         omega = 2.0 * math.pi / ends
-        # Pseudo-velocities of a unit displacement and of a unit acceleration, SI units.
+        # `velocity` is the pseudo-velocity of a displacement of 1 m, or of an acceleration of
+        # 1 m/s^2.
         for si, velocity in (("m", omega), ("m/s^2", 1.0 / omega)):
             unit, unit_line = units.label(si), units.of(units.unit(si)[1] * velocity, "m/s")
             smallest = bottom / float(np.max(unit_line))
@@ -421,7 +422,7 @@ def draw_tripartite(
         figure.draw_without_rendering()
         extent = axes.get_window_extent()
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        # Height and width of one unit of the logarithm, pixels.
+        # A factor of e on an axis has this height and this width, pixels.
         unit_height = extent.height / math.log(top / bottom)
         unit_width = extent.width / math.log(right / left)
         slope = math.degrees(math.atan2(unit_height, unit_width))
@@ -455,7 +456,8 @@ def _label_scale(
     x, y = np.log(ends), np.log(velocities)
     bottom, top = np.log(limits)
     height = top - bottom
-    # Fraction of the line at which it reaches the height of the labels, inside of the side margins.
+    # At this fraction of its length, the line reaches the height of the labels. The limits keep the
+    # label away from the sides of the panel.
     fraction = (bottom + _LABEL_RANGE * height - y[0]) / (y[1] - y[0])
     fraction = min(max(float(fraction), 1.0 - _LABEL_RANGE), _LABEL_RANGE)
     min_distance = _MIN_DISTANCE * np.array([x[1] - x[0], height])

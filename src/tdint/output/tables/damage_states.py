@@ -449,8 +449,9 @@ def _exceedance_rows(store: Store, by: str | None) -> Iterator[list[Any]]:
 def _curve_cells(
     curve: Sequence[tuple[float, TypeDamage]], rates: Mapping[str, float], *, costs: bool
 ) -> Iterator[tuple[str, list[float]]]:
-    """Yield each event of a loss curve with its cells in the columns of exceedance.csv from `rate`
-    to `cumulative_annual_loss`.
+    """Yield each event of a loss curve with its cells in exceedance.csv.
+
+    The cells belong to the columns from `rate` to `cumulative_annual_loss`.
 
     Parameters
     ----------
@@ -463,7 +464,8 @@ def _curve_cells(
     """
     event_rates = np.array([rates[event.event] for _, event in curve])
     means = np.array([mean_loss for mean_loss, _ in curve])
-    # The maximum loss is the loss in the heaviest state; without losses, any positive number.
+    # The maximum loss is the loss in the most severe damage state. If all losses are zero, any
+    # positive number is correct.
     maxima = np.array(
         [
             (event.value if costs else 1.0) * (max(event.states.outcome_losses) or 1.0)
@@ -472,7 +474,8 @@ def _curve_cells(
     )
     annual_losses = event_rates * means
     for index, (mean_loss, event) in enumerate(curve):
-        # Rates with the scatter of the losses: independent and fully correlated buildings.
+        # The loss in an event scatters. The exceedance rate with this scatter is computed for
+        # independent and for fully correlated buildings.
         rates_with_scatter = []
         for assumption in range(len(_CORRELATIONS)):
             deviations = np.array([other.scatter[assumption] for _, other in curve])

@@ -460,7 +460,7 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
         column, factor = units.column(demand.column, demand.unit)
         values = []
         for motion_runs in level.completed:
-            # One value, or one per component of a pair
+            # A pair of components has two runs, whose demands are combined by the rule of the pair.
             component_values = [runs[run][column_index] for run in motion_runs]
             if None not in component_values:
                 value = float(combine(np.abs(component_values), level.pair_demand))
@@ -471,10 +471,18 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
 
 
 def _damage(damage: BuildingDamage, rank: int, event: int) -> Feature:
-    """Return the mean probability of each outcome, and the mean loss ratio, of the runs at the
-    level with a rank. They are None if no run has a result.
+    """Return the properties of a building on a map that describe its damage.
 
-    If `event` is not 0, only the runs of this event are included.
+    They are the mean probability of each outcome and the mean loss ratio; None without results.
+
+    Parameters
+    ----------
+    damage : BuildingDamage
+        Damage in each run of the building.
+    rank : int
+        Rank of the intensity level.
+    event : int
+        Number of the event; 0 for the runs of all events.
     """
     is_of_event = np.array([event in (0, sample) for _, _, sample in damage.keys])
     is_used = damage.known & (damage.rank == rank) & is_of_event

@@ -169,7 +169,7 @@ def write_history(
         stream.write((",".join(name for name, _ in names_and_factors) + "\n").encode())
     factors = None if units == SI else np.array([factor for _, factor in names_and_factors])
     row_format = ",".join(["%.12g"] * len(names_and_factors)) + "\n"
-    # Arrays of the columns of each group; the shapes are (steps,), or (steps, stories).
+    # `groups` contains the arrays of the columns of each group, shape (steps,) or (steps, stories).
     groups = [[column.of(history) for column in group] for _, group in history_groups(has_error)]
     for start in range(0, len(history.time), _ROWS_AT_ONCE):
         row_slice = slice(start, start + _ROWS_AT_ONCE)
@@ -185,9 +185,12 @@ def write_history(
 
 
 def gradient_columns(result: Gradient) -> list[Column]:
-    """Return the columns of derivatives, with their cells, in SI units. There is one row per run,
-    parameter and story; the column `run` is omitted for a single run."""
-    # Add the axis of the runs, if the result is of a single run: runs, parameters, stories.
+    """Return the columns of derivatives of peak responses, with their cells, in SI units.
+
+    There is a row for each run, parameter and story; the column `run` is omitted for a single run.
+    """
+    # The arrays of a single run have no axis of runs. With it, the axes are runs, parameters and
+    # stories.
     shape = np.atleast_3d(result.peak_drift.T).T.shape
     runs, parameters, stories = np.indices(shape)
     names = np.array(result.parameters)[parameters.ravel()]

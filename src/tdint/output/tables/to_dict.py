@@ -48,7 +48,8 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     UsageError
         The result has no table, or a unit is unknown.
     """
-    # Several results: a table with one row per result, or the joined tables of the results.
+    # Several results have a common table with a row for each result if their class is in
+    # `_IN_ROWS`; otherwise their tables are joined.
     if isinstance(result, list | tuple | ResultList):
         first = result[0] if len(result) else None
         if type(first).__name__ not in _IN_ROWS:
