@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_DIGITS = 5
-_GAP = "  "
-_NARROWEST = 8
-"""Minimum width of a column header, in characters, before its words are wrapped."""
+_DIGITS = 5  # significant digits of a number; files have more digits
+_GAP = "  "  # space between two columns
+_MIN_HEADER_WIDTH = 8
+"""Width in characters up to which the words of a column header are not wrapped."""
 
 _ERROR = "error_%"
+"""Header of a column of estimated errors in percent."""
 _NO_FILES = ("unit", "units", "notes")
 """Text columns whose values may contain a slash but are not paths, such as m/s^2."""
 
@@ -51,7 +52,7 @@ def _with_percent_errors(table: Table) -> Table:
     """Return the table with each error column directly after its value column, to save width.
 
     The errors are in percent of the value, with two significant digits. The percentage is None if
-    the value is zero or one of the two is not a number.
+    the value is zero, or if the value or the error is not a number.
     """
     from tdint.output.tables.table import Table
 
@@ -119,8 +120,8 @@ def draw(
         for i in filled
         if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))
     }
-    # Print a text that is equal in all rows once above the table, except in the last column. Print
-    # the common directory of all files, with its slash, in the same way.
+    # A column with an equal text in all rows is printed above the table as a single line, except
+    # for the last column. The common directory of all files is printed in the same way.
     common = [
         i
         for i in filled[:-1]
@@ -158,7 +159,7 @@ def draw(
 
 
 def _common_folder(files: Sequence[str]) -> str:
-    """Return the common directory of all texts, with its slash; empty if they have none."""
+    """Return the common directory of all files, with its slash; empty without such a directory."""
     # In alphabetical order, the common prefix of the first and the last text is common to all.
     first, last = min(files), max(files)
     prefix_length = 0
@@ -181,7 +182,7 @@ def _transposed(names: Sequence[str], columns: Sequence[Sequence[str]], width: i
     """
     row_count = len(columns[0])
     name_width = max(map(len, names))
-    # The minimum leaves room for the three dots of a shortened text.
+    # A shortened text of 8 characters still has five letters before its three dots.
     room = max(8, (width - name_width) // row_count - len(_GAP))
     # The values of a single row are not shortened.
     value_widths = [
@@ -243,9 +244,10 @@ def _column(name: str, unit: str, cells: Sequence[str], *, right: bool, limit: i
         *error_word,
         *([unit] if unit_suffix else []),
     ]
-    # Wrap the words to the width of the cells. A longer word has a line of its own.
+    # The words of the header are wrapped to the width of the cells. A longer word has a separate
+    # line.
     cells = _shortened(cells, [limit] * len(cells))
-    room = max(_NARROWEST, *map(len, cells), 0)
+    room = max(_MIN_HEADER_WIDTH, *map(len, cells), 0)
     header = [""]
     for word in words:
         joined = f"{header[-1]} {word}".strip()

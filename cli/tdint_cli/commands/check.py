@@ -158,9 +158,9 @@ def _law_errors(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
         if story.law.name in plugin_laws
     }
     return [
-        AnalysisError(f"{file}: {fault}")
+        AnalysisError(f"{file}: {inconsistency}")
         for number in story_of_law.values()
-        for fault in check_law(model, number)
+        for inconsistency in check_law(model, number)
     ]
 
 

@@ -13,7 +13,7 @@ from tdint.number_parsing import Grid
 from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.commands.spectrum import make_tables
-from tdint_cli.commands.spectrum_kinds import Kind, Results, TablesRequest
+from tdint_cli.commands.spectrum_kinds import Results, TablesRequest, TableType
 from tdint_cli.options.grammar import Number
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def command(request: DriftRequest) -> None:
     make_tables(request, _DriftSpectra())
 
 
-class _DriftSpectra(Kind):
+class _DriftSpectra(TableType):
     """Drift spectra of each component for each damping ratio."""
 
     def check(self, request: DriftRequest) -> None:

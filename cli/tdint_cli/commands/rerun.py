@@ -146,7 +146,10 @@ def command(request: Request) -> None:
     if exit_code and not (failed_before and is_same):
         raise _report_failure(recorded, exit_code)
     if not is_same:
-        raise AnalysisError(f"{recorded.file}: the results differ from the stored results")
+        raise AnalysisError(
+            f"{recorded.file}: the results differ from the stored results; the messages above list "
+            "the files"
+        )
 
 
 def _report_failure(recorded: _RecordedCommand, exit_code: int) -> click.exceptions.Exit:
@@ -344,7 +347,10 @@ class _RecordedCommand:
             )
         output = values.get("output")
         if not isinstance(output, str) or output == STDIN:
-            raise UsageError(f"{file}: `arguments` have no -o: {' '.join(arguments)}")
+            raise UsageError(
+                f"{file}: `arguments` have no -o: {' '.join(arguments)}; only a command with an "
+                "output file or directory can be repeated"
+            )
         # The export of a campaign is a second command line.
         export, command_lines = content.get("export", ()), [(command, values)]
         if export:

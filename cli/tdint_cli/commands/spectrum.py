@@ -17,7 +17,7 @@ from tdint.files import STDIN, check_outputs, write_files
 from tdint.output import figures
 from tdint_cli import options
 from tdint_cli.commands import spectrum_kinds as kinds
-from tdint_cli.commands.spectrum_kinds import AXES, MODES, Kind, SpectrumRequest, TablesRequest
+from tdint_cli.commands.spectrum_kinds import AXES, MODES, SpectrumRequest, TablesRequest, TableType
 from tdint_cli.drawing import reading_width, table_bytes
 from tdint_cli.options.grammar import BESIDE, refuse_idle
 from tdint_cli.options.output import SUFFIX, Outputs, beside, check_picture, picture_file
@@ -30,7 +30,7 @@ from tdint_cli.terminal import Failures, emit, note, warn
 
 @dataclass(frozen=True)
 class RecordTable:
-    """The results of one record.
+    """The table, the messages and the figure of a single record.
 
     Attributes
     ----------
@@ -62,16 +62,17 @@ class RecordTable:
     picture: bytes | None = None
 
 
-def make_tables(request: TablesRequest, kind: Kind) -> None:
-    """Compute and write the tables that a command line requests, and print notes and warnings.
+def make_tables(request: TablesRequest, table_type: TableType) -> None:
+    """Compute and write a table over the period for each record, and print notes and warnings.
 
-    A record that fails does not prevent the processing of the remaining records.
+    The tables are written to separate files in a directory, or joined in a file or on standard
+    output. A record that fails does not prevent the processing of the remaining records.
 
     Parameters
     ----------
     request : TablesRequest
         The options of the command line.
-    kind : Kind
+    table_type : TableType
         The type of table, such as elastic spectra.
 
     Raises
@@ -83,15 +84,15 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     """
     from tdint.ground_motion.reading.suites import records_of
 
-    kind.check(request)
+    table_type.check(request)
     if request.is_folder and request.plot not in (None, BESIDE):
         raise UsageError(
             "--plot=FILE is one figure of all records and cannot be used with -o DIR; use -o FILE, "
             "or --plot without a file for one figure per record"
         )
     sources = records_of(request.records, request.choice)
-    # List the files of each record, and check that all outputs can be written.
-    files_of_records = kind.gather(request, sources.files)
+    # All outputs are checked before the computation, so that no result is lost.
+    files_of_records = table_type.gather(request, sources.files)
     output = Path(request.output) if request.output else None
     if output and request.is_folder:
         table_of_record: list[Path | None] = [
@@ -113,7 +114,7 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     to_terminal = request.output is None
     width = reading_width() if to_terminal else None
     write_header = True
-    work = partial(_work, request, kind, width)
+    work = partial(_work, request, table_type, width)
     with outcomes(
         work, tasks, jobs=request.jobs, label="spectra", to_terminal=to_terminal
     ) as results:
@@ -125,7 +126,7 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
             warnings |= dict.fromkeys(outcome.warnings)
             longest_interval = max(longest_interval, outcome.interval)
             if task.table:
-                _write(request, kind, task.table, [outcome])
+                _write(request, table_type, task.table, [outcome])
                 continue
             if request.output or request.plot:
                 outcomes_of_common_table.append(
@@ -135,8 +136,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
                 emit(outcome.text if write_header or width else _without_header(outcome.text))
                 write_header = False
     if outcomes_of_common_table:
-        _write(request, kind, output, outcomes_of_common_table)
-    last_note = kind.remark(request, longest_interval)
+        _write(request, table_type, output, outcomes_of_common_table)
+    last_note = table_type.remark(request, longest_interval)
     warn(*warnings)
     note(*filter(None, (*notes, last_note)))
     if failures:
@@ -146,21 +147,33 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
-    """Return the table with its figure and JSON file; `table` is None without -o."""
+    """Return the paths of a table, its figure and its JSON file after a check of the figure.
+
+    Parameters
+    ----------
+    request : TablesRequest
+        The options of the command line.
+    table : Path or None
+        File of the table; None without -o.
+    """
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
     if picture:
         check_picture(picture)
     return Outputs(table, picture, beside(table, ".json") if table else None, request.overwrite)
 
 
-def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> RecordTable:
-    """Compute the results of one record; this may run in a worker process.
+def _work(
+    request: TablesRequest, table_type: TableType, width: int | None, task: Task
+) -> RecordTable:
+    """Read a record and compute its table, and its figure if each record has a separate figure.
+
+    This function may run in a worker process.
 
     Parameters
     ----------
     request : TablesRequest
         The options of the command line.
-    kind : Kind
+    table_type : TableType
         The type of table.
     width : int or None
         Width of the terminal in characters; None for CSV.
@@ -170,9 +183,9 @@ def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> 
     from tdint.output.summary import record_summary
 
     records = [record for file in (task.source, *task.others) for record in request.read(file)]
-    results = kind.compute(request, records)
+    results = table_type.compute(request, records)
     lines = tuple(results.lines)
-    table = kind.table(request, lines).in_units(request.shown_units)
+    table = table_type.table(request, lines).in_units(request.shown_units)
     return RecordTable(
         text=table_bytes(table, width),
         meanings=table.meanings,
@@ -181,18 +194,22 @@ def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> 
         interval=max(record.dt for record in results.records),
         warnings=notes_of_components(results.records, lambda record: record.warnings),
         results=() if task.table or not request.plot else lines,
-        picture=_picture(request, kind, lines, SUFFIX) if task.table and request.plot else None,
+        picture=_picture(request, table_type, lines, SUFFIX)
+        if task.table and request.plot
+        else None,
     )
 
 
-def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix: str) -> bytes:
+def _picture(
+    request: TablesRequest, table_type: TableType, results: Sequence[Any], suffix: str
+) -> bytes:
     """Return the figure of some results as bytes, in the format of a file name suffix.
 
     Parameters
     ----------
     request : TablesRequest
         The options of the command line.
-    kind : Kind
+    table_type : TableType
         The type of table.
     results : sequence
         The results, one line of the figure each.
@@ -200,20 +217,23 @@ def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix:
         Suffix of the file name, such as '.png'.
     """
     stream = BytesIO()
-    figures.style.picture(suffix, lambda: kind.picture(request, results))(stream)
+    figures.style.picture(suffix, lambda: table_type.picture(request, results))(stream)
     return stream.getvalue()
 
 
 def _write(
-    request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]
+    request: TablesRequest,
+    table_type: TableType,
+    table: Path | None,
+    products: Sequence[RecordTable],
 ) -> None:
-    """Write one table of all given records with its JSON file and its figure; or only a figure.
+    """Write a table with the rows of several records, its JSON file and its figure.
 
     Parameters
     ----------
     request : TablesRequest
         The options of the command line.
-    kind : Kind
+    table_type : TableType
         The type of table.
     table : Path or None
         The file of the table; None to write only the figure.
@@ -242,7 +262,7 @@ def _write(
     if outputs.picture:
         results = [result for product in products for result in product.results]
         contents[outputs.picture] = products[0].picture or _picture(
-            request, kind, results, outputs.picture.suffix
+            request, table_type, results, outputs.picture.suffix
         )
     write_files(contents, overwrite=request.overwrite)
 
@@ -336,20 +356,20 @@ def command(request: SpectrumRequest) -> None:
         _write_target(request)
         return
     # Use the first type of table that is requested; the options of the other types are refused.
-    kind: Kind = kinds.Elastic()
-    choices: tuple[tuple[Any, type[Kind]], ...] = (
+    table_type: TableType = kinds.Elastic()
+    choices: tuple[tuple[Any, type[TableType]], ...] = (
         (request.fourier, kinds.Fourier),
         (request.against, kinds.Against),
         (request.ductility or request.strength, kinds.Inelastic),
         (request.oscillator, kinds.Histories),
         (request.rotd, kinds.Rotated),
     )
-    for option_value, table_type in choices:
+    for option_value, requested_type in choices:
         if option_value:
-            kind = table_type()
+            table_type = requested_type()
             break
-    refuse_idle(kind.mode, MODES)
-    make_tables(request, kind)
+    refuse_idle(table_type.mode, MODES)
+    make_tables(request, table_type)
 
 
 def _write_target(request: SpectrumRequest) -> None:

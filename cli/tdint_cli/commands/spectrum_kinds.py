@@ -79,7 +79,7 @@ class Results:
     notes: Sequence[str] = ()
 
 
-class Kind(Protocol):
+class TableType(Protocol):
     """A type of table over the period."""
 
     mode: Mode = Mode("")
@@ -406,7 +406,7 @@ TARGET = Mode(
 """The table of a target spectrum, without records."""
 
 
-class _OscillatorSpectra(Kind):
+class _OscillatorSpectra(TableType):
     """Spectra over the requested periods, with a note on these periods."""
 
     def check(self, request: SpectrumRequest) -> None:
@@ -576,7 +576,7 @@ class Inelastic(_OscillatorSpectra):
         return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
 
 
-class Fourier(Kind):
+class Fourier(TableType):
     """Fourier amplitude spectra of single components."""
 
     mode = Mode("with --fourier", NAMES | {"fourier", "plot"})
@@ -608,7 +608,7 @@ class Fourier(Kind):
         return figures.comparison.fourier_picture(lines, request.shown_units)
 
 
-class Histories(Kind):
+class Histories(TableType):
     """Response histories of oscillators at the samples of single components."""
 
     mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
@@ -737,7 +737,7 @@ class Rotated(_OscillatorSpectra):
         )
 
 
-class Against(Kind):
+class Against(TableType):
     """Elastic spectra compared with a published spectrum."""
 
     mode = Mode("with --against", _PERIODS | {"against", "method", "maxima", "interpolation"})
@@ -818,7 +818,7 @@ class Against(Kind):
 
 MODES = (
     TARGET,
-    *(kind.mode for kind in (Elastic, Inelastic, Fourier, Histories, Rotated, Against)),
+    *(table_type.mode for table_type in (Elastic, Inelastic, Fourier, Histories, Rotated, Against)),
 )
 
 

@@ -54,7 +54,7 @@ class Number(click.FloatRange):
         """Return the number that a text represents; click reports invalid values as errors."""
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number", param, ctx)
+            self.fail(f"{value} is not a finite number; specify a finite number", param, ctx)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
             self.fail(
                 f"{value}: its absolute value must be between {SMALLEST:g} and {LARGEST:g}",
@@ -96,7 +96,7 @@ class Nonzero(Number):
         """Return the number that a text represents; click reports zero as an error."""
         number = super().convert(value, param, ctx)
         if number == 0.0:
-            self.fail("must not be zero", param, ctx)
+            self.fail("must not be zero; specify a positive or a negative number", param, ctx)
         return number
 
 

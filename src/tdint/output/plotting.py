@@ -33,23 +33,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_Shown = Sequence[Any]
+_Results = Sequence[Any]
 _PERIODS = (0.04, 4.0, 100)
 """Range (s) and number of periods of spectra in comparisons with recordings."""
 
 
 @dataclass(frozen=True)
 class _Drawing:
-    """Functions that draw results of a type.
+    """Functions that plot results of a type.
 
     Attributes
     ----------
     picture : callable
-        Draws a figure.
+        Returns a figure of the results in given units.
     on_axes : callable or None
-        Draws the main panel on axes; None for results without a main panel.
+        Plots the main panel on existing axes; None for results without a main panel.
     alone : bool
-        True if a figure shows only one result, which the functions accept instead of a sequence.
+        True if a figure shows a single result. The functions then receive this result instead of a
+        sequence of results.
     """
 
     picture: Callable[[Any, OutputUnits], Figure]
@@ -88,7 +89,7 @@ def plot(
     label: Mapping[str, str] | None = None,
     style: str | Path | None = None,
 ) -> Figure | Axes:
-    """Draw a result, or several results of one type in one figure.
+    """Plot a result, or several results of the same type in a common figure.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def plot(
     shown = results[0] if drawing.alone else results
     output_units = parse_output_units(units) if units else SI
     width_m = figure_width(width, "plot:") if isinstance(width, str) else width
-    # A text has all settings; a path is a style sheet.
+    # A text can contain all settings, as for --style; a path is the name of a style sheet.
     if isinstance(style, str):
         style_settings = parse_style(style, "plot: style")
     else:
@@ -155,7 +156,7 @@ def plot(
     before = PRINTED.set(printed)
     try:
         path = Path(file) if file is not None else None
-        # The figure is drawn once, for the file and for the notebook.
+        # The same figure is written to the file and returned, because drawing it needs time.
         suffix = path.suffix if path else ".png"
         writer = picture(suffix, lambda: drawing.picture(shown, output_units))
         figure = writer.figure()
@@ -166,9 +167,15 @@ def plot(
     return figure
 
 
-def _drawing_of(results: _Shown) -> _Drawing:
-    """Return the drawing functions of results; raise UsageError if they cannot share a figure."""
-    # All results of a figure must have the same type.
+def _drawing_of(results: _Results) -> _Drawing:
+    """Return the functions that plot results, by the class of the results.
+
+    Raises
+    ------
+    UsageError
+        There are no results, they have different types, their type has no figure, or a figure of
+        their type shows only a single result.
+    """
     types = {type(result) for result in results}
     if not types:
         raise UsageError("plot: the sequence of results is empty; pass at least one result")
@@ -185,7 +192,7 @@ def _drawing_of(results: _Shown) -> _Drawing:
     return drawing
 
 
-def _compare(results: _Shown, units: OutputUnits) -> Figure:
+def _compare(results: _Results, units: OutputUnits) -> Figure:
     """Return the figure of comparisons with recordings."""
     shortest, longest, count = _PERIODS
     # Below two sampling intervals, a spectrum depends on the interpolation between samples.
@@ -194,7 +201,7 @@ def _compare(results: _Shown, units: OutputUnits) -> Figure:
     return comparison.comparison_picture(results, periods, SA_DAMPING, units)
 
 
-def _info(results: _Shown) -> list[RecordInfo]:
+def _info(results: _Results) -> list[RecordInfo]:
     """Return the properties of records; results that already are properties are unchanged."""
     return [result if isinstance(result, RecordInfo) else record_info(result) for result in results]
 

@@ -23,8 +23,8 @@ class Verdict(NamedTuple):
     text : str
         The result as a sentence.
     single_limit : bool
-        True if only the drift has a limit. The sentence then begins with the drift, and a report
-        adds the result ("Limit kept.") in front of it.
+        True if only the drift has a limit. The sentence then starts with the drift, so that a
+        report can write the result ("Limit kept.") before the sentence.
     """
 
     met: bool | None
@@ -62,14 +62,22 @@ def run_verdicts(checks: Sequence[LimitCheck], status: str, units: OutputUnits) 
 
 
 class LostMotions(NamedTuple):
-    """Number of motions of a suite with collapse or without a result, and of all motions."""
+    """Number of ground motions that the means of a suite exclude.
+
+    Attributes
+    ----------
+    lost : int
+        Number of motions with collapse or without a result.
+    motions : int
+        Number of all motions.
+    """
 
     lost: int
     motions: int
 
     @property
     def text(self) -> str:
-        """Addition to the result; empty if all runs are completed without collapse."""
+        """Clause for the end of a result; empty if all runs are completed without collapse."""
         if not self.lost:
             return ""
         return f", because {self.lost} of {pluralize(self.motions, 'motion')} collapsed or failed"
@@ -156,7 +164,10 @@ def _sentence(
 
 
 def _maximum(check: LimitCheck, units: OutputUnits) -> str:
-    """Return the maximum demand of all motions with its story and motion."""
+    """Return a clause with the maximum demand over all motions, its story and its motion.
+
+    `check` compares the mean demand of a suite with a limit.
+    """
     place = QUANTITIES[check.quantity].place
     value = _text(check, check.largest, units, 3)
     return f"largest {value} ({place} {check.largest_story}, {check.motion})"

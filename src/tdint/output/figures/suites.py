@@ -69,8 +69,8 @@ def profile_picture(
         Noun for a motion of a profile; `run` for runs that differ in other ways.
     """
     units = units.in_figures
-    # Each scale factor or level has a row; only the first rows are plotted. Missing values are NaN,
-    # which is not equal to itself: compare the texts.
+    # Each scale factor or level has a row; only the first rows are plotted. The keys are texts,
+    # because a missing value is nan, and two nan are not equal.
     rows: dict[tuple[str, str], list[Profile]] = {}
     for profile in profiles:
         rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
@@ -126,7 +126,7 @@ def _motions_text(profile: Profile, member: str) -> str:
 def draw_drift_profiles(
     axes: Any, profiles: Sequence[Profile], units: OutputUnits, member: str
 ) -> None:
-    """Plot the drifts of `profile_picture` on axes, of all levels.
+    """Plot the drifts of buildings over their stories in a single panel, for all levels.
 
     Parameters
     ----------
@@ -165,9 +165,11 @@ def _by_length(profiles: Sequence[Profile]) -> bool:
 
 
 def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Return color and name of each building, independently of the order of the files.
+    """Return the color and the label of each building, by the name of the building.
 
-    A single building has no name.
+    The label is the name with a comma, for the start of a legend entry; empty for a single
+    building. The colors follow from the alphabetical order, so that the order of files has no
+    effect.
     """
     buildings = sorted(dict.fromkeys(names))
     if len(buildings) == 1:
@@ -198,7 +200,7 @@ def _draw_motions(
     largest: str,
     member: str = "motion",
 ) -> None:
-    """Plot each ground motion with `line`, thin and gray, and their mean and maximum.
+    """Plot the values of each ground motion as thin gray lines, and their mean and maximum.
 
     For several buildings, single ground motions are not plotted.
 
@@ -229,7 +231,19 @@ def _draw_motions(
 
 
 def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
-    """Plot values of floors as a line through the floors, or values of stories as steps."""
+    """Plot values over the height: floors as a line through points, or stories as steps.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    values : ndarray, shape (stories,)
+        Values from the lowest floor or story.
+    by_floor : bool
+        True for values of floors, false for values of stories.
+    **style
+        Line style.
+    """
     # Story i extends from i - 0.5 to i + 0.5; its floor is at i + 0.5.
     if by_floor:
         axes.plot(values, np.arange(values.size) + 1.5, **style)

@@ -392,8 +392,9 @@ def _state_names(functions: Sequence[Fragility], states: Sequence[str]) -> dict[
     if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
         listed = ", ".join(f"{threshold:g}" for threshold in thresholds)
         raise UsageError(
-            f"the functions have {pluralize(len(thresholds), 'threshold')} ({listed}): specify "
-            "the same number of states, each a single word"
+            f"the functions have {pluralize(len(thresholds), 'threshold')} ({listed}), but the "
+            f"states are {', '.join(states) or 'not specified'}; specify as many "
+            "states as thresholds, each a single word"
         )
     return dict(zip(thresholds, states, strict=True))
 

@@ -350,7 +350,10 @@ def scaled_table(scaling: Scaling) -> Table:
     """
     target, periods = scaling.target, scaling.periods
     if target is None or periods is None:
-        raise ValueError("a suite that was scaled to a value has no target spectrum")
+        raise ValueError(
+            "the suite has no target spectrum, because it was scaled to a value; scale it to a "
+            "target"
+        )
     spectra = scaling.spectra(periods)
     curves = [
         ("scaled", motion.source, motion.component, psa)

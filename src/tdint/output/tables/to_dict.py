@@ -102,7 +102,10 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
         There are no tables, or their columns differ.
     """
     if not tables or any(table.keys() != tables[0].keys() for table in tables):
-        raise UsageError("a table needs one or more results of the same type")
+        raise UsageError(
+            "results cannot be joined to a table, because there are none or their tables have "
+            "different columns; convert each result separately"
+        )
     joined: dict[str, Any] = {}
     for name, first_cells in tables[0].items():
         if isinstance(first_cells, list):
