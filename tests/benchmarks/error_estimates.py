@@ -14,7 +14,8 @@ with the same steps differs from the true value by more than a fifth of the erro
 tolerance: print how many runs for tolerances of 10 to 0.01 % are within them, by the methods of
 `--method`, and the solves of all runs of a search (without runs of impulse4 that estimate errors of
 other methods) divided by those of the cheapest run of impulse4 that is within the tolerance with
-all shorter steps.
+all shorter steps. The same ratio is printed for the first pair of runs and for the accepted run.
+With `--standard`, the cases are the problems of the benchmark page instead of random buildings.
 
 separate-solver: print the table of `reliability` with the true values of `plain_solver`, which uses
 no code of tdint, for buildings with the hysteresis models that it has.
@@ -38,6 +39,8 @@ from common import ROOT
 
 from random_buildings import any_building
 from tdint import load_model, prepare, run
+from tdint.analysis.chart.problem import ending_together
+from tdint.analysis.chart.profiles import PARTS, STANDARD, read_problems
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.step_choice import _Search
 from tdint.ground_motion.reading.read import read_records
@@ -85,8 +88,21 @@ def motions():
     return {name: record for name, record in named.items() if not name.endswith("Z")}
 
 
-def names_of(seed, buildings, scales):
-    """Yield the names of the cases, from which `case_of` derives models and ground motions."""
+@cache
+def standard_problems():
+    """Return the problems of the benchmark page, extended so that all time steps end together."""
+    problems = [one.posed for one in read_problems(STANDARD)]
+    return [ending_together(one, [one.interval * part for part in PARTS]) for one in problems]
+
+
+def names_of(seed, buildings, scales, standard=False):
+    """Yield the names of the cases, from which `case_of` derives models and ground motions.
+
+    With `standard`, the cases are the standard problems, and the other parameters are ignored.
+    """
+    if standard:
+        yield from (f"standard {number}" for number in range(len(standard_problems())))
+        return
     rng = np.random.default_rng(seed)
     for frame, motion in product(frames(), motions()) if scales else ():
         for scale in rng.uniform(0.2, 1.1, scales):
@@ -98,6 +114,9 @@ def case_of(name, laws=None):
     """Return the model and the ground motion of a case, and a duration (s) that is a multiple of
     all time steps."""
     first, *others = name.split()
+    if first == "standard":
+        problem = standard_problems()[int(others[0])]
+        return problem.model, problem.record, problem.samples * problem.interval
     if first == "building":
         model, record = any_building(int(others[0]), laws)
         if laws:
@@ -316,24 +335,27 @@ def least_solves(runs, tolerance):
 
 
 def search_of(model, record, duration, method, tolerance):
-    """Return the response for a tolerance and the solves of all runs of the search; None if the
-    search fails."""
+    """Return the response for a tolerance, and the solves of all runs of the search, of its first
+    two runs and of the accepted run; None and nan if the search fails."""
     case = prepare(model, record, method=method)
     search = _Search.of(case, tolerance, None, duration)
     try:
         _, response = search.within(np.inf)
     except FailedRun:
-        return None, np.nan
-    return response, sum(
-        one.iterations for one in search.runs.values() if isinstance(one, Response)
-    )
+        return None, np.full(3, np.nan)
+    solves = [one.iterations for one in search.runs.values() if isinstance(one, Response)]
+    return response, np.array([sum(solves), sum(solves[:2]), response.iterations])
 
 
 def within(name, methods):
-    """Return the name of a case with a row for each method and tolerance: true error of the peak
-    drifts divided by the tolerance, time step, and solves of the search divided by the least."""
-    model, record, duration = case_of(name)
-    model = load_model(model)
+    """Return the name of a case with a row for each method and tolerance.
+
+    The row contains the method, the tolerance, the true error of the peak drifts divided by the
+    tolerance, the time step in sampling intervals, and the solves of the search, of its first pair
+    and of the accepted run, each divided by the least solves of a single run.
+    """
+    definition, record, duration = case_of(name)
+    model = load_model(definition) if isinstance(definition, dict) else definition
     true = truths(model, record, duration)
     rows = []
     single = single_runs(model, record, duration, true[0]["peak_drift"]) if true else ()
@@ -342,13 +364,13 @@ def within(name, methods):
         gap = np.max(np.abs(true[1]["peak_drift"] / true[0]["peak_drift"] - 1.0))
         if response is not None and gap < SURE * tolerance:
             off = np.max(np.abs(response.stories.peak_drift / true[0]["peak_drift"] - 1.0))
-            over = solves / least_solves(single, tolerance)
-            rows.append((method, tolerance, off / tolerance, response.dt / record.dt, over))
+            ratios = solves / least_solves(single, tolerance)
+            rows.append((method, tolerance, off / tolerance, response.dt / record.dt, *ratios))
     return name, rows
 
 
 def tolerances(found, methods):
-    """Print how many runs are within each tolerance, and what the searches cost."""
+    """Print how many runs are within each tolerance, and how many solves the searches need."""
     for method, tolerance in product(methods, TOLERANCES):
         rows = [
             (name, *row[2:])
@@ -356,16 +378,17 @@ def tolerances(found, methods):
             for row in of_case
             if row[:2] == (method, tolerance)
         ]
-        parts = np.array([row[1] for row in rows])
+        parts, samples, *ratios = np.array([row[1:] for row in rows]).T
+        search, pair, accepted = (np.nanmedian(one) for one in ratios)
         print(
             f"{method}, {100.0 * tolerance:g} %: {np.sum(parts > 1.0)} of {len(rows)} beyond, "
-            f"medians: {np.median(parts):.2f} of the tolerance, "
-            f"{np.median([row[2] for row in rows]):g} samples a step, "
-            f"{np.nanmedian([row[3] for row in rows]):.2f} times the least solutions"
+            f"medians: {np.median(parts):.2f} of the tolerance, {np.median(samples):g} samples a "
+            f"step, {search:.2f} times the least solves (first pair {pair:.2f}, accepted run "
+            f"{accepted:.2f})"
         )
-        for name, part, samples, _ in rows:
+        for name, part, length, *_ in rows:
             if part > 1.0:
-                print(f"  {name}: {part:.3g} times the tolerance, {samples:g} samples")
+                print(f"  {name}: {part:.3g} times the tolerance, {length:g} samples")
 
 
 def main():
@@ -379,11 +402,12 @@ def main():
     parser.add_argument("--seed", type=int, default=5_200_000)
     parser.add_argument("--buildings", type=int, default=300)
     parser.add_argument("--scales", type=int, default=0)
+    parser.add_argument("--standard", action="store_true")
     parser.add_argument("--samples", default=",".join(f"{length:g}" for length in SAMPLES))
     parser.add_argument("--method", default="impulse4,newmark-average")
     parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
-    names = list(names_of(given.seed, given.buildings, given.scales))
+    names = list(names_of(given.seed, given.buildings, given.scales, given.standard))
     methods, samples = given.method.split(","), [float(one) for one in given.samples.split(",")]
     work = (
         partial(within, methods=methods)

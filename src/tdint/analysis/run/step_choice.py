@@ -30,10 +30,10 @@ from tdint.errors import UsageError
 
 _FIRST_POWER, _FIRST_POWER_TIGHT = 2, 1
 """Exponents of the first time step: it is 2**_FIRST_POWER sampling intervals, or
-2**_FIRST_POWER_TIGHT for tolerances below `_TIGHT`. With eight intervals, runs that differ from the
-true peaks may agree with each other, and two to three times as many results exceed the tolerance.
-With two intervals, runs for tolerances of 1 % and more take 1.2 to 1.7 times as many solves (336
-random buildings)."""
+2**_FIRST_POWER_TIGHT for tolerances below `_TIGHT`. With eight intervals, two
+coarse runs may agree although both are wrong, and twice as many results exceed the tolerance. With
+two intervals, runs for tolerances of 1 % and more need 1.1 to 1.4 times as many solves (566 random
+buildings, see "Reliability of error estimates" in tests/README.md)."""
 
 _TIGHT = 0.003
 """Tolerance below which the first time step is 2**_FIRST_POWER_TIGHT sampling intervals. At .3 %
