@@ -49,7 +49,7 @@ class Settings:
 
 
 def current() -> Settings:
-    """Return the settings of the running command."""
+    """Return the settings of the running command; default settings outside of a command."""
     context = click.get_current_context(silent=True)
     return (context and context.find_object(Settings)) or Settings()
 
@@ -59,7 +59,7 @@ def is_quiet() -> bool:
     return current().quiet
 
 
-_EMPTY_LINE = "\r\x1b[K"  # Clears the line of the terminal that contains the cursor.
+_EMPTY_LINE = "\r\x1b[K"  # control characters that clear the line of the cursor on a terminal
 _SETTING = re.compile(r"`(units|component|inventory|step|column|skip_lines)(?:=([^`]*))?`")
 _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 
@@ -81,17 +81,17 @@ def emit(data: bytes) -> None:
         sys.stdout.flush()
         # Without a buffer (PYTHONUNBUFFERED), `write` may write only a part of the data. The return
         # value is then the number of written bytes.
-        rest = memoryview(data)
-        while rest:
-            written = sys.stdout.buffer.write(rest)
+        remaining = memoryview(data)
+        while remaining:
+            written = sys.stdout.buffer.write(remaining)
             if not written:
                 raise OSError(errno.ENOSPC, "no further output")
-            rest = rest[written:]
+            remaining = remaining[written:]
         sys.stdout.buffer.flush()
     except BrokenPipeError:
-        _discard_from_now_on()
+        _discard_further_output()
     except OSError as error:
-        _discard_from_now_on()
+        _discard_further_output()
         raise OutputError(
             f"standard output: cannot be written: {error.strerror or error}"
         ) from error
@@ -105,8 +105,8 @@ def say(*lines: str) -> None:
 
 
 def note(*texts: str) -> None:
-    """Print notes, which do not affect the meaning of the results."""
-    say(*(f"note: {text}" for text in _of_a_kind(texts)))
+    """Print notes, which do not affect the meaning of the results, unless --quiet is set."""
+    say(*(f"note: {text}" for text in _combine_equal(texts)))
 
 
 def warn(*texts: str) -> None:
@@ -118,7 +118,7 @@ def warn(*texts: str) -> None:
 _SINGLE = 2  # maximum number of files with the same message that are listed on separate lines
 
 
-def _of_a_kind(texts: Sequence[str]) -> list[str]:
+def _combine_equal(texts: Sequence[str]) -> list[str]:
     """Combine equal messages about more than two files to one line.
 
     Each text is `FILE: MESSAGE`, or a message without a file, which is not combined. The combined
@@ -185,10 +185,11 @@ def say_table(rows: Sequence[Sequence[str]]) -> None:
         say("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
-def _discard_from_now_on() -> None:
-    """Redirect standard output to the null device.
+def _discard_further_output() -> None:
+    """Redirect standard output to the null device, so that all further output is discarded.
 
-    Data that remain in the buffer then raise no error when Python exits.
+    Python writes the data that remain in its buffer when it exits. Without the redirection, this
+    would raise an error.
     """
     null_device = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null_device, sys.stdout.fileno())

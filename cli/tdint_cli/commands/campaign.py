@@ -214,7 +214,7 @@ def _run(request: CampaignRequest) -> None:
         )
     if request.output is None:
         raise UsageError("-o DIR is required: the directory of the campaign")
-    # Check floors, measures, outputs, shard and cluster before the inputs are read.
+    # Reading the inputs of a large campaign needs minutes, so that options are checked before.
     request.of_floors.check(request.output)
     if request.im:
         from tdint.campaign.fragility.measures import run_measure
@@ -342,10 +342,11 @@ def _merge(request: CampaignRequest) -> None:
 
 
 def _unused_inputs(store: Store) -> list[TdintError]:
-    """Return an error for the records, and one for the buildings, that a campaign could not use.
+    """Return the errors for records and buildings that a campaign could not use.
 
-    The calls for the shards end with the same errors. A campaign without some of its inputs is not
-    complete, although all other runs are completed.
+    There is at most one error for all records and one for all buildings. A campaign without some of
+    its inputs is not complete, although all other runs are completed, so that `merge` ends with the
+    same errors as the calls for its parts.
 
     Parameters
     ----------
