@@ -313,6 +313,7 @@ def write_files(
     temporaries: dict[Path, Path] = {}
 
     def write(file: Path, content: Content) -> None:
+        """Write the content to a temporary file in the directory of `file`; see `temporaries`."""
         new_folders.extend(_make_folders(file.parent))
         temporary = Path(os.path.realpath(file)).with_name(_temporary_name())
         temporaries[file] = temporary

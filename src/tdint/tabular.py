@@ -432,6 +432,7 @@ class ResultList(Tabular, Generic[Member]):
         return hash(self.members)
 
     def _headline(self) -> str:
+        """Return the number and the class of the members."""
         return (
             f"{len(self.members)} of {type(self.members[0]).__name__}" if self.members else "none"
         )

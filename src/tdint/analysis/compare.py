@@ -493,6 +493,7 @@ class Comparison(Tabular):
     floors: tuple[FloorComparison, ...]
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         smallest_correlation, floor_count = (
             min(floor.correlation for floor in self.floors),
             pluralize(len(self.floors), "floor"),
@@ -517,6 +518,7 @@ class Comparison(Tabular):
         """
 
         def acceleration_spectrum(floor: FloorComparison, motion: Array) -> Array:
+            """Return the spectrum of absolute accelerations of a floor motion, m/s^2."""
             dt = self.event.base.dt
             if floor.quantity == "displacement":
                 motion = differentiated(motion, dt, floor.quantity) + floor.base

@@ -333,11 +333,13 @@ def _minimize(
     stored: dict[bytes, Array] = {}
 
     def evaluate(x: Array) -> Array:
+        """Return the residuals at `x`, and store them for the derivatives."""
         stored.clear()
         stored[x.tobytes()] = residuals(x)
         return stored[x.tobytes()]
 
     def derivatives(x: Array) -> Array:
+        """Return the derivatives of the residuals by differences, one column per parameter."""
         # SciPy has usually just evaluated the residuals at x: use these if they are still stored.
         base = stored[x.tobytes()] if x.tobytes() in stored else evaluate(x)
         differences = np.where(
@@ -576,6 +578,7 @@ def _ratio_setter(i: int) -> Callable[[Model, float], Model]:
     """Return the function that sets damping ratio `i` (from 0) in a model."""
 
     def set_ratio(model: Model, ratio: float) -> Model:
+        """Return a copy of the model with another damping ratio `i`."""
         assert isinstance(model.damping, ModalDamping | RayleighRatio)
         ratios = list(model.damping.ratios)
         ratios[i] = ratio

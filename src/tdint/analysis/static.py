@@ -144,6 +144,7 @@ class CyclicTest(Tabular):
     path: LawPath
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.model.name!r}, story {self.story}, {self.law} law, "
             f"{pluralize(self.path.drift.size, 'point')}"
@@ -492,6 +493,7 @@ class Pushover(Tabular):
     way: tuple[Array, Array]
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         return (
             f"of {self.model.name!r}, {self.pattern} pattern, largest base shear "
             f"{self.largest_base_shear:.4g} N"

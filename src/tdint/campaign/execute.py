@@ -283,6 +283,7 @@ class CampaignRuns(Tabular):
             }
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         return (
             f"of {self.name!r}: {sum(self.statuses.values())} of {pluralize(self.asked, 'run')} "

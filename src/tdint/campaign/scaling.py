@@ -122,6 +122,7 @@ class Scaling(Tabular):
     others_at_limit: int = 0
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         low, high = np.min(self.factors), np.max(self.factors)
         return (
             f"of {pluralize(len(self.motions), 'motion')} by the rule {self.rule}, factors "

@@ -103,6 +103,7 @@ def _callback_errors() -> Iterator[list[str]]:
     lost: list[str] = []
 
     def keep(args: sys.UnraisableHookArgs) -> None:
+        """Append the message of an exception to `lost`."""
         error = args.exc_value
         text = (
             error.object.decode("utf-8", "replace")

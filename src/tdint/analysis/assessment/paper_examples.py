@@ -364,6 +364,7 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
     """
 
     def solve(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
+        """Integrate an example step by step and return its motion at the time steps."""
         count = _steps(example, dt)
         times = dt * np.arange(count + 2, dtype=np.float64)
         loads = _load(example.model, times)

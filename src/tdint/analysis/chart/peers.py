@@ -69,6 +69,7 @@ the weights of OpenSees refer to the end of the step, and the weights of tdint t
 
 
 def _bouc_wen(k: float, _: float, *parameters: float) -> tuple[Any, ...]:
+    """Return the material BoucWen with coefficient `A` = 1 and without stiffness degradation."""
     strength, hardening, n, beta = parameters[:4]
     beta_plus_gamma = (k / strength) ** n
     return (
@@ -101,6 +102,7 @@ def _tanh(k: float, maximum_drift: float, strength: float, *_: float) -> tuple[A
 
 
 def _polynomial(_: float, maximum_drift: float, *coefficients: float) -> tuple[Any, ...]:
+    """Return the table of a force that is a polynomial in the drift."""
     drifts = maximum_drift * _TABLE
     return _elastic(
         drifts, np.asarray(np.polynomial.polynomial.polyval(drifts, (0.0, *coefficients)))

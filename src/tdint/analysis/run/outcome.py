@@ -168,6 +168,7 @@ class StoryPeaks(Tabular, StoryValues):
     height: Array
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         largest = np.nanmax(self.peak_drift, initial=0.0)
         return f"of {pluralize(self.peak_drift.shape[-1], 'story')}, largest drift {largest:.4g} m"
 
@@ -216,6 +217,7 @@ class Gradient(Tabular, StoryValues):
     errors: StoryErrors | None = None
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         parameters = f"of peaks by {pluralize(len(self.parameters), 'parameter')}: {self.by}"
         if self.errors is None:
             return f"{parameters}, errors not estimated"
@@ -466,6 +468,7 @@ class History(Tabular):
     error: ErrorHistory | None = None
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         stories = pluralize(self.displacement.shape[1], "story")
         steps = pluralize(len(self.time) - 1, "step")
         return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
@@ -686,6 +689,7 @@ class Response(Tabular):
         return next(iter(check_limits(limits, peaks, self.stories.height, [""])), None)
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         story = int(np.argmax(self.stories.peak_drift))
         return (
             f"of {self.model.name!r}: {self.status}, {self.method}, "

@@ -149,6 +149,7 @@ class FragilityResult(Tabular):
         return cls(functions, failures, warnings)
 
     def _headline(self) -> str:
+        """Return the description of the result in one line, without the class name."""
         medians = ", ".join(
             f"{function.theta:.4g} {function.unit}".rstrip() for function in self.functions
         )

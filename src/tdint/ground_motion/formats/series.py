@@ -169,6 +169,7 @@ def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]
     return the function `read_<format>(file, headonly=False)`."""
 
     def read_all(lines: Lines) -> list[Series]:
+        """Read all parts of a file."""
         series: list[Series] = []
         while lines.peek() is not None:
             series += read(lines)

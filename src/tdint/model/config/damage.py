@@ -37,6 +37,7 @@ class ByState:
     type: ValueType
 
     def schema(self) -> Schema:
+        """Return the JSON schema of the mapping."""
         return {
             "type": "object",
             "patternProperties": {_STATE_NAME: self.type.schema()},

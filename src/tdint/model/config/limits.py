@@ -43,6 +43,7 @@ class _ByStory:
     type: ValueType
 
     def schema(self) -> Schema:
+        """Return the JSON schema: a single value, or a mapping with at least one entry."""
         value = self.type.schema()
         return {
             "anyOf": [

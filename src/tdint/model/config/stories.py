@@ -103,6 +103,7 @@ class _LawType:
     """Type of the key `law`: the name of a law, or a mapping with its type and parameters."""
 
     def schema(self) -> Schema:
+        """Return the JSON schema: a name of a law without parameters, or a mapping for each law."""
         names_without_parameters = [name for name, law in laws().items() if not law.parameters]
         mappings = [
             Keys((Key("type", Choice((law.name,)), law.formula, True), *_law_keys(law)))
