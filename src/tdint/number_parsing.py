@@ -23,7 +23,10 @@ between these limits neither underflow nor overflow in double precision.
 
 
 def pluralize(count: int, noun: str) -> str:
-    """Return a count with its noun in the singular or the plural: 1 run, 2 runs, 3 stories."""
+    """Return a count with its noun in the singular or the plural: 1 run, 2 runs, 3 stories.
+
+    `noun` is the singular. Its plural is formed by -s, or by -ies if it ends with y.
+    """
     plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
     return f"{count} {noun if count == 1 else plural}"
 
@@ -31,11 +34,12 @@ def pluralize(count: int, noun: str) -> str:
 DIGITS = 4
 """Default number of significant digits in sentences and in the tables of reports."""
 
-_DIGITS_OF_DOUBLES = 17  # significant digits that distinguish any two double-precision numbers
+_DIGITS_OF_DOUBLES = 17
+"""Number of significant digits that distinguishes any two double-precision numbers."""
 
 
 def number_text(value: float, digits: int = DIGITS, *, unlike: float | None = None) -> str:
-    """Return a number for people, rounded to significant digits.
+    """Return a number as text, rounded to significant digits.
 
     Parameters
     ----------
@@ -44,8 +48,8 @@ def number_text(value: float, digits: int = DIGITS, *, unlike: float | None = No
     digits : int
         Number of significant digits, 3 or 4; trailing zeros are omitted.
     unlike : float, optional
-        A limit that the number does not meet. If both would be written equally, the number gets
-        as many digits as are necessary to distinguish it: 0.89999 and not 0.9 for a limit of 0.9.
+        A limit that the number does not meet. If the rounded number is equal to the limit, digits
+        are added until they differ. With the limit 0.9, the result is 0.89999, not 0.9.
     """
     text = f"{value:.{digits}g}"
     if unlike is None or value == unlike:
@@ -58,12 +62,13 @@ def number_text(value: float, digits: int = DIGITS, *, unlike: float | None = No
 
 _SMALL = 1e-4
 """Limit below which tables do not show the digits of a number, because readers of a report do not
-need them. Applied to a number itself, or to its ratio to the maximum of its column.
-"""
+need these digits. The limit applies to the number or, if the maximum of its column is known, to the
+ratio of the number to this maximum."""
 
 
 def table_number(value: float, largest: float | None = None) -> str:
-    """Return a number for a table or a report: four significant digits and no power of ten.
+    """Return a number as text for a table or a report, with four significant digits and without a
+    power of ten.
 
     Parameters
     ----------
@@ -86,13 +91,19 @@ def table_number(value: float, largest: float | None = None) -> str:
 
 
 def abbreviate(names: Sequence[str], limit: int) -> str:
-    """Return the first `limit` names as text, and the number of further names: a, b and 7 more."""
+    """Return a text that lists at most `limit` names, followed by the number of further names, such
+    as `a, b and 7 more`."""
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
     return ", ".join(names[:limit]) + more
 
 
 def parse_head(text: str) -> tuple[tuple[str, str], ...]:
     """Parse the lines at the top of a report, such as `Project: Bridge 7; Author: A. B.`.
+
+    Parameters
+    ----------
+    text : str
+        Lines in the form NAME: TEXT, separated by semicolons.
 
     Returns
     -------
@@ -104,17 +115,21 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
     UsageError
         A part has no name or no text.
     """
-    parts = [part.partition(":") for part in text.split(";") if part.strip()]
-    if not parts or not all(name.strip() and value.strip() for name, _, value in parts):
+    lines = []
+    for line in text.split(";"):
+        if line.strip():
+            name, _, value = line.partition(":")
+            lines.append((name.strip(), value.strip()))
+    if not lines or not all(name and value for name, value in lines):
         raise UsageError(
             f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. "
             "B.'"
         )
-    return tuple((name.strip(), value.strip()) for name, _, value in parts)
+    return tuple(lines)
 
 
 def number_or_nan(text: str) -> float:
-    """Return a text as float; nan if it is not a number."""
+    """Convert a text to a float; return nan if the text is not a number."""
     try:
         return float(text)
     except ValueError:
@@ -139,7 +154,14 @@ def parse_ratio(text: str) -> float:
 
 
 def parse_positive(name: str, text: str) -> float:
-    """Parse a positive number; `name` is the name of the value in the message.
+    """Parse a positive number.
+
+    Parameters
+    ----------
+    name : str
+        Name of the value, for the message.
+    text : str
+        The number, such as `0.01`.
 
     Raises
     ------
@@ -154,7 +176,7 @@ def parse_positive(name: str, text: str) -> float:
 
 @dataclass(frozen=True)
 class Grid:
-    """Geometric sequence of numbers.
+    """Geometric sequence of positive numbers, such as the periods of a spectrum.
 
     Attributes
     ----------
@@ -169,6 +191,7 @@ class Grid:
     count: int
 
     def __str__(self) -> str:
+        """Return the grid in the form that `parse_grid` reads."""
         return f"{self.first:.12g}:{self.last:.12g}:{self.count}"
 
     def values(self) -> NDArray[np.float64]:
@@ -260,13 +283,16 @@ WARNING_LENGTH = 60
 
 
 def first_warning(warnings: Sequence[str]) -> str:
-    """Return the end of the one-line description of a result: the first warning, and the number of
-    further warnings. Empty without warnings.
+    """Return a text about the warnings of a result, for the end of its one-line description.
+
+    The text contains the first warning, which is shortened if it is long, and the number of further
+    warnings. It is empty without warnings.
     """
     if not warnings:
         return ""
     more = f" (and {len(warnings) - 1} more: `warnings`)" if len(warnings) > 1 else ""
     first = warnings[0]
     if len(first) > WARNING_LENGTH:
+        # Shorten the warning at the end of a word.
         first = f"{first[:WARNING_LENGTH].rsplit(' ', 1)[0]} ..."
     return f"; warning: {first}{more}"

@@ -1,4 +1,4 @@
-"""Functions that depend on the operating system, and work on threads.
+"""Functions that depend on the operating system: clocks, memory, files, processes, locks, threads.
 
 Functions of the standard library that exist on some systems only are called here, with a fallback
 for the other systems. Compiled loops release the global interpreter lock, so threads run in
@@ -23,22 +23,25 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
 _SIGNAL_AT_PARENTS_DEATH = 1
-"""PR_SET_PDEATHSIG of Linux's prctl."""
+"""Constant PR_SET_PDEATHSIG of the Linux function prctl."""
 
-_LOW = 10
-"""Niceness (0 to 19). On a busy machine, such a process gets about a tenth of a processor."""
+_LOW_PRIORITY = 10
+"""Niceness (0 to 19) of background processes. On a busy machine, a process with this niceness gets
+about a tenth of a processor."""
 
 _MOUNTS = Path("/proc/self/mountinfo")
+"""Linux file that lists the mounted file systems."""
+
 _REMOTE_DRIVE = 4
-"""DRIVE_REMOTE of Windows' GetDriveTypeW."""
+"""Constant DRIVE_REMOTE of the Windows function GetDriveTypeW."""
 
 _QUERY_INFORMATION, _STILL_ACTIVE = 0x1000, 259
-"""PROCESS_QUERY_LIMITED_INFORMATION of Windows' OpenProcess, STILL_ACTIVE of its
-GetExitCodeProcess."""
+"""Constant PROCESS_QUERY_LIMITED_INFORMATION of the Windows function OpenProcess, and constant
+STILL_ACTIVE of the Windows function GetExitCodeProcess."""
 
 START_OF_PROCESSES = "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
-"""Start method of processes. Forked processes inherit loaded kernels; if forking is not safe, they
-load the kernels from the cache."""
+"""Start method of processes. Forked processes inherit the loaded kernels. On systems where forking
+is not safe, processes are spawned and load the kernels from the cache."""
 
 
 def processors() -> int:
@@ -46,30 +49,32 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-_FINE = 1e-5
-"""Maximum resolution of the clock for time loops, s: a hundredth of the shortest loops, which take
-a millisecond."""
+_MAX_TICK = 1e-5
+"""Maximum tick of a clock that measures time loops, s: a hundredth of the duration of the shortest
+loops, which is a millisecond."""
 
 CLOCKS = {"thread_time": "processor time of the thread", "perf_counter": "wall time"}
+"""Clocks for time loops: description by the name of the function of the module `time`."""
 
 
 @cache
 def clock() -> str:
-    """Return the clock for time loops: a key of `CLOCKS` and a function of the module `time`.
+    """Return the name of the clock for time loops, a key of `CLOCKS`.
 
-    Processor time excludes other work on the machine. Windows counts it in ticks of 16 ms,
-    regardless of the resolution that it reports. If the measured resolution is this coarse, wall
-    time is used.
+    Processor time is preferred, because it excludes other work on the machine. Windows counts it in
+    ticks of 16 ms, regardless of the resolution that it reports. The tick is therefore measured,
+    and wall time is used if the tick is too long.
     """
     ticks = []
     deadline = time.perf_counter() + 0.1  # s; after this time the clock is considered stopped
-    for _ in range(3):  # an interrupt may lengthen one of the ticks
-        begin = time.thread_time()
-        while (now := time.thread_time()) == begin:
+    # Measure three ticks and use the shortest, because an interrupt may lengthen a tick.
+    for _ in range(3):
+        start = time.thread_time()
+        while (now := time.thread_time()) == start:
             if time.perf_counter() > deadline:
                 return "perf_counter"
-        ticks.append(now - begin)
-    return "thread_time" if min(ticks) <= _FINE else "perf_counter"
+        ticks.append(now - start)
+    return "thread_time" if min(ticks) <= _MAX_TICK else "perf_counter"
 
 
 def seconds() -> float:
@@ -78,16 +83,16 @@ def seconds() -> float:
 
 
 def load() -> float | None:
-    """Return the average number of running or waiting processes in the last minute, or None."""
+    """Return the average number of running or waiting processes of this machine in the last minute;
+    None if the system does not report it."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def processor() -> str:
-    """Return the name of the processor of this machine."""
-    with suppress(OSError):
-        for line in (
-            Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        ):
+    """Return the name of the processor of this machine, such as `AMD EPYC 7763`."""
+    with suppress(OSError):  # the file exists on Linux only
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        for line in text.splitlines():
             name, _, value = line.partition(":")
             if name.strip() == "model name":
                 return " ".join(value.split())
@@ -108,13 +113,16 @@ def memory() -> int | None:
 
 
 def set_nonblocking(descriptor: int) -> None:
-    """Make writing to a full pipe fail instead of blocking. No effect on Windows before 3.12."""
+    """Make writing to a full pipe fail instead of blocking.
+
+    `descriptor` is the file descriptor of the pipe. No effect on Windows before Python 3.12.
+    """
     if hasattr(os, "set_blocking"):
         os.set_blocking(descriptor, False)
 
 
 def unnamed_file() -> BinaryIO:
-    """Return a file in memory; on systems without such files, the null device."""
+    """Open a temporary file in memory; on systems without such files, open the null device."""
     if hasattr(os, "memfd_create"):
         return os.fdopen(os.memfd_create("tdint"), "w+b")
     return Path(os.devnull).open("w+b")
@@ -123,43 +131,57 @@ def unnamed_file() -> BinaryIO:
 # ---- Ownership of files that are loaded
 
 
-def is_trusted(file: os.stat_result, also: int) -> bool:
-    """Return True if a file belongs to the user, to root or to the user `also`, and is not writable
-    for others.
+def is_trusted(file: os.stat_result, trusted_user: int) -> bool:
+    """Return True if a file has a trusted owner and no other user can write to it.
 
     Always True on Windows, which protects the directories of a user by other means.
+
+    Parameters
+    ----------
+    file : os.stat_result
+        Status of the file.
+    trusted_user : int
+        Identifier of a user that is trusted in addition to the current user and root.
     """
     if not hasattr(os, "geteuid"):
         return True
-    return file.st_uid in {os.geteuid(), 0, also} and not file.st_mode & 0o022
+    is_writable_for_others = file.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return file.st_uid in {os.geteuid(), 0, trusted_user} and not is_writable_for_others
 
 
-def _is_own(home: Path, folder: Path) -> bool:
+def _is_protected(parent: Path, folder: Path) -> bool:
     """Return True if no other user can write to a directory or replace it by renaming.
 
-    The directory must belong to this user and must not be writable for others. Its parent `home`
-    may belong to root, and may be writable for others if it has the sticky bit, like /tmp. Always
-    True on Windows.
+    The directory must belong to this user and must not be writable for others. Its parent may
+    belong to root, and may be writable for others if it has the sticky bit, like /tmp. Always True
+    on Windows.
+
+    Parameters
+    ----------
+    parent : Path
+        Directory that contains `folder`.
+    folder : Path
+        The directory.
     """
     if not hasattr(os, "getuid"):
         return True
     try:
-        own_status, parent_status = folder.lstat(), home.stat()
+        folder_status, parent_status = folder.lstat(), parent.stat()
     except OSError:
         return False
     user = os.getuid()
-    others_cannot_write = stat.S_ISDIR(own_status.st_mode) and not own_status.st_mode & (
-        stat.S_IWGRP | stat.S_IWOTH
-    )
+    # `lstat` does not follow a symbolic link, so a link is not accepted as a directory.
+    is_directory = stat.S_ISDIR(folder_status.st_mode)
+    can_others_write = bool(folder_status.st_mode & (stat.S_IWGRP | stat.S_IWOTH))
     # In a directory with the sticky bit, users can rename only their own files.
-    others_cannot_rename = not parent_status.st_mode & stat.S_IWOTH or bool(
-        parent_status.st_mode & stat.S_ISVTX
-    )
+    has_sticky_bit = bool(parent_status.st_mode & stat.S_ISVTX)
+    can_others_rename = bool(parent_status.st_mode & stat.S_IWOTH) and not has_sticky_bit
     return (
-        own_status.st_uid == user
-        and others_cannot_write
+        is_directory
+        and folder_status.st_uid == user
+        and not can_others_write
         and parent_status.st_uid in (user, 0)
-        and others_cannot_rename
+        and not can_others_rename
     )
 
 
@@ -167,7 +189,8 @@ def _is_own(home: Path, folder: Path) -> bool:
 
 
 def cache_home() -> Path | None:
-    """Return TDINT_CACHE_DIR or the cache directory of the platform; None without a home."""
+    """Return the cache directory of tdint: the environment variable TDINT_CACHE_DIR, otherwise the
+    directory `tdint` in the cache directory of the user; None if the user has no home directory."""
     if chosen := os.environ.get("TDINT_CACHE_DIR"):
         return Path(chosen)
     if sys.platform == "linux":  # the result of platformdirs, without importing it
@@ -183,10 +206,11 @@ def cache_home() -> Path | None:
 
 
 def cache_subfolder(name: str) -> Path | None:
-    """Return a directory in the cache, created if necessary, or None if it cannot be used.
+    """Return the directory `name` of the cache, which is created if necessary.
 
-    Its modification time is set to now. Files in it are executed, so a directory that belongs to
-    another user, or to which other users can write, is not used.
+    The result is None if the directory cannot be used. Files in the directory are executed, so it
+    must belong to this user, and other users must not be able to write to it. Its modification time
+    is set to the current time, so that `remove_unused` keeps it.
     """
     home = cache_home()
     if home is None:
@@ -197,23 +221,32 @@ def cache_subfolder(name: str) -> Path | None:
         os.utime(folder)
     except OSError:
         return None
-    return folder if os.access(folder, os.W_OK) and _is_own(home, folder) else None
+    return folder if os.access(folder, os.W_OK) and _is_protected(home, folder) else None
 
 
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
-    """Remove files and directories next to `keep` that match a pattern and have not been used for
-    `days` days."""
+    """Remove files and directories of the cache that have not been used for some time.
+
+    Parameters
+    ----------
+    pattern : str
+        Glob pattern of the names to remove, in the parent directory of `keep`.
+    days : float
+        Minimum time since the last modification, days.
+    keep : Path
+        File or directory that is not removed.
+    """
     import shutil
 
-    limit = time.time() - days * 86400.0
-    for folder in keep.parent.glob(pattern):
-        with suppress(OSError):
-            if folder == keep or folder.stat().st_mtime >= limit:
+    oldest_kept = time.time() - days * 86400.0  # a day has 86400 s
+    for path in keep.parent.glob(pattern):
+        with suppress(OSError):  # another process may remove the same path
+            if path == keep or path.stat().st_mtime >= oldest_kept:
                 continue
-            if folder.is_dir():
-                shutil.rmtree(folder, ignore_errors=True)
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
             else:
-                folder.unlink()
+                path.unlink()
 
 
 # ---- File systems
@@ -277,7 +310,8 @@ def _mount_types_macos() -> dict[str, str]:
 
 
 def _windows() -> Any:
-    """Return the functions of the kernel of Windows; None on other systems."""
+    """Return the library kernel32, which contains the system functions of Windows; None on other
+    systems."""
     if sys.platform != "win32":
         return None
     import ctypes
@@ -318,10 +352,19 @@ def process_start(process: int) -> int:
 
 
 def is_running(process: int, start: int) -> bool:
-    """Return True if a process with this start time still runs, or if the system does not report
-    it."""
-    if start and (now := process_start(process)):
-        return now == start
+    """Return True if a process is running.
+
+    Parameters
+    ----------
+    process : int
+        Identifier of the process.
+    start : int
+        Start time of the process from `process_start`, which distinguishes it from a later process
+        with the same identifier; 0 if unknown. If the system does not report whether the process is
+        running, the result is True.
+    """
+    if start and (present_start := process_start(process)):
+        return present_start == start
     if (kernel := _windows()) is None:
         try:
             os.kill(process, 0)
@@ -359,7 +402,8 @@ def unblock_signals(signals: Collection[signal.Signals]) -> None:
 
 
 def die_with_parent(parent: int) -> None:
-    """Request that this process is killed when its parent ends.
+    """Request that this process is killed when its parent process ends. `parent` is the identifier
+    of the parent process.
 
     Only Linux supports this; on other systems the process must wait for the end of its parent in a
     thread, or notice a closed pipe.
@@ -391,9 +435,9 @@ def spawn_detached(arguments: list[str], folder: Path) -> None:
     import subprocess
 
     path = os.pathsep.join(filter(None, sys.path))
-    silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    options: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     if sys.platform == "win32":
-        silent["creationflags"] = (
+        options["creationflags"] = (
             subprocess.BELOW_NORMAL_PRIORITY_CLASS | subprocess.DETACHED_PROCESS
         )
     process = subprocess.Popen(
@@ -401,20 +445,22 @@ def spawn_detached(arguments: list[str], folder: Path) -> None:
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path},
         start_new_session=True,
-        **silent,
+        **options,
     )
     with suppress(OSError, AttributeError):
-        os.setpriority(os.PRIO_PROCESS, process.pid, _LOW)
-    process.returncode = 0  # prevents a warning about a process that is not waited for
+        os.setpriority(os.PRIO_PROCESS, process.pid, _LOW_PRIORITY)
+    # A return code prevents the warning of `subprocess` that the process is still running.
+    process.returncode = 0
 
 
 # ---- Locks
 
 
 def lock(descriptor: int) -> bool:
-    """Lock an open file for this process, until it is closed; False if another process has it.
+    """Lock an open file for this process until the file is closed.
 
-    True on a file system without locks.
+    Return True if the file is locked, or if its file system does not support locks. Return False if
+    another process has locked it. `descriptor` is the file descriptor of the file.
     """
     try:
         import fcntl
@@ -430,7 +476,8 @@ def lock(descriptor: int) -> bool:
 
 
 def _lock_on_windows(descriptor: int) -> bool:
-    """Lock an open file on Windows; see `lock`."""
+    """Lock an open file on Windows, and return True; return False if another process has locked it.
+    `descriptor` is the file descriptor of the file."""
     try:
         import msvcrt
     except ImportError:
@@ -443,28 +490,38 @@ def _lock_on_windows(descriptor: int) -> bool:
 
 
 def available_memory() -> float:
-    """Return the memory that this process can still allocate, bytes; inf if unknown."""
+    """Return the memory that this process can allocate, bytes; inf if unknown.
+
+    The result is the available memory of the machine (Linux only), or the limit of the address
+    space of the process (`ulimit -v`) if this is smaller.
+    """
     limits = []
+    # The line of the file is like `MemAvailable:   16384 kB`.
     with suppress(OSError, ValueError, IndexError), Path("/proc/meminfo").open() as lines:
         limits += [
             1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")
         ]
     try:
         import resource
-    except ImportError:
+    except ImportError:  # Windows has no such limits
         return min(limits, default=math.inf)
-    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return min(
-        [*limits, *([float(soft)] if soft != resource.RLIM_INFINITY else [])], default=math.inf
-    )
+    soft_limit, _hard_limit = resource.getrlimit(resource.RLIMIT_AS)
+    if soft_limit != resource.RLIM_INFINITY:
+        limits.append(float(soft_limit))
+    return min(limits, default=math.inf)
 
 
 @contextmanager
 def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
-    """Hold the lock of a file, which is created if necessary.
+    """Lock a file during a `with` statement. The statement starts when the lock is available.
 
-    `on_wait` is called once if another process holds the lock. Without a file, or if the file
-    cannot be created, there is no lock.
+    Parameters
+    ----------
+    file : Path or None
+        File, which is created if necessary. Without a file, or if the file cannot be created, the
+        statement starts without a lock.
+    on_wait : callable
+        Function that is called a single time if another process has locked the file.
     """
     try:
         # Opening a named pipe of this name would block.
@@ -480,7 +537,7 @@ def locked(file: Path | None, on_wait: Callable[[], object]) -> Iterator[None]:
             if not is_reported:
                 on_wait()
                 is_reported = True
-            time.sleep(0.05)
+            time.sleep(0.05)  # s, between two attempts
         yield
 
 
@@ -508,9 +565,8 @@ def on_threads(
     jobs : int
         Number of threads.
     """
-    from concurrent import (
-        futures,
-    )  # imported here, because most calls of this module do not need it
+    # Import here, because most uses of this module do not need threads.
+    from concurrent import futures
 
     remaining = iter(items)
     running: set[futures.Future[Result]] = set()
@@ -560,8 +616,8 @@ def version_of_sources() -> tuple[str, str]:
         files = distribution("tdint").files or ()
     except PackageNotFoundError:  # the package is imported from a directory, not installed
         files = ()
-    # The sources are those of the package if all digests match the package's list of files, which
-    # writes them in Base64 without padding (RECORD file).
+    # The sources are unchanged if all digests match the list of files of the installed package
+    # (RECORD), which contains digests in Base64 without padding.
     package_digests = {file.as_posix(): file.hash.value for file in files if file.hash}
     is_released = all(
         package_digests.get(f"{folder.name}/{name}")

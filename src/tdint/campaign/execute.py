@@ -130,7 +130,7 @@ def execute_plan(
     chunks = range(plan.chunks) if shard is None else shard.chunks(plan)
     missing = sorted(set(chunks) - store.completed_chunks())
     runs_before = sum(map(plan.size, chunks)) - sum(map(plan.size, missing))
-    # Complete the chunk in which the limit is reached: incomplete chunks are never stored.
+    # Include the chunk in which the limit is reached, because incomplete chunks are never stored.
     if max_runs is not None:
         cumulative_runs = list(accumulate(map(plan.size, missing)))
         chunks_below_limit = sum(total < max_runs for total in cumulative_runs)
@@ -142,11 +142,12 @@ def execute_plan(
     # Compile before the clock starts: compilation is not part of the reported time per run.
     if missing:
         compile_for(plan)
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     # Store each chunk immediately, so that completed chunks remain if the process is killed.
-    for done in engine(plan, missing):
-        store.add(done)
-        completed_runs, seconds = advance.done + len(done.rows.runs), time.perf_counter() - began
+    for result in engine(plan, missing):
+        store.add(result)
+        completed_runs = advance.done + len(result.rows.runs)
+        seconds = time.perf_counter() - start_time
         advance = Advance(completed_runs, runs_after, runs_before, seconds)
         on_chunk(advance)
     return advance
@@ -404,13 +405,13 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     parts: list[_Part] = []
     for directory in folders:
         with open_existing(directory) as source:
-            parts.append(_part(directory, source))
-        _check_same(parts[0], parts[-1])
+            parts.append(_read_part(directory, source))
+        _check_same_campaign(parts[0], parts[-1])
     # Chunks in the target from an earlier call are not missing. The target may not exist, or may be
     # empty.
     parts_and_target = list(parts)
     with suppress(UsageError), open_existing(target) as existing:
-        parts_and_target.append(_part(target, existing))
+        parts_and_target.append(_read_part(target, existing))
     missing_text = _describe_missing(parts_and_target)
     if missing_text and not partial:
         raise AnalysisError(f"{missing_text}; add their directories, or use --partial")
@@ -421,14 +422,14 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
         with schema.sqlite_errors_reported(name):
             if not is_empty(store):
                 schema.check_store(store.connection, name)
-                _check_same(parts_and_target[-1], parts[0])
+                _check_same_campaign(parts_and_target[-1], parts[0])
             _copy_buildings(parts, store)
         # Corrupt chunks of the target and of the sources are omitted and reported.
         if removed_count := store.remove_invalid_chunks():
             _warn_of_corrupt_chunks(name, removed_count)
         for part in parts:
             _warn_of_corrupt_chunks(part.name, part.corrupt_count)
-            with _reopened(part) as source, schema.sqlite_errors_reported(name):
+            with _open_part(part) as source, schema.sqlite_errors_reported(name):
                 _copy_chunks(source, store, set(part.chunks))
     return store
 
@@ -465,8 +466,16 @@ class _Part:
     corrupt_count: int
 
 
-def _part(folder: Path, store: Store) -> _Part:
-    """Read the contents of the store of a part of a campaign."""
+def _read_part(folder: Path, store: Store) -> _Part:
+    """Read the contents of a part of a campaign.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the part.
+    store : Store
+        Open store of the part.
+    """
     with schema.sqlite_errors_reported(store.name):
         corrupt = schema.corrupt_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
@@ -480,21 +489,23 @@ def _part(folder: Path, store: Store) -> _Part:
     return _Part(folder, store.name, identity, runs, store.shards(), intact, len(corrupt))
 
 
-def _reopened(part: _Part) -> Store:
-    """Open the store of a part again for reading."""
+def _open_part(part: _Part) -> Store:
+    """Open the store of a part of a campaign for reading."""
     return Store(schema.connect_to_read(part.folder / FILE), part.name)
 
 
-def _check_same(part: _Part, other_part: _Part) -> None:
-    """Raise UsageError, with the differences, if two parts belong to different campaigns."""
-    if part.identity == other_part.identity:
+def _check_same_campaign(first: _Part, second: _Part) -> None:
+    """Raise UsageError if two parts belong to different campaigns. The message lists the
+    differences."""
+    if first.identity == second.identity:
         return
-    has_new_inventory = part.identity["inventory files"] != other_part.identity["inventory files"]
-    if all(part.identity[key] == other_part.identity[key] for key in ("fingerprint", "chunks")):
+    differing_keys = {key for key, value in first.identity.items() if second.identity[key] != value}
+    has_new_inventory = "inventory files" in differing_keys
+    if not differing_keys & {"fingerprint", "chunks"}:
         # The runs are the same. The parts still cannot be merged, because the tables depend on the
         # inventory and on the section damage, and these differ.
         reasons = []
-        if any(part.identity[key] != other_part.identity[key] for key in ("inventory", "damage")):
+        if differing_keys & {"inventory", "damage"}:
             reasons.append(
                 "the columns of the inventory or the section damage differ; run `tdint campaign` "
                 "again for each shard"
@@ -503,21 +514,32 @@ def _check_same(part: _Part, other_part: _Part) -> None:
             reasons.append(INVENTORY_CHANGED)
         lines = "\n".join(reasons)
     else:
-        with _reopened(part) as store, _reopened(other_part) as other_store:
+        with _open_part(first) as first_store, _open_part(second) as second_store:
             lines = all_differences(
-                store.compared_values(),
-                other_store.compared_values(),
-                stored_label=part.name,
-                compared_label=other_part.name,
-                are_shards=bool(part.shards),
+                first_store.compared_values(),
+                second_store.compared_values(),
+                stored_label=first.name,
+                compared_label=second.name,
+                are_shards=bool(first.shards),
                 has_new_inventory=has_new_inventory,
             )
-    raise UsageError(f"{part.name} and {other_part.name} belong to different campaigns\n{lines}")
+    raise UsageError(f"{first.name} and {second.name} belong to different campaigns\n{lines}")
 
 
 def _describe_missing(parts: Sequence[_Part]) -> str:
-    """Return a text with the number of runs that are missing from all stores of a campaign, and the
-    shards to which they belong; an empty text if no runs are missing."""
+    """Describe the runs of a campaign that none of its parts contains.
+
+    Parameters
+    ----------
+    parts : sequence of _Part
+        All parts of the campaign.
+
+    Returns
+    -------
+    str
+        Number of missing runs, and the shards to which they belong, if known. The text is empty if
+        no runs are missing.
+    """
     stored_runs = {number: runs for part in parts for number, runs in part.chunks.items()}
     missing_chunks = set(range(int(parts[0].identity["chunks"]))) - set(stored_runs)
     if not missing_chunks:
@@ -532,10 +554,8 @@ def _describe_missing(parts: Sequence[_Part]) -> str:
         return message
     (shard_count,) = shard_counts
     # Chunk i belongs to shard i % N + 1.
-    missing_shards = [
-        Shard(number, shard_count).text
-        for number in sorted({chunk % shard_count + 1 for chunk in missing_chunks})
-    ]
+    missing_numbers = sorted({chunk % shard_count + 1 for chunk in missing_chunks})
+    missing_shards = [Shard(number, shard_count).text for number in missing_numbers]
     # A shard with a directory can also lack chunks, if it was not completed.
     names = [
         f"{text} (not complete)" if text in started_shards else text for text in missing_shards
@@ -552,8 +572,18 @@ def _warn_of_corrupt_chunks(name: str, count: int) -> None:
 def _copy(
     source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True
 ) -> None:
-    """Copy the rows of a table for which the function `accept` returns True, by default all rows.
-    Rows that exist in the target are not replaced."""
+    """Copy rows of a table from a store to another store. Rows that the target already contains are
+    not replaced.
+
+    Parameters
+    ----------
+    source, target : Store
+        Stores of the same campaign.
+    table : str
+        Name of the table.
+    accept : callable
+        Function that returns True for the rows to copy; by default all rows are copied.
+    """
     rows = source.connection.execute(f"SELECT * FROM {table}")
     placeholders = ", ".join("?" * len(rows.description))
     target.connection.executemany(
@@ -562,14 +592,22 @@ def _copy(
 
 
 def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
-    """Copy the campaign definition, if the target is empty, and the buildings of all parts, in one
-    transaction."""
+    """Copy the buildings of all parts of a campaign to a store, in one transaction. If the store is
+    empty, also create its tables and copy the definition of the campaign.
+
+    Parameters
+    ----------
+    parts : sequence of _Part
+        Parts of the campaign.
+    target : Store
+        Store of the merged campaign.
+    """
     with schema.transaction(target.connection, target.name):
         is_new = is_empty(target)
         for statement in schema.TABLES if is_new else ():
             target.connection.execute(statement)
         for index, part in enumerate(parts):
-            with _reopened(part) as source:
+            with _open_part(part) as source:
                 # Settings and records are the same in all parts: copy them from the first part.
                 if is_new and index == 0:
                     _copy(source, target, "meta")

@@ -9,7 +9,7 @@ import re
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -60,14 +60,17 @@ _LONGITUDE_NAMES, _LATITUDE_NAMES = ("longitude", "lon"), ("latitude", "lat")
 _GMV = re.compile(r"gmv_(pga|pgv|sa\((?P<period>[0-9]*\.?[0-9]+)\))")
 """Column with an intensity (ground motion value) in a table of OpenQuake."""
 
-_CENTIMETER = 0.01  # m; OpenQuake writes peak ground velocities in cm/s
+_CENTIMETER = 0.01
+"""Centimeter in m. OpenQuake writes peak ground velocities in cm/s."""
+
 _SHOWN_FAULTS, _MAX_FAULTS = 10, 1000
 """Number of errors of a table that are shown, and number of errors after which reading stops."""
 
-_COMPONENTS = {"data_x": "x", "data_y": "y"}  # name of the component by its key in a JSON file
-_SECOND_FILE = (
-    "record_2"  # column with the file of the second component, for files named differently
-)
+_COMPONENTS = {"data_x": "x", "data_y": "y"}
+"""Name of the component by its key in a JSON file of a ground motion."""
+
+_SECOND_FILE = "record_2"
+"""Column with the file of the second component, for pairs of files with different names."""
 
 Value = TypeVar("Value")
 
@@ -101,26 +104,8 @@ def read_grid(grid: GridFile) -> CampaignMotions:
     degrees = _degrees(table, "Longitude", "Latitude")
     points = list(zip(table.texts("GP_file", empty=False), degrees, strict=True))
 
-    # Read the motions of each point. A record that is listed in several files is read once.
-    folder = Path(grid.file).parent
-    motions: list[SuiteMotion] = []
-    components_of_record: dict[str, tuple[int, ...]] = {}
-    failures: list[RecordError] = []
-    point_motions = []
-    for file, _ in points:
-        motions_of_point: list[PointMotion] = []
-        # A record that cannot be read is reported once. It has no components, so that it is omitted
-        # from the samples.
-        for name, factor in _motions_at(str(folder / file)):
-            if name not in components_of_record:
-                first_number = len(motions)
-                try:
-                    motions += _components_of(folder, name, unit.scale)
-                except RecordError as error:
-                    failures.append(error)
-                components_of_record[name] = tuple(range(first_number, len(motions)))
-            motions_of_point.append((components_of_record[name], factor))
-        point_motions.append(motions_of_point)
+    files = [file for file, _ in points]
+    motions, failures, point_motions = _read_points(Path(grid.file).parent, files, unit.scale)
     if not motions:
         raise RecordError(
             "\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion"
@@ -133,14 +118,60 @@ def read_grid(grid: GridFile) -> CampaignMotions:
         )
     # Points without readable motions are omitted: buildings near them use other points. A motion
     # that could not be read has no components.
-    places, readable_motions = [], []
-    for (_, place), motions_of_point in zip(points, point_motions, strict=True):
-        with_components = tuple(motion for motion in motions_of_point if motion[0])
-        if with_components:
-            places.append(place)
-            readable_motions.append(with_components)
-    grid_motions = GridMotions(places, tuple(readable_motions))
+    locations, readable_motions = [], []
+    for (_, location), motions_at_point in zip(points, point_motions, strict=True):
+        readable = tuple(
+            (components, factor) for components, factor in motions_at_point if components
+        )
+        if readable:
+            locations.append(location)
+            readable_motions.append(readable)
+    grid_motions = GridMotions(locations, tuple(readable_motions))
     return CampaignMotions(tuple(motions), tuple(failures), places=grid_motions)
+
+
+def _read_points(
+    folder: Path, files: Sequence[str], unit: float
+) -> tuple[list[SuiteMotion], list[RecordError], list[list[PointMotion]]]:
+    """Read the ground motions of all points of a grid. A record that several points list is read a
+    single time.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the grid, which contains the files of the points and of the records.
+    files : sequence of str
+        File of each point, which lists the records of the point.
+    unit : float
+        Unit of the samples, m/s^2.
+
+    Returns
+    -------
+    motions : list of SuiteMotion
+        Components of all records.
+    failures : list of RecordError
+        Error of each record that cannot be read.
+    point_motions : list of list of PointMotion
+        For each point, its motions: the indices of their components in `motions` (empty if the
+        record cannot be read), and their factors.
+    """
+    motions: list[SuiteMotion] = []
+    failures: list[RecordError] = []
+    components_by_record: dict[str, tuple[int, ...]] = {}
+    point_motions = []
+    for file in files:
+        motions_at_point: list[PointMotion] = []
+        for name, factor in _listed_records(str(folder / file)):
+            if name not in components_by_record:
+                first_number = len(motions)
+                try:
+                    motions += _read_components(folder, name, unit)
+                except RecordError as error:
+                    failures.append(error)
+                components_by_record[name] = tuple(range(first_number, len(motions)))
+            motions_at_point.append((components_by_record[name], factor))
+        point_motions.append(motions_at_point)
+    return motions, failures, point_motions
 
 
 def _rows_as_events(
@@ -148,8 +179,10 @@ def _rows_as_events(
     points: Sequence[tuple[str, tuple[float, float]]],
     point_motions: Sequence[Sequence[PointMotion]],
 ) -> FieldMotions:
-    """Return ground motion fields from a grid. The points are the sites, and row k of the file of
-    each point is the motion of event k.
+    """Convert the ground motions of a grid to ground motion fields.
+
+    The points of the grid are the sites, and row k of the file of each point is the motion of
+    event k at this site.
 
     Parameters
     ----------
@@ -174,30 +207,21 @@ def _rows_as_events(
                 f"{event_count}; with `events` each row of these files must be the same event at "
                 "all points"
             )
-    # A record is identified by the numbers of its components.
-    distinct_records = dict.fromkeys(
-        components for motions in point_motions for components, _ in motions
-    )
-    record_numbers = {
-        components: record_number for record_number, components in enumerate(distinct_records)
-    }
-    rows = [
-        (record_numbers[components], factor)
-        for motions in point_motions
-        for components, factor in motions
-    ]
-    records = np.array([record_number for record_number, _ in rows], np.int32)
-    factors = np.array([factor for _, factor in rows], float)
-    site, event = (
-        components.ravel() for components in np.indices((len(points), event_count), np.int32)
-    )
-    files, places = zip(*points, strict=True)
-    motions_of_record = [
+    # List the motions of the first point, then of the second point, and so on. A record is
+    # identified by the numbers of its components.
+    all_motions = list(chain.from_iterable(point_motions))
+    distinct_records = dict.fromkeys(components for components, _ in all_motions)
+    record_numbers = {components: number for number, components in enumerate(distinct_records)}
+    records = np.array([record_numbers[components] for components, _ in all_motions], np.int32)
+    factors = np.array([factor for _, factor in all_motions], float)
+    site, event = (indices.ravel() for indices in np.indices((len(points), event_count), np.int32))
+    files, locations = zip(*points, strict=True)
+    components_and_factors = [
         tuple((motion, 1.0) for motion in components) for components in record_numbers
     ]
-    events = [str(record_number + 1) for record_number in range(event_count)]
+    events = [str(number) for number in range(1, event_count + 1)]
     return FieldMotions.of_rows(
-        events, files, (site, event + 1, records, factors), motions_of_record, places
+        events, files, (site, event + 1, records, factors), components_and_factors, locations
     )
 
 
@@ -750,7 +774,7 @@ class _FieldRecords:
         else:
             suite = read_pairs([file], choice)
             if any(isinstance(error, SingleHorizontal) for error in suite.failures):
-                suite = read_pairs(self._files_of_motion(file), choice)
+                suite = read_pairs(self._component_files(file), choice)
         for error in suite.failures:
             if isinstance(error, SingleHorizontal):
                 raise RecordError(
@@ -761,17 +785,22 @@ class _FieldRecords:
         self.notes += suite.notes
         return suite_motions(suite.motions)
 
-    def _files_of_motion(self, path: str) -> list[str]:
-        """Return the files, in the same directory, of all components of the motion to which a file
-        belongs. Files of one motion have names that differ only in the component."""
+    def _component_files(self, path: str) -> list[str]:
+        """Return the files of all components of a ground motion, by the path of one of these files.
+
+        Files of a motion are in the same directory, and their names differ only in the component.
+        """
         folder = Path(path).parent
+        # Read each directory a single time.
         if folder not in self._files:
             files = [str(file) for file in sorted(folder.iterdir())]
-            files_of_name: dict[str, list[str]] = {}
-            for file, name in zip(files, motion_names(files), strict=True):
-                files_of_name.setdefault(name, []).append(file)
+            files_by_motion: dict[str, list[str]] = {}
+            for file, motion_name in zip(files, motion_names(files), strict=True):
+                files_by_motion.setdefault(motion_name, []).append(file)
             self._files[folder] = {
-                file: paths for paths in files_of_name.values() for file in paths
+                file: component_files
+                for component_files in files_by_motion.values()
+                for file in component_files
             }
         return self._files[folder].get(str(Path(path)), [path])
 
@@ -796,7 +825,7 @@ def _json_motions(file: str, component_name: str, field: FieldFile) -> tuple[Sui
         raise RecordError(
             f"{file}: the samples are accelerations, but their units are specified as {unit.text}"
         )
-    motions = _components_of(Path(), file, unit.scale)
+    motions = _read_components(Path(), file, unit.scale)
     component = component_name or field.choice.component
     selected = [motion for motion in motions if component in (None, "", motion.component)]
     if not selected:
@@ -825,9 +854,9 @@ def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float
     return list(zip(longitudes, latitudes, strict=True))
 
 
-def _motions_at(file: str) -> list[tuple[str, float]]:
-    """Return the names of the ground motions of a grid point and their factors, from the file of
-    the point. An empty factor is 1."""
+def _listed_records(file: str) -> list[tuple[str, float]]:
+    """Read the file of a grid point, and return the name and the factor of each record that it
+    lists. An empty factor is 1."""
     format_text = (
         "the file of a grid point is a CSV file with the column TH_file and, optionally, factor"
     )
@@ -841,8 +870,8 @@ def _motions_at(file: str) -> list[tuple[str, float]]:
     return list(zip(names, factors, strict=True))
 
 
-def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
-    """Read the components of a ground motion.
+def _read_components(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
+    """Read the components of a ground motion from a JSON file.
 
     Parameters
     ----------
@@ -862,7 +891,7 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
     too_large_text = f"larger than {MOST_BYTES // 1024**2} MiB; this is not a ground motion"
     data = read_whole(file, RecordError, {}, too_large_text, MOST_BYTES)
     try:
-        content: object = json.loads(data, parse_int=float)  # all numbers are floats then
+        content: object = json.loads(data, parse_int=float)  # read whole numbers as floats also
     except (ValueError, RecursionError) as error:
         raise RecordError(f"{file}: not JSON: {error}") from None
     if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:

@@ -1,11 +1,11 @@
-"""Verify the declarations of a plug-in law before a method relies on them.
+"""Verify the declarations of a plug-in hysteresis model (law) before a method relies on them.
 
 `impulse4` and `moment4` follow the branches of a law. If a branch has a finite slope (row SLOPE),
-they treat the story as linear between the ends of the branch. A law that declares neither `curved`
-nor branches has a single unlimited branch with the initial stiffness, so that these methods never
-evaluate its `force`. All other methods evaluate only `force`. The functions of this module
-therefore execute a law in plain Python along a path of drifts, compare the forces of both
-approaches, and name the missing declaration if the forces differ.
+they treat the story as linear between the ends of the branch. A law that does not declare `curved`
+and has no branches is treated as a single unlimited branch with the initial stiffness, so that
+these methods never evaluate its `force`. All other methods evaluate only `force`. The functions of
+this module therefore execute a law in plain Python along a path of drifts, compare the forces of
+both approaches, and name the missing declaration if the forces differ.
 
 At registration, the structure of every law is verified, and the path of laws without branches with
 sampled parameters. Before the first time integration of a story, the path of its law is verified
@@ -33,14 +33,27 @@ from tdint.model.plugins import faults_of
 _TURNS = (0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3)
 """Turning points of the path divided by its size: loading, short and long unloading, and reversals
 through zero."""
-_POINTS = 8  # drifts from one turning point to the next
+_POINTS_PER_SEGMENT = 8
+"""Number of drifts from one turning point to the next, including both turning points."""
+
 _DECADES = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 """Sizes of paths, m, from the drift at first cracking of a stiff wall to drifts that no story
 reaches. At least one of the paths is then long enough to leave the first branch of a law."""
-_YIELDS = (0.3, 3.0, 20.0)  # sizes of paths divided by the drift at first yield
-_TOLERANCE = 1e-6  # relative to the maximum force; forces of correct laws differ by about 1e-12
-_TANGENT_TOLERANCE = 1e-2  # relative to the maximum slope of the path
-_DIFFERENCE = 1e-5  # drift increment for the slopes, divided by the size of the path
+
+_YIELD_MULTIPLES = (0.3, 3.0, 20.0)
+"""Sizes of paths divided by the drift at first yield: an elastic path, and paths with moderate and
+large ductility."""
+
+_FORCE_TOLERANCE = 1e-6
+"""Tolerance of forces, relative to the maximum force. The forces of correct laws differ by about
+1e-12."""
+
+_TANGENT_TOLERANCE = 1e-2
+"""Tolerance of tangents, relative to the maximum slope of the path."""
+
+_SLOPE_INCREMENT = 1e-5
+"""Increment of drift from which slopes are computed, divided by the size of the path."""
+
 _MAX_SETS = 128
 """Maximum number of parameter sets of a law that are verified in a process. Declarations do not
 depend on the parameters, and a study of 10 000 random buildings would otherwise spend a minute on
@@ -48,7 +61,9 @@ the verification of the same declaration."""
 _STIFFNESS, _FORCE, _LENGTH = 1e7, 1e5, 1e-2
 """Initial stiffness, N/m, force, N, and length, m, of the stories sampled at registration: a story
 of a small building, which yields at a drift of 10 mm."""
-_FACTORS = (0.3, 1.0, 3.0)  # on the sampled parameters
+
+_FACTORS = (0.3, 1.0, 3.0)
+"""Factors by which the parameters of the sampled stories are multiplied."""
 
 Guard = Callable[[Array, str], Array]
 """Function that wraps an array, given its name, to detect the use of undeclared rows."""
@@ -58,7 +73,19 @@ _verified: dict[int, tuple[DriftLaw, set[bytes]]] = {}
 
 
 class _LawStory(NamedTuple):
-    """Story with a law: its functions, and the column of its parameters."""
+    """Story with a law.
+
+    Attributes
+    ----------
+    law : DriftLaw
+        Definition of the law.
+    functions : LawFunctions
+        Functions of the law.
+    column : ndarray, shape (rows,)
+        Number of the law, initial stiffness and parameters, as in `law_parameters`.
+    guard : Guard
+        Function that wraps an array to detect the use of undeclared rows.
+    """
 
     law: DriftLaw
     functions: LawFunctions
@@ -67,7 +94,7 @@ class _LawStory(NamedTuple):
 
 
 class _PathPoint(NamedTuple):
-    """A drift of the path.
+    """Results of a law at a drift of the path.
 
     Attributes
     ----------
@@ -179,7 +206,7 @@ def path_faults(
     yield_drift: float = math.nan,
     guard: Guard = lambda array, name: array,
 ) -> list[str]:
-    """Return the differences between the force and the declarations of a law along drift paths.
+    """Compare the force of a law with its declarations along paths of drifts.
 
     Parameters
     ----------
@@ -199,37 +226,43 @@ def path_faults(
         Message about the first difference; empty if there is no difference.
     """
     story = _LawStory(law, law.functions(), column, guard)
-    yield_sizes = [yield_drift * multiple for multiple in _YIELDS if 0.0 < yield_drift < math.inf]
+    yield_sizes = []
+    if 0.0 < yield_drift < math.inf:
+        yield_sizes = [yield_drift * multiple for multiple in _YIELD_MULTIPLES]
     # The paths of a curved law are short: its force may be integrated in many substeps.
     sizes = (yield_sizes[:2] or _DECADES[:3]) if law.curved else sorted([*yield_sizes, *_DECADES])
     for size in sizes:
-        largest = steepest = 0.0
-        for point in _follow(story, _drifts(size), _DIFFERENCE * size):
-            largest = max(largest, abs(point.force))
-            steepest = max(steepest, *map(abs, point.slopes))
+        max_force = max_slope = 0.0
+        for point in _follow(story, _path_drifts(size), _SLOPE_INCREMENT * size):
+            max_force = max(max_force, abs(point.force))
+            max_slope = max(max_slope, *map(abs, point.slopes))
+            tolerance = _FORCE_TOLERANCE * max_force
             # Compare the force from the branches with the result of `force`.
             is_on_curve = law.curved and not math.isfinite(point.branch_force)
-            if not (is_on_curve or abs(point.branch_force - point.force) <= _TOLERANCE * largest):
-                return [_described(story, point)]
-            if not abs(point.force_after_commit - point.force) <= _TOLERANCE * largest:
+            if not (is_on_curve or abs(point.branch_force - point.force) <= tolerance):
+                return [_branch_force_fault(story, point)]
+            if not abs(point.force_after_commit - point.force) <= tolerance:
                 return [
                     f"law {law.name}: its force at drift {point.drift:.6g} m is "
                     f"{point.force:.6g} N in the first evaluation and "
                     f"{point.force_after_commit:.6g} N after the state is committed; `keep` must "
                     "copy all values that `force` reads from the trial state to the committed state"
                 ]
-            tolerance = _TANGENT_TOLERANCE * steepest
+            # At a kink the tangent may have any value between the slopes before and after it.
+            tolerance = _TANGENT_TOLERANCE * max_slope
             if not min(point.slopes) - tolerance <= point.tangent <= max(point.slopes) + tolerance:
+                slope_before, slope_after = point.slopes
                 return [
                     f"law {law.name}: the tangent is not the slope of the force: `force` returns "
                     f"{point.tangent:.6g} N/m at drift {point.drift:.6g} m, the slopes before and "
-                    f"after it are {point.slopes[0]:.6g} and {point.slopes[1]:.6g} N/m"
+                    f"after it are {slope_before:.6g} and {slope_after:.6g} N/m"
                 ]
     return _memory_faults(story, yield_drift)
 
 
-def _described(story: _LawStory, point: _PathPoint) -> str:
-    """Return the message about a force that differs from the force of the branch, with the remedy.
+def _branch_force_fault(story: _LawStory, point: _PathPoint) -> str:
+    """Return the message, with the remedy, about a law with a force that differs from the force on
+    its branch.
 
     Parameters
     ----------
@@ -263,7 +296,9 @@ def _described(story: _LawStory, point: _PathPoint) -> str:
 
 
 def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
-    """Return a message if the force of a law depends on its path but no dissipation is computed.
+    """Return a message if a law dissipates energy but has no function that computes this energy.
+
+    A law dissipates energy if its force at a drift is different after a larger drift.
 
     Parameters
     ----------
@@ -271,33 +306,51 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
         Story with the law and its functions.
     yield_drift : float
         Drift at first yield, m. Fixed path sizes are used if it is not positive and finite.
+
+    Returns
+    -------
+    list of str
+        The message; empty if the law is correct.
     """
     law, functions = story.law, story.functions
     if functions.accumulate_dissipation is not None or functions.hysteretic_energy is not None:
         return []
-    for path_size in (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES[:3]:
-        # Load to 0.4, on to 1 and 1.5, and back to 0.4.
-        drifts = path_size * np.array([0.1, 0.2, 0.3, 0.4, 0.7, 1.0, 1.25, 1.5, 1.0, 0.7, 0.4])
-        forces = [point.force for point in _follow(story, drifts, _DIFFERENCE * path_size)]
-        if not abs(forces[-1] - forces[3]) <= _TOLERANCE * max(map(abs, forces)):
+    path_sizes = (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES[:3]
+    for path_size in path_sizes:
+        # Load to 0.4 of the path size, continue to 1.5, and return to 0.4.
+        relative_drifts = [0.1, 0.2, 0.3, 0.4, 0.7, 1.0, 1.25, 1.5, 1.0, 0.7, 0.4]
+        drifts = path_size * np.array(relative_drifts)
+        forces = [point.force for point in _follow(story, drifts, _SLOPE_INCREMENT * path_size)]
+        first_index = relative_drifts.index(0.4)
+        drift, force_before, force_after = drifts[first_index], forces[first_index], forces[-1]
+        if not abs(force_after - force_before) <= _FORCE_TOLERANCE * max(map(abs, forces)):
             return [
-                f"law {law.name}: its force at drift {drifts[3]:.6g} m is {forces[3]:.6g} N before "
-                f"and {forces[-1]:.6g} N after a larger drift, so that it dissipates energy, but "
+                f"law {law.name}: its force at drift {drift:.6g} m is {force_before:.6g} N before "
+                f"and {force_after:.6g} N after a larger drift, so that it dissipates energy, but "
                 "it has neither `accumulate_dissipation` nor `hysteretic_energy`: add one of them"
             ]
     return []
 
 
-# ---- A story in plain Python
+# ---- Execution of a law in plain Python
 
 
-def _drifts(size: float) -> Array:
-    """Return the drifts of a path of the given size (m), including its turning points."""
+def _path_drifts(size: float) -> Array:
+    """Return the drifts of a path that starts from rest, m, without the first drift (zero).
+
+    `size` (m) is the drift by which the relative turning points `_TURNS` are multiplied.
+    """
     turning_points = size * np.array(_TURNS)
-    return np.concatenate([np.linspace(a, b, _POINTS)[1:] for a, b in pairwise(turning_points)])
+    # The first drift of a segment is the last drift of the preceding segment, so omit it.
+    return np.concatenate(
+        [
+            np.linspace(start, end, _POINTS_PER_SEGMENT)[1:]
+            for start, end in pairwise(turning_points)
+        ]
+    )
 
 
-def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_PathPoint]:
+def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_PathPoint]:
     """Evaluate a story at each drift of a path, and commit its state after each evaluation.
 
     The functions of the law are called directly, because the law may not have a number yet.
@@ -308,8 +361,8 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
         Story at rest.
     drifts : array
         Drifts of the path in their order, m.
-    difference : float
-        Increment of drift for the slopes, m.
+    increment : float
+        Increment of drift from which the slopes are computed, m.
     """
     law, functions, column, guard = story
     # The table of a building of one story has a second, empty column.
@@ -319,24 +372,24 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
     follow_branches = branch_follower(functions.switch or _no_branch, functions.advance)
     with np.errstate(all="ignore"):
         _enter(law, functions, table, law_state)
-        _reach(functions, table, law_state, 0.0)
+        _evaluate(functions, table, law_state, 0.0)
         _commit(law, functions, table, law_state)
         for drift in drifts.tolist():
             previous_drift = law_state[rows.DRIFT, 0]
             lower, upper = float(law_state[rows.LOWER, 0]), float(law_state[rows.UPPER, 0])
             is_reversal = law_state[rows.RATE_SIGN, 0] * (drift - previous_drift) < 0.0
-            # Force from the branches
+            # Force from the branches; nan on a curved branch, which has an infinite SLOPE
             branch_force = math.nan
             if law_state[rows.SLOPE, 0] < math.inf:
                 follow_branches(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
                 branch_force = float(law_state[rows.SECOND_TRIAL + rows.FORCE, 0])
             # Force from the function `force` of the law
-            force_below, _ = _reach(functions, table, law_state, drift - difference)
-            force_above, _ = _reach(functions, table, law_state, drift + difference)
-            force, tangent = _reach(functions, table, law_state, drift)
+            force_below, _ = _evaluate(functions, table, law_state, drift - increment)
+            force_above, _ = _evaluate(functions, table, law_state, drift + increment)
+            force, tangent = _evaluate(functions, table, law_state, drift)
             _commit(law, functions, table, law_state)
-            force_after_commit, _ = _reach(functions, table, law_state, drift)
-            slopes = (force - force_below) / difference, (force_above - force) / difference
+            force_after_commit, _ = _evaluate(functions, table, law_state, drift)
+            slopes = (force - force_below) / increment, (force_above - force) / increment
             is_on_branch = lower <= drift <= upper and not is_reversal
             yield _PathPoint(
                 drift,
@@ -369,12 +422,13 @@ def _no_branch(law_parameters: Array, law_state: Array, i: int, block: int, even
     """
 
 
-def _reach(
+def _evaluate(
     functions: LawFunctions, table: Array, law_state: Array, drift: float
 ) -> tuple[float, float]:
-    """Return force and tangent at a drift, reached from the committed state.
+    """Return the force (N) and the tangent (N/m) of a story at a drift, starting from its committed
+    state.
 
-    The state there is written to the first trial block.
+    The state at the drift is written to the first trial block of `law_state`.
 
     Parameters
     ----------
@@ -393,7 +447,7 @@ def _reach(
 
 
 def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
-    """Make the first trial state the committed one, as `law_state.commit` and `resume` do.
+    """Copy the first trial state to the committed state, as `law_state.commit` and `resume` do.
 
     Parameters
     ----------
@@ -457,16 +511,28 @@ def _yield_drift(law: DriftLaw, column: Array) -> float:
 
 
 def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
-    """Yield columns of parameters within the bounds of a law.
+    """Yield parameters with which a law can be verified at registration.
 
-    No samples are generated for laws with lists or points as parameters. The path of such a law is
-    verified with the parameters of the first model that uses it.
+    No parameters are generated for laws with lists or points as parameters. The path of such a law
+    is verified with the parameters of the first model that uses it.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        The law. Parameters outside of the bounds that it declares are not generated.
+
+    Yields
+    ------
+    ndarray, shape (rows,)
+        Number of the law (nan, because the law has no number yet), initial stiffness (N/m) and
+        parameters.
     """
     if any(parameter.many or parameter.points for parameter in law.parameters):
         return
     for factor in _FACTORS:
         values: list[float] = []
         for parameter in law.parameters:
+            # `force` and `length` are the exponents of these units in the unit of the parameter.
             value = factor * _FORCE**parameter.force * _LENGTH**parameter.length
             low, high = parameter.low, parameter.high
             if not low < value < high:
@@ -482,11 +548,18 @@ def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
 
 
 def _sampled_faults(law: DriftLaw, column: Array) -> list[str]:
-    """Return the differences of a law with sampled parameters.
+    """Return the messages of `path_faults` for a law with sampled parameters.
 
     The result is empty if the law cannot be executed with these parameters, because a law may
     require more than the bounds that it declares. It is verified again with the parameters of the
     first model that uses it.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        The law.
+    column : ndarray, shape (rows,)
+        Number of the law, initial stiffness and parameters.
     """
     try:
         return path_faults(law, column)

@@ -744,16 +744,20 @@ Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 """Function that fits one or more fragility functions to the runs that a mask selects. A fit that is
 impossible is replaced by its error."""
 
-_GROUPS = 30  # minimum number of groups of ground motions; errors are then known to 13 %
-# Maximum total number of runs in all fits before several ground motions form a group; several
-# seconds for a cloud
+_MIN_GROUPS = 30
+"""Minimum number of groups of ground motions, if there are as many ground motions. With 30 groups,
+the standard errors are accurate to about 13 %."""
+
 _MAX_FITTED_RUNS = 2_000_000
+"""Maximum total number of runs in all fits of a jackknife. For more runs, several ground motions
+form a group. Fits of this number of runs to a cloud need several seconds."""
 
 
 def over_motions(
     fit: Fit, is_used: NDArray[np.bool_], motion: NDArray[np.intp] | None
 ) -> list[Fragility | AnalysisError]:
-    """Fit functions with a jackknife covariance of ln theta and beta over ground motions.
+    """Fit fragility functions, and estimate the covariance of ln theta and beta by a jackknife over
+    ground motions.
 
     Parameters
     ----------
@@ -773,40 +777,50 @@ def over_motions(
     fits = fit(is_used)
     if motion is None:
         return fits
-    # Form groups with about equal numbers of ground motions, in the order of their indices. Then
-    # omit one group after the other.
+    # Form groups with about equal numbers of ground motions, in the order of their indices.
     motions = np.unique(motion[is_used])
-    group_count = min(motions.size, max(_GROUPS, _MAX_FITTED_RUNS // max(int(np.sum(is_used)), 1)))
+    affordable_groups = _MAX_FITTED_RUNS // max(int(np.sum(is_used)), 1)
+    group_count = min(motions.size, max(_MIN_GROUPS, affordable_groups))
     group_of_run = (np.searchsorted(motions, motion) * group_count) // motions.size
+    # Repeat the fit without each of the groups. `estimates` contains (ln theta, beta) of these fits
+    # for each function.
     estimates: list[list[tuple[float, float]]] = [[] for _ in fits]
     for omitted_group in range(group_count) if group_count > 2 else ():
         try:
             refits = fit(is_used & (group_of_run != omitted_group))
         except AnalysisError:
             continue
-        for position, fit_result in enumerate(refits):
-            if isinstance(fit_result, Fragility):
-                estimates[position].append((math.log(fit_result.theta), fit_result.beta))
-    covariances = [
-        (len(values) - 1) * np.cov(np.array(values).T, bias=True)
-        if len(values) > 2
-        else np.full((2, 2), math.nan)
-        for values in estimates
-    ]
-    return [
-        replace(fit_result, covariance=covariance, motions=motions.size)
-        if isinstance(fit_result, Fragility)
-        else fit_result
-        for fit_result, covariance in zip(fits, covariances, strict=True)
-    ]
+        for position, refit in enumerate(refits):
+            if isinstance(refit, Fragility):
+                estimates[position].append((math.log(refit.theta), refit.beta))
+    results: list[Fragility | AnalysisError] = []
+    for function, function_estimates in zip(fits, estimates, strict=True):
+        if isinstance(function, Fragility):
+            covariance = _jackknife_covariance(function_estimates)
+            function = replace(function, covariance=covariance, motions=motions.size)
+        results.append(function)
+    return results
+
+
+def _jackknife_covariance(estimates: Sequence[tuple[float, float]]) -> Array:
+    """Return the jackknife covariance of two parameters, shape (2, 2).
+
+    Parameters
+    ----------
+    estimates : sequence of (float, float)
+        Estimates of the parameters, each without one group of the observations. The covariance is
+        nan if there are fewer than three estimates.
+    """
+    if len(estimates) < 3:
+        return np.full((2, 2), math.nan)
+    return np.asarray((len(estimates) - 1) * np.cov(np.array(estimates).T, bias=True))
 
 
 def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, list[list[int]]]:
-    """Return the rule for pairs of a table of runs, and a list with the indices of the rows of each
-    run of a ground motion.
+    """Group the rows of a table of runs by ground motion and level.
 
-    At each level, the rows of the two components of a pair form one run. Each row is separate if
-    the table has no pairs or if their components count separately.
+    The rows of the two components of a pair at a level form a group. Each row is a separate group
+    if the table has no pairs or if their components count separately.
 
     Parameters
     ----------
@@ -814,8 +828,15 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
         Runs, with the columns record and component, and optionally scale, sample and building.
         Pairs are defined by the store in the same directory, otherwise by their names.
     pair_demand : str or None
-        One of `tdint.campaign.pairs.PAIR_DEMANDS`; None for the rule of the store, otherwise the
-        default.
+        One of `tdint.campaign.pairs.PAIR_DEMANDS`; None for the rule of the store, or the default
+        if there is no store.
+
+    Returns
+    -------
+    rule : PairRule
+        Rule that combines the demands of the components of pairs.
+    groups : list of list of int
+        Indices of the rows of each group.
     """
     separate_rows = [[row] for row in range(len(table.rows))]
     if not table.has("record", "component"):
@@ -823,11 +844,9 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
     names = list(zip(table.texts("record"), table.texts("component"), strict=True))
     number_of_name = {name: number for number, name in enumerate(dict.fromkeys(names))}
     with _store_of_table(table) as store:
-        directions = (
-            {stored_record[:2]: stored_record[2] for stored_record in store.records().values()}
-            if store
-            else {}
-        )
+        # Direction (1 or 2) of each record of the store, by its name and component
+        stored_records = store.records().values() if store else ()
+        directions = {(name, component): number for name, component, number in stored_records}
         demand = pair_demand or (store.pair_demand() if store else LARGER)
     records = {number: (*name, directions.get(name, 0)) for name, number in number_of_name.items()}
     rule = PairRule(demand, recording_numbers(records))
@@ -863,11 +882,10 @@ def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule,
 
 
 def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
-    """Return the intensities of the runs of a table, in which both components of a pair have the
-    geometric mean of their intensities.
+    """Replace the intensities of the two components of each pair by their geometric mean.
 
-    Only components that were read as a pair are combined, which the store in the directory of the
-    table states. Without a store, the intensities are returned unchanged.
+    The store in the directory of the table states which components were read as a pair. Other
+    intensities are not changed.
 
     Parameters
     ----------
@@ -875,10 +893,16 @@ def combine_pair_intensities(table: CsvTable, im: Array) -> Array:
         Table of runs.
     im : ndarray, shape (n,)
         Intensity in each row.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Intensities.
     """
     with _store_of_table(table) as store:
         records = store.records() if store is not None else {}
-    # Name and component of the first component, by those of the second component (direction 2).
+    # Name and component of the first component of each pair, by the name and component of the
+    # second component (direction 2).
     first_components = {
         (name, component): records[number - 1][:2]
         for number, (name, component, direction) in records.items()
@@ -922,8 +946,14 @@ def _store_of_table(table: CsvTable) -> Iterator[Store | None]:
 
 
 def with_measures(table: CsvTable) -> CsvTable:
-    """Return a table of runs with additional columns from measures.csv in the same directory; the
-    unchanged table if this file does not exist.
+    """Add the columns of measures.csv to the table of runs in the same directory.
+
+    If measures.csv does not exist, the table is returned unchanged.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Table of runs.
 
     Raises
     ------
@@ -935,17 +965,18 @@ def with_measures(table: CsvTable) -> CsvTable:
         return table
     measures = read_table(str(file), "the measures of a campaign are a table")
     # Match rows by the names of the runs, because the table may have been sorted.
-    measures_row_of_run = {
-        key: row for key, (_, row) in zip(_keys(measures), measures.rows, strict=True)
+    measures_by_run = {
+        key: cells for key, (_line, cells) in zip(_keys(measures), measures.rows, strict=True)
     }
     new_columns = [
         column for column, name in enumerate(measures.header) if name not in table.header
     ]
     rows = []
-    for key, (line, row) in zip(_keys(table), table.rows, strict=True):
-        if key not in measures_row_of_run:
+    for key, (line, cells) in zip(_keys(table), table.rows, strict=True):
+        if key not in measures_by_run:
             raise _outdated_measures(str(file), key)
-        rows.append((line, [*row, *(measures_row_of_run[key][column] for column in new_columns)]))
+        new_cells = [measures_by_run[key][column] for column in new_columns]
+        rows.append((line, [*cells, *new_cells]))
     names = tuple(measures.header[column] for column in new_columns)
     return replace(
         table, header=(*table.header, *names), titles=(*table.titles, *names), rows=tuple(rows)
@@ -974,8 +1005,8 @@ def _keys(table: CsvTable) -> list[tuple[str, ...]]:
 
 
 def column_of(table: CsvTable, name: str) -> tuple[str, str]:
-    """Return the column of a measure and its unit. `name` is the name of the column without the
-    suffix of the unit.
+    """Return the title of the column with an intensity measure, and the unit of this column. `name`
+    is the title without the suffix of the unit, such as `pga` for the column `pga_m_s2`.
 
     Raises
     ------
@@ -989,7 +1020,8 @@ def column_of(table: CsvTable, name: str) -> tuple[str, str]:
 
 
 def no_measure_message(source: str, name: str) -> str:
-    """Return the message of the error that the runs of `source` do not have a measure."""
+    """Return the error message about a table of runs, with the path `source`, that does not contain
+    the intensity measure `name`."""
     return (
         f"{source}: the runs have no measure {name}; run `tdint campaign` on the same directory "
         f"with --im, which writes {MEASURES}"
@@ -1013,7 +1045,7 @@ def _characteristics(
     characteristics : dict of str to ndarray, shape (n,)
         Values for the record of each run, by the name of the characteristic.
     events : ndarray of int, shape (n,), or None
-        Index of the event of each run; None if the file has no column `event_of_record`.
+        Index of the event of each run; None if the file has no column `event`.
 
     Raises
     ------
