@@ -63,7 +63,7 @@ def clock() -> str:
 
     Processor time is preferred, because it excludes other work on the machine. Windows counts it in
     ticks of 16 ms, regardless of the resolution that it reports. The tick is therefore measured,
-    and wall time is used if the tick is too long.
+    and wall time is used if the tick exceeds `_MAX_TICK`.
     """
     ticks = []
     deadline = time.perf_counter() + 0.1  # s; after this time the clock is considered stopped

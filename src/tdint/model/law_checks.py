@@ -1,4 +1,4 @@
-"""Verify the declarations of a plug-in hysteresis model (law) before a method relies on them.
+"""Verify the declarations of a plug-in hysteresis model (law) before a run uses it.
 
 `impulse4` and `moment4` follow the branches of a law. If a branch has a finite slope (row SLOPE),
 they treat the story as linear between the ends of the branch. A law that does not declare `curved`
@@ -52,7 +52,7 @@ _TANGENT_TOLERANCE = 1e-2
 """Tolerance of tangents, relative to the maximum slope of the path."""
 
 _SLOPE_INCREMENT = 1e-5
-"""Increment of drift from which slopes are computed, divided by the size of the path."""
+"""Increment of drift of the finite differences for slopes, divided by the size of the path."""
 
 _MAX_SETS = 128
 """Maximum number of parameter sets of a law that are verified in a process. Declarations do not
@@ -63,7 +63,7 @@ _STIFFNESS, _FORCE, _LENGTH = 1e7, 1e5, 1e-2
 of a small building, which yields at a drift of 10 mm."""
 
 _FACTORS = (0.3, 1.0, 3.0)
-"""Factors by which the parameters of the sampled stories are multiplied."""
+"""Factors of the parameters of the sampled stories."""
 
 Guard = Callable[[Array, str], Array]
 """Function that wraps an array, given its name, to detect the use of undeclared rows."""
@@ -338,7 +338,7 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
 def _path_drifts(size: float) -> Array:
     """Return the drifts of a path that starts from rest, m, without the first drift (zero).
 
-    `size` (m) is the drift by which the relative turning points `_TURNS` are multiplied.
+    The turning points are the drifts `_TURNS` multiplied by `size` (m).
     """
     turning_points = size * np.array(_TURNS)
     # The first drift of a segment is the last drift of the preceding segment, so omit it.
@@ -362,7 +362,7 @@ def _follow(story: _LawStory, drifts: Array, increment: float) -> Iterator[_Path
     drifts : array
         Drifts of the path in their order, m.
     increment : float
-        Increment of drift from which the slopes are computed, m.
+        Increment of drift of the finite differences for slopes, m.
     """
     law, functions, column, guard = story
     # The table of a building of one story has a second, empty column.
@@ -511,7 +511,7 @@ def _yield_drift(law: DriftLaw, column: Array) -> float:
 
 
 def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
-    """Yield parameters with which a law can be verified at registration.
+    """Yield sets of parameters for the verification of a law at registration.
 
     No parameters are generated for laws with lists or points as parameters. The path of such a law
     is verified with the parameters of the first model that uses it.

@@ -106,7 +106,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class LimitCheck:
-    """Comparison of the demands of a building with one limit.
+    """Comparison of the demands of a building with a limit.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ def check_limits(
         story_numbers, limit_values = np.flatnonzero(has_limit) + 1, all_values[has_limit]
         # Use the maximum of the story means, as in design codes, not the mean of the maxima.
         mean_demands = np.mean(demands, axis=0)
-        # `argmax` returns the index of a nan, if there is one: a limit without a known demand is
+        # `argmax` returns the index of the first nan, if any: a limit with an unknown demand is
         # not met.
         governing = int(np.argmax(mean_demands / limit_values))
         motion, story = np.unravel_index(int(np.argmax(demands)), demands.shape)
@@ -331,7 +331,7 @@ def check_level(limits: Iterable[Limit], level: str, name: str) -> None:
 
 def uniform_drift_limit(limits: Iterable[Limit]) -> float | None:
     """Return the limit of the drift ratio, if it is the same in all stories with such a limit, for
-    figures. The result is None if the limits differ or there is no limit."""
+    figures. Without a common limit, the result is None."""
     values = {
         value
         for limit in limits

@@ -1,6 +1,6 @@
 """Plausibility warnings about unusual values of buildings and ground motions.
 
-Wrong units cause most of these values. Unusual buildings cause warnings but no errors.
+Most unusual values are caused by wrong units. Unusual buildings cause warnings but no errors.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tdint.number_parsing import abbreviate
 from tdint.units import STANDARD_GRAVITY
 
 _MAX_LISTED = 3
-"""Maximum number of stories or ground motions that a warning lists, so that it stays short."""
+"""Maximum number of stories or ground motions that a warning lists, so that it is short."""
 
 _MAX_STUDY_WARNINGS = 10
 """Maximum number of warnings about the buildings of a study; further warnings are counted."""
@@ -57,7 +57,7 @@ class UsualRange:
 
     def warning(self, values: str) -> str:
         """Return the warning about unusual values. `values` is a text that lists the values, for
-        example with the numbers of their stories."""
+        example with their stories."""
         limits = f"{self.text(self.low)} to {self.text(self.high)}"
         usual = f"at most {self.text(self.high)}" if self.low <= 0.0 else limits
         return f"{self.name} {values}, usual: {usual} ({self.reason})"
@@ -258,7 +258,7 @@ applies."""
 
 
 def long_step(building: Building, dt: float | None, interval: float | None) -> list[str]:
-    """Return a warning if the time step is too long compared with the fundamental period.
+    """Return a warning if a fundamental period has too few time steps.
 
     Parameters
     ----------
