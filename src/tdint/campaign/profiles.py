@@ -271,7 +271,8 @@ def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
 
 
 def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
-    """Return the ratios of all other buildings to a baseline, level by level.
+    """Divide the statistics of each building by the statistics of a baseline building, at each
+    level of intensity.
 
     Parameters
     ----------
@@ -286,28 +287,23 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
         The baseline does not exist, or is the only building.
     """
     check_baseline(baseline, (profile.building for profile in profiles))
-    # The keys are texts, because scale or level may be NaN, which is not equal to NaN.
+
+    def level_key(profile: Profile) -> tuple[str, str]:
+        """Return a key that is equal for profiles at the same level. It consists of texts, because
+        scale or level may be NaN, which is not equal to NaN."""
+        return repr(profile.scale), repr(profile.level)
+
     baseline_profiles = {
-        (repr(profile.scale), repr(profile.level)): profile
-        for profile in profiles
-        if profile.building == baseline
+        level_key(profile): profile for profile in profiles if profile.building == baseline
     }
     result = []
     for compared in profiles:
-        baseline_profile = baseline_profiles.get((repr(compared.scale), repr(compared.level)))
+        baseline_profile = baseline_profiles.get(level_key(compared))
         if baseline_profile is None or compared.building == baseline:
             continue
         for quantity in STORY:
-            compared_values, base_values = (
-                compared.statistics(quantity),
-                baseline_profile.statistics(quantity),
-            )
-            ratio_by_statistic = {
-                statistic: _story_ratios(
-                    getattr(compared_values, statistic), getattr(base_values, statistic)
-                )
-                for statistic in ("mean", "median", "max")
-            }
+            compared_statistics = compared.statistics(quantity)
+            base_statistics = baseline_profile.statistics(quantity)
             result.append(
                 Ratios(
                     compared.building,
@@ -315,32 +311,53 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
                     compared.scale,
                     compared.level,
                     quantity,
-                    **ratio_by_statistic,
+                    mean=_story_ratios(compared_statistics.mean, base_statistics.mean),
+                    median=_story_ratios(compared_statistics.median, base_statistics.median),
+                    max=_story_ratios(compared_statistics.max, base_statistics.max),
                 )
             )
     return result
 
 
 def _story_ratios(compared_values: Array, base_values: Array) -> Array:
-    """Return the ratios of a building to the baseline: first the ratio of the maxima over all
-    stories, then the ratio of each story that both buildings have; NaN if the value of the baseline
-    is zero or missing."""
-    common = min(compared_values.size, base_values.size)
+    """Divide the values of the stories of a building by the values of the baseline building.
+
+    Parameters
+    ----------
+    compared_values, base_values : ndarray
+        Value of each story of the two buildings, which may have different numbers of stories.
+
+    Returns
+    -------
+    ndarray, shape (1 + common stories,)
+        Ratio of the maxima over all stories, then the ratio of each story that both buildings have.
+        NaN if the value of the baseline is zero or missing.
+    """
+    common_count = min(compared_values.size, base_values.size)
     # The maxima may occur in different stories of the two buildings.
-    maxima = [
+    compared_max, base_max = (
         np.max(values[np.isfinite(values)], initial=-math.inf)
         for values in (compared_values, base_values)
-    ]
-    numerator = np.concatenate([[maxima[0]], compared_values[:common]])
-    denominator = np.concatenate([[maxima[1]], base_values[:common]])
+    )
+    numerator = np.concatenate([[compared_max], compared_values[:common_count]])
+    denominator = np.concatenate([[base_max], base_values[:common_count]])
     is_known = (denominator > 0.0) & np.isfinite(numerator)
     result = np.full(numerator.size, math.nan)
     return np.asarray(np.divide(numerator, denominator, out=result, where=is_known))
 
 
 def profiles(store: Store) -> Iterator[Profile]:
-    """Yield the profiles of each building and level in order. Only one building is in memory at a
-    time. Without stored peaks of stories, there are no profiles."""
+    """Yield the profiles of all buildings of a campaign, for each building in the order of its
+    levels.
+
+    The values of a single building are in memory at a time. If the store contains no peaks of
+    stories, there are no profiles.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    """
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
     # Query the tables before the loop, because there may be a million buildings.
@@ -350,23 +367,11 @@ def profiles(store: Store) -> Iterator[Profile]:
     names = motion_names([name for name, _, _ in records.values()])
     name_of_record = dict(zip(records, names, strict=True))
     for number, (name, _) in store.buildings().items():
-        # Read the values of the stories of each run, with their errors if these were estimated.
-        quantities = [quantity.column for quantity in STORY]
-        columns = ", ".join(
-            ("height_m", *quantities, *(f"{name}_error" for name in quantities if has_errors))
-        )
-        query = (
-            f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY "
-            "1, 2, 3, story"
-        )
-        rows_of_run: dict[Run, list[list[float]]] = defaultdict(list)
-        for record, scale, sample, *values in store.connection.execute(query, (number,)):
-            rows_of_run[Run(record, scale, sample)].append(values)
-        values_of_run = {run: np.array(rows, dtype=np.float64) for run, rows in rows_of_run.items()}
+        values_by_run = _story_values(store, number, has_errors)
         for level in rules.levels_of(store, number):
             # The name of a pair is the name of the record of its first component.
             motions = tuple(name_of_record[runs[0].motion] for runs in level.completed)
-            height, peaks, errors = _peaks(level, values_of_run, story_counts[number], has_errors)
+            height, peaks, errors = _peaks(level, values_by_run, story_counts[number], has_errors)
             yield Profile(
                 **vars(level),
                 building=name,
@@ -377,6 +382,37 @@ def profiles(store: Store) -> Iterator[Profile]:
                 limits=store.limits(number).limits,
                 isolators=store.limits(number).isolators,
             )
+
+
+def _story_values(store: Store, building: int, has_errors: bool) -> dict[Run, Array]:
+    """Read the peaks of the stories in all runs of a building.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    building : int
+        Number of the building.
+    has_errors : bool
+        True if the store contains estimated errors of the peaks.
+
+    Returns
+    -------
+    dict of Run to ndarray, shape (stories, columns)
+        For each run, the height, the quantities of `STORY` and their errors, if estimated, of each
+        story from the ground up.
+    """
+    quantities = [quantity.column for quantity in STORY]
+    errors = [f"{quantity}_error" for quantity in quantities] if has_errors else []
+    columns = ", ".join(("height_m", *quantities, *errors))
+    query = (
+        f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY "
+        "1, 2, 3, story"
+    )
+    rows_by_run: dict[Run, list[list[float]]] = defaultdict(list)
+    for record, scale, sample, *values in store.connection.execute(query, (building,)):
+        rows_by_run[Run(record, scale, sample)].append(values)
+    return {run: np.array(rows, dtype=np.float64) for run, rows in rows_by_run.items()}
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
@@ -437,8 +473,16 @@ class SuiteRules:
         return cls(store.pair_rule(), values, has_levels(store), measure)
 
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
-        """Yield the levels of a building of the store, in ascending order of the absolute scale
-        factors."""
+        """Group the runs of a building by intensity level, and yield the levels in ascending order
+        of the absolute scale factors.
+
+        Parameters
+        ----------
+        store : Store
+            Store of the campaign.
+        building : int
+            Number of the building.
+        """
         query = (
             "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
             "record, scale, sample"
@@ -447,8 +491,14 @@ class SuiteRules:
         return self.levels({Run(*run): status for *run, status in rows})
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
-        """Yield the levels of a building, in ascending order of the absolute scale factors, from
-        the status of each of its runs."""
+        """Group runs of a building by intensity level, and yield the levels in ascending order of
+        the absolute scale factors.
+
+        Parameters
+        ----------
+        status : mapping of Run to str
+            Status of each run.
+        """
         runs_of_rank: dict[int, list[Run]] = defaultdict(list)
         # Motions may have different factors for the same level. The level of a run is therefore the
         # rank of its factor.
@@ -483,8 +533,15 @@ class SuiteRules:
             )
 
     def _scale_and_level(self, rank: int, scales: set[float]) -> tuple[float, float]:
-        """Return the attributes `scale` and `level` of the level with a rank, from 0, and with the
-        scale factors of its runs."""
+        """Return the attributes `scale` and `level` of a `SuiteLevel`.
+
+        Parameters
+        ----------
+        rank : int
+            Number of the level, from 0, in ascending order of the absolute scale factors.
+        scales : set of float
+            Scale factors of the runs at this level.
+        """
         is_common_scale = len(scales) == 1 and not self.has_several_levels
         scale = next(iter(scales)) if is_common_scale else math.nan
         if self.values:
@@ -493,9 +550,11 @@ class SuiteRules:
 
 
 def has_levels(store: Store) -> bool:
-    """Return True if the levels of a campaign cannot be described by one factor for all motions, or
-    by one factor for each motion: they are values of an intensity measure, several factors of a
-    motion, or several factors of motions at sites, which already have individual factors."""
+    """Return True if a campaign has levels that are not common scale factors of all motions.
+
+    Such levels are values of an intensity measure, several factors of a motion, or several factors
+    of motions at sites, which already have individual factors.
+    """
     settings = store.parameters()
     has_several_factors = any(len(values) > 1 for values in settings.get("factors", {}).values())
     has_several_scales = len(settings.get("scales", ())) > 1
@@ -547,7 +606,7 @@ def _peaks(
 
 
 def _by_name(values: Array) -> dict[str, Array]:
-    """Return a dictionary from the name of each quantity to its values, shape (motions, n), from an
+    """Return the values of each quantity of `STORY` by its name, shape (motions, n). `values` is an
     array of shape (n, quantities, motions)."""
     return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY)}
 
@@ -557,8 +616,11 @@ _FIRST_ERROR = 1 + len(STORY)
 
 
 def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
-    """Return the level of each run, from 0: the rank of its factor for the same motion and
-    sample."""
+    """Return the number of the intensity level of each run, from 0.
+
+    It is the rank of the absolute scale factor of the run among the runs with the same motion and
+    sample, because motions may have different factors at the same level.
+    """
     runs_of_motion: dict[tuple[int, int], list[Run]] = defaultdict(list)
     for run in runs:
         runs_of_motion[run.motion, run.sample].append(run)

@@ -148,27 +148,11 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             name = damage.type if by == TYPE else damage.building
             collector = collectors.setdefault(name, _RunCollector(damage.states))
             collector.add(damage, intensities.of(damage), motion_of_record, rule)
-        runs_of_group = {
+        runs_by_group = {
             name: collectors[name].runs(measure, intensities.unit) for name in sorted(collectors)
         }
-    fits: list[Fragility | AnalysisError] = []
-    for name, runs in runs_of_group.items():
-        for state, fit in zip(runs.states.states, fit_states(runs, request), strict=True):
-            # A fit that is impossible is reported with its type and state; the other fits are
-            # returned.
-            if isinstance(fit, AnalysisError):
-                fits.append(AnalysisError(f"{name}, {state}: {fit}"))
-                continue
-            fits.append(
-                replace(
-                    fit,
-                    type=name,
-                    state=state,
-                    modeling_dispersion=request.modeling_dispersion,
-                    pair_demand=rule.demand_if_pairs,
-                )
-            )
-    failed = sum(runs.failed for runs in runs_of_group.values())
+    fits = _fit_groups(runs_by_group, request, rule)
+    failed = sum(runs.failed for runs in runs_by_group.values())
     warnings = (f"{folder}: omitted {pluralize(failed, 'run')} without a result",) if failed else ()
     notes: tuple[str, ...] = (intensities.note,) if intensities.note else ()
     if rule.pairs and not request.pair_demand:
@@ -282,11 +266,61 @@ class _RunCollector:
         )
 
 
+def _fit_groups(
+    runs_by_group: Mapping[str, TypeRuns], request: FragilityRequest, rule: PairRule
+) -> list[Fragility | AnalysisError]:
+    """Fit a fragility function for each group of runs and each of its damage states.
+
+    Parameters
+    ----------
+    runs_by_group : mapping of str to TypeRuns
+        Runs by the name of the building type, or of the building.
+    request : FragilityRequest
+        Settings.
+    rule : PairRule
+        Rule that combined the demands of the components of pairs.
+
+    Returns
+    -------
+    list of Fragility or AnalysisError
+        Functions of all groups and states. A fit that is impossible is replaced by its error, which
+        names the group and the state.
+    """
+    fits: list[Fragility | AnalysisError] = []
+    for name, runs in runs_by_group.items():
+        for state, fit in zip(runs.states.states, fit_states(runs, request), strict=True):
+            if isinstance(fit, AnalysisError):
+                fits.append(AnalysisError(f"{name}, {state}: {fit}"))
+                continue
+            fits.append(
+                replace(
+                    fit,
+                    type=name,
+                    state=state,
+                    modeling_dispersion=request.modeling_dispersion,
+                    pair_demand=rule.demand_if_pairs,
+                )
+            )
+    return fits
+
+
 def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | AnalysisError]:
-    """Return the fragility function of each damage state, or the error that prevents its fit.
+    """Fit a fragility function for each damage state of a group of runs.
 
     By default stripes are fitted if there are several intensity levels with enough ground motions,
     otherwise a cloud.
+
+    Parameters
+    ----------
+    runs : TypeRuns
+        Runs of the buildings of a type, or of a building.
+    request : FragilityRequest
+        Settings.
+
+    Returns
+    -------
+    list of Fragility or AnalysisError
+        Function of each state, or the error if its fit is impossible.
 
     Raises
     ------
@@ -313,13 +347,13 @@ def fit_states(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | An
     fits = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
     probability_columns = _exceedance_probabilities(runs).T
     result: list[Fragility | AnalysisError] = []
-    for item, median, probabilities in zip(
+    for state_fit, median, probabilities in zip(
         fits, runs.states.medians, probability_columns, strict=True
     ):
-        if isinstance(item, Fragility):
-            named = replace(item.named(median, runs.name, runs.unit), failed=runs.failed)
-            item = named.beside_counts(runs.im, probabilities, motion=runs.motion)
-        result.append(item)
+        if isinstance(state_fit, Fragility):
+            named = replace(state_fit.named(median, runs.name, runs.unit), failed=runs.failed)
+            state_fit = named.beside_counts(runs.im, probabilities, motion=runs.motion)
+        result.append(state_fit)
     return result
 
 
@@ -373,6 +407,15 @@ def _type_cloud(
     collapse exceeds all of them. Demands above the heaviest state and below the lightest state are
     censored. For requested thresholds the demands are not censored, so that a function does not
     depend on the other thresholds.
+
+    Parameters
+    ----------
+    runs : TypeRuns
+        Runs of the group.
+    request : FragilityRequest
+        Settings: thresholds, and range of the demands that are used.
+    is_used : ndarray of bool, shape (runs,)
+        True for the runs that are used in the fit.
     """
     # A demand of zero has no logarithm, and demands below the range are elastic.
     low, high = request.edp_range
