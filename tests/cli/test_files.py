@@ -56,7 +56,7 @@ WRITING = {
     "campaign": ("campaign study.yaml -o out", "out/runs.csv out/stories.csv out/summary.json"),
     "merge": ("campaign merge part -o out", "out/runs.csv out/stories.csv out/summary.json"),
     "match": (
-        f"match motion.mseed UNITS --component HNE --target {ASCE7} --range 0.2:1 -o out --plot",
+        f"match motion.mseed UNITS --component HNE --target {ASCE7} --range 0.5:0.7 -o out --plot",
         "out/matched.csv out/matched.json out/matched.png out/motion-HNE.mseed",
     ),
     "scale": (

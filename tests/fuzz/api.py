@@ -166,7 +166,7 @@ def _limited(source: random.Random) -> Any:
 
 def _matched(source: random.Random) -> Any:
     options = {
-        "periods": lambda one: one.choice(((0.1, 0.4), (_number(one), _number(one)))),
+        "periods": lambda one: one.choice(((0.3, 0.4), (_number(one), _number(one)))),
         "damping": _number,
     }
     sound = ("asce7:sds=1,sd1=0.6,tl=8", "ec8:type=1,soil=B,ag=0.25g")

@@ -141,9 +141,9 @@ CAMPAIGN = tuple((name, "-o", "out/c", "--jobs", "1") for name in _CAMPAIGNS)
 """Arguments of `tdint campaign`."""
 
 MATCH = (
-    ("suite/1.txt", "--target", "target.csv", "--range", "0.1:0.5", "-o", "out/matched"),
+    ("suite/1.txt", "--target", "target.csv", "--range", "0.3:0.5", "-o", "out/matched"),
     ("both.mseed", "--units", "m/s^2", "--pairs", "rotd100", "--target", "target.csv", "--range",
-     "0.1:0.5", "-o", "out/pairs"),
+     "0.3:0.5", "-o", "out/pairs"),
 )  # fmt: skip
 """Arguments of `tdint match`."""
 
