@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import shutil
 import socket
 import sqlite3
@@ -195,9 +196,9 @@ def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> No
     lacking = tdint("-q", "campaign", "merge", *parts[:2], "-o", "half", code=5)
     assert not Path("half", FILE).exists()
     left = len(rows("part-2/runs.csv"))
-    assert f"{left} of {RUNS} runs are not in any directory: missing shard 2/3" in lacking.stderr
+    assert re.search(rf"\b{left} of {RUNS} runs .*shard 2/3", lacking.stderr)
     result = tdint("campaign", "merge", *parts[:2], "-o", "half", "--partial", code=0)
-    assert "runs are missing in the directories" in result.stderr
+    assert re.search(rf"\b{left}\b.* runs .*missing", result.stderr)
     shutil.copytree("half", "added")
     assert (
         tdint("campaign", "merge", "part-2", "-o", "added").exit_code == 0
@@ -228,7 +229,7 @@ def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> Non
     assert not any("runs are done" in tdint(*command, "part").stderr for command in asked)
     assert Path("part/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
     again = tdint("campaign", "study.yaml", "-o", "part", code=0)
-    assert f"All runs ({RUNS}) were completed by an earlier call; nothing to do." in again.stderr
+    assert re.search(rf"\bruns \({RUNS}\) .*nothing", again.stderr)
 
 
 def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
@@ -674,7 +675,7 @@ def test_shards_of_an_inventory_that_is_not_sound(
     merge."""
     shards("2,C1,5,1990,500", "2,C1,5,1990,500", code=3)
     merged = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=3)
-    assert "1 building could not be used, such as region.csv:4:1: id: '2'" in merged.stderr
+    assert re.search(r"\b1 building .*region\.csv:4:1: id: '2'", merged.stderr)
     tdint("campaign", "region.yaml", "-o", "whole", code=3)
     assert Path("all/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
 
@@ -686,7 +687,7 @@ def test_an_inventory_that_changes_between_shards(
     compare."""
     shards("3,C1,5,1990,500", "3,C1,5,1990,600", code=0)
     refused = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=2).stderr
-    assert "the inventory has changed between the calls for the shards" in refused
+    assert "inventory has changed" in refused
 
 
 @pytest.mark.parametrize("number", [1, 2])
@@ -702,7 +703,7 @@ def test_a_duplicate_that_only_one_shard_has_seen(
         code = 3 if shard == number else 0
         tdint("campaign", "region.yaml", "-o", f"p{shard}", "--shard", f"{shard}/2", code=code)
     refused = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=2).stderr
-    assert "the inventory has changed between the calls for the shards" in refused
+    assert "inventory has changed" in refused
     assert not Path("all", FILE).exists()
     # The remedy of the message: the call with the corrected inventory keeps its runs.
     Path("region.csv").write_text(REGION.replace("ROW", ""))

@@ -76,8 +76,8 @@ def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
     monkeypatch.setattr(order, "faults_with_yielding", lambda integrator: {})
     false = replace(integrator.method, stability_limit=lambda: 2.2, order=lambda: 4)
     of_order, of_limit = check_method(replace(integrator, method=false)).faults
-    assert of_order == "verlet: declares order 4, but the observed order is 2.00"
-    assert "limit omega dt = 2.2, but the measured limit is 2;" in of_limit
+    assert re.fullmatch(r"verlet: .*\b4\b.*\b2\.00", of_order)
+    assert re.match(r"verlet: .*= 2\.2, .* 2;", of_limit)
 
 
 MISTAKES = {
@@ -176,7 +176,7 @@ def half(law_state, i, block, slope, lower, upper, turn):
         "law": {"type": "half-gap", "gap": 0.003, "stop_stiffness": 1e8},
     }
     (fault,) = check_law(tdint.load_model({"stories": [story]}), 1)
-    assert "its branches (`enter`, `switch`, `advance`) give" in fault and "set_branch" in fault
+    assert "`enter`, `switch`, `advance`" in fault and "set_branch" in fault
     whole = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
     assert check_law(whole, 1) == []
 
@@ -296,9 +296,7 @@ def test_what_cannot_be_compiled_names_the_file_and_the_line(tmp_path, verlet):
     line = verlet.read_text().partition(before)[0].count("\n") + 1
     file = outside(tmp_path, verlet.read_text().replace(before, before[:-1] + "'a'"))
     tdint.load_plugin(str(file))
-    with pytest.raises(
-        AnalysisError, match=f"cannot be compiled: {file}:{line}: No implementation of function"
-    ):
+    with pytest.raises(AnalysisError, match=f": {file}:{line}: No implementation"):
         tdint.stability("verlet", [0.1])
 
 
@@ -308,14 +306,14 @@ def test_no_two_files_of_one_name(tmp_path, verlet):
     (tmp_path / "other").mkdir()
     other = tmp_path / "other" / "verlet.py"
     other.write_text(verlet.read_text())
-    with pytest.raises(UsageError, match="has the same name; rename one of the two"):
+    with pytest.raises(UsageError, match=r"verlet.*same name; rename"):
         tdint.load_plugin(str(other))
 
 
 def test_a_law_of_no_file_is_refused():
     law = definition.LAWS["tanh"]
     alone = type(law)("alone", law.formula, eval("lambda: None", {"__name__": "__main__"}))
-    with pytest.raises(UsageError, match="so that other processes can import it"):
+    with pytest.raises(UsageError, match=r"alone.*import"):
         definition.register_law(alone)
     with pytest.raises(UsageError, match="a law must be a tdint"):
         definition.register_law("tanh")
@@ -484,7 +482,7 @@ def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
         files.append(_cache_file(Problem(model, None, 0.01, 8), 8))
     assert len(set(files)) == 3
     hyperbolic.write_text(text + "# edited\n")
-    with pytest.raises(UsageError, match="has changed since this process executed it"):
+    with pytest.raises(UsageError, match=r"hyperbolic\.py.* has changed"):
         tdint.load_plugin(str(hyperbolic))
 
 
@@ -507,7 +505,7 @@ def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
     assert done.returncode == 0, done.stderr
     assert pickle.loads(done.stdout).rows.runs == run_chunk_with_plugins(sent, chunk).rows.runs
     assert len(run_chunk_with_plugins(sent, chunk).rows.runs) == 2
-    with pytest.raises(UsageError, match=r"verlet\.py: a worker has executed another version"):
+    with pytest.raises(UsageError, match=r"verlet\.py: .*another version"):
         run_chunk_with_plugins((("verlet.py", b"METHODS = ()"),), chunk)
 
 
@@ -539,7 +537,7 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         forget()
         with pytest.raises(
             UsageError,
-            match=f"the object requires the plug-in {file}, which has changed; first load the",
+            match=f"plug-in {file}.* changed; ",
         ):
             tdint.run_case(pickle.loads((tmp_path / "kept").read_bytes())[0], dt=0.005)
         file.write_text(text)

@@ -3,6 +3,7 @@ of the READMEs."""
 
 import ast
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -172,17 +173,16 @@ def test_check_names_the_public_name_of_what_is_imported(tmp_path):
         "Memory\nMETHODS = ()\n"
     )
     said = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output
-    assert (
-        f"{file}:1: tdint.kernels may change without notice; write from tdint.plugin import rows"
-        in said
-    )
-    assert (
-        f"{file}:2: tdint.kernels.stepping may change without notice; write from tdint.plugin "
-        "import Memory" in said
-    )
+    # The replacement is code that a user copies.
+    for line, module, name in (
+        (1, "tdint.kernels", "rows"),
+        (2, "tdint.kernels.stepping", "Memory"),
+    ):
+        expected = rf"{file}:{line}: {module} .*; .*from tdint\.plugin import {name}\b"
+        assert re.search(expected, said), said
     gone = tmp_path / "gone.py"
     gone.write_text("from tdint.kernels.bundles import Memory, Scene\nMETHODS = ()\n")
     result = CliRunner().invoke(cli, ["check", "--plugin", str(gone)])
     assert result.exit_code == 2
     assert f"{gone}:1: ModuleNotFoundError: " in result.output
-    assert "write from tdint.plugin import Memory, Scene" in result.output
+    assert "from tdint.plugin import Memory, Scene" in result.output

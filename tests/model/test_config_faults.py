@@ -337,11 +337,8 @@ def test_not_yaml(text: str, place: str, advice: str) -> None:
 
 def test_long_value_is_quick() -> None:
     (fault,) = faults(f"stories: [{{mass: {'0' * 200_000}x, stiffness: 1}}]")
-    assert (
-        fault
-        == f"1:18: stories[1].mass: must be a positive number, got '{'0' * 37}...'; write the "
-        "number alone"
-    )
+    assert fault.startswith("1:18: stories[1].mass: ")
+    assert f"'{'0' * 37}...'" in fault and len(fault) < 200
 
 
 def test_alias_bomb_is_just_an_unknown_key() -> None:
@@ -351,10 +348,8 @@ def test_alias_bomb_is_just_an_unknown_key() -> None:
     found = faults("\n".join(lines))
     assert len(found) == 41
     assert found[0] == f"1:1: a0: unknown key; known: {WORDS['<keys>']}"
-    assert (
-        "1:1: stories: is missing; give a list with one entry per story, or `building` instead"
-        in found
-    )
+    (missing,) = (fault for fault in found if fault.startswith("1:1: stories: "))
+    assert "missing" in missing and "`building`" in missing
 
 
 def refusal(source: str | Path) -> str:
@@ -365,13 +360,13 @@ def refusal(source: str | Path) -> str:
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     missing = tmp_path / "none.yaml"
-    assert (
-        refusal(missing)
-        == f"{missing}: file not found; specify a model file (YAML) or - for standard input"
+    assert re.fullmatch(
+        rf"{re.escape(str(missing))}: .*not found; .*YAML.* - for .*", refusal(missing)
     )
-    assert refusal(str(tmp_path)) == f"{tmp_path}: this is a directory; specify a model file (YAML)"
-    assert refusal("") == ".: this is a directory; specify a model file (YAML)"
-    assert refusal("a\0b") == "a\0b: cannot be read: the name contains a null character"
+    for directory, shown in ((str(tmp_path), str(tmp_path)), ("", ".")):
+        message = refusal(directory)
+        assert message.startswith(f"{shown}: ") and "directory; " in message
+    assert re.fullmatch("a\0b: .*null character", refusal("a\0b"))
     assert refusal(f"{tmp_path}/{'x' * 300}").endswith("cannot be read: File name too long")
 
 
@@ -385,21 +380,21 @@ def test_file_without_permission(tmp_path: Path) -> None:
 def test_file_that_is_not_text(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_bytes("# Büro\nname: B".encode() + b"\xfcro\n")
-    assert refusal(path) == f"{path}:2:8: not UTF-8 text (byte 0xfc); save the model file as UTF-8"
+    assert re.fullmatch(rf"{path}:2:8: .*0xfc.*; .*UTF-8", refusal(path))
     path.write_text("name: x", encoding="utf-16")
-    assert refusal(path) == f"{path}:1:1: not UTF-8 text (byte 0xff); save the model file as UTF-8"
+    assert re.fullmatch(rf"{path}:1:1: .*0xff.*; .*UTF-8", refusal(path))
 
 
 def test_file_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(config, "MAX_BYTES", 2 * 1024 * 1024)
     path = tmp_path / "m.yaml"
     path.write_text("#" * (2 * 1024 * 1024 + 1))
-    assert refusal(path) == f"{path}: larger than 2 MiB; this is not a model file"
+    assert re.match(rf"{path}: larger than 2 MiB", refusal(path))
 
 
 def test_closed_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", None)
-    assert refusal("-") == "-: standard input is closed; specify a model file"
+    assert re.fullmatch("-: standard input .*closed; .*model file", refusal("-"))
 
 
 def test_streams_that_are_not_utf8(tmp_path: Path) -> None:
@@ -410,9 +405,7 @@ def test_streams_that_are_not_utf8(tmp_path: Path) -> None:
         pytest.raises(ModelError) as caught,
     ):
         load_model(stream)
-    assert (
-        str(caught.value) == f"{path}:1:7: not UTF-8 text (byte 0xed); save the model file as UTF-8"
-    )
+    assert re.fullmatch(rf"{path}:1:7: .*0xed.*; .*UTF-8", str(caught.value))
     with (
         path.open(encoding="utf-8") as stream,
         pytest.raises(ModelError, match=r"m\.yaml: cannot be read: "),
