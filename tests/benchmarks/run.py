@@ -629,8 +629,8 @@ def second_machine(chart: FieldChart, conditions: Conditions) -> str:
     entries, other_conditions = raw_points.load(SECOND_MACHINE)
     other_chart = complete_chart(entries, other_conditions)
     return (
-        "The verdicts depend on times, and therefore on the machine. The same command with "
-        "`--second-machine` was run on another machine with "
+        "The verdicts depend on times, and therefore on the machine. "
+        "`python tests/benchmarks/run.py --second-machine` was run on another machine with "
         f"{machine(entries, other_chart, other_conditions)} (first machine: "
         f"{conditions.timing.processor}). Its results are in the directory "
         "[second_machine](second_machine/points.csv).\n\n"
