@@ -74,7 +74,7 @@ class _Trickle(io.RawIOBase):
 
 def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
     data = bytes(range(256))
-    monkeypatch.setattr(terminal, "_discard_from_now_on", lambda: None)
+    monkeypatch.setattr(terminal, "_discard_further_output", lambda: None)
     whole, full = _Trickle(1000), _Trickle(100)
     for stream in (whole, full):
         monkeypatch.setattr(
