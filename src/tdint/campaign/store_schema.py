@@ -28,11 +28,12 @@ from tdint.units import Quantity
 # ---- Connections to the file of a store: permitted locations, waiting for locks, errors of SQLite
 
 SHORT_WAIT, _LONG_WAIT = 1000, 9000
-"""Milliseconds to wait for a lock of another program before and after a message is shown."""
+"""Times to wait for a lock of another program, ms: before a message is shown, and after it."""
 
 CLOSE_WAIT = 50
-"""Milliseconds to wait for a reader when a store is closed: several times the duration of a short
-query. While a program reads for longer, the log is kept next to the file, without loss of data."""
+"""Time to wait for a reader when a store is closed, ms: several times the duration of a short
+query. If a program reads for a longer time, the log is kept next to the file, without loss of
+data."""
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +42,7 @@ class UntrustedStoreError(OutputError):
     """The file is not a store, or was changed since it was written."""
 
     def __init__(self, name: str, reason: str) -> None:
+        """Create the error of the file with the path `name`. `reason` completes the message."""
         super().__init__(
             f"{name}: the file is not a valid campaign store: {reason}; specify another directory "
             "with -o, or --overwrite to replace it"
@@ -66,7 +68,7 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
     _refuse_special_files(name)
     connection = sqlite3.connect(name, isolation_level=None)
     with closed_on_failure(connection):
-        _guard(connection)
+        _protect(connection)
         wait_for(connection, name, f"PRAGMA journal_mode={'WAL' if log else 'DELETE'}")
         connection.execute(f"PRAGMA synchronous={'NORMAL' if log else 'FULL'}")
     return connection
@@ -85,7 +87,7 @@ def connect_to_read(file: Path) -> sqlite3.Connection:
         f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None
     )
     with closed_on_failure(connection):
-        _guard(connection)
+        _protect(connection)
         connection.execute("BEGIN")  # all queries read the same state of the store
         wait_for(connection, str(file), "SELECT count(*) FROM sqlite_master")
     return connection
@@ -101,8 +103,8 @@ def closed_on_failure(connection: sqlite3.Connection) -> Iterator[None]:
         raise
 
 
-def _guard(connection: sqlite3.Connection) -> None:
-    """Protect a connection against corrupt or malicious files."""
+def _protect(connection: sqlite3.Connection) -> None:
+    """Set options of a connection that protect this process against corrupt or malicious files."""
     connection.execute("PRAGMA trusted_schema=OFF")  # no SQL functions in views or triggers
     connection.execute("PRAGMA cell_size_check=ON")  # detects corrupt pages earlier
 
@@ -159,7 +161,21 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
 
 @contextmanager
 def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
-    """Execute all statements of the `with` block, or none if an error occurs."""
+    """Execute the statements of a `with` block as a transaction, which is reversed if an error
+    occurs.
+
+    Parameters
+    ----------
+    connection : sqlite3.Connection
+        Connection for writing.
+    name : str
+        Path of the file, for messages.
+
+    Raises
+    ------
+    OutputError
+        Another program keeps the file locked.
+    """
     wait_for(connection, name, "BEGIN IMMEDIATE")
     try:
         yield
@@ -172,7 +188,8 @@ def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
 
 @contextmanager
 def sqlite_errors_reported(name: str) -> Iterator[None]:
-    """Convert errors of SQLite about a file to OutputError."""
+    """Convert errors of SQLite in a `with` block to OutputError. `name` is the path of the file,
+    for messages."""
     try:
         yield
     except sqlite3.OperationalError as error:
@@ -228,12 +245,12 @@ def refuse_network(folder: Path) -> None:
     """
     if "\0" in str(folder):
         raise OutputError(f"{folder!s:.40}: a file name must not contain a null character")
-    kind = file_system(folder)
-    if kind in _NETWORK_FILE_SYSTEMS:
+    file_system_type = file_system(folder)
+    if file_system_type in _NETWORK_FILE_SYSTEMS:
         raise OutputError(
-            f"{folder}: the directory is on a network file system ({kind}), on which the store is "
-            "not safe; write to a local disk (such as /tmp), each shard to a separate directory, "
-            "and combine them with `tdint campaign merge`"
+            f"{folder}: the directory is on a network file system ({file_system_type}), on "
+            "which the store is not safe; write to a local disk (such as /tmp), each shard to a "
+            "separate directory, and combine them with `tdint campaign merge`"
         )
 
 
@@ -335,8 +352,8 @@ class RowTable:
     def create(self) -> str:
         """SQL statement that creates the table."""
         columns = ", ".join(
-            f"{name} {_SQL_TYPES.get(kind, 'REAL')}"
-            for name, kind in (self.key | self.others).items()
+            f"{name} {_SQL_TYPES.get(value_type, 'REAL')}"
+            for name, value_type in (self.key | self.others).items()
         )
         key = ", ".join(self.key)
         return (
@@ -382,7 +399,17 @@ class RowTable:
     def insert(
         self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int
     ) -> None:
-        """Insert rows of a chunk that `plain` returned."""
+        """Insert rows of a chunk.
+
+        Parameters
+        ----------
+        connection : sqlite3.Connection
+            Connection to the store.
+        rows : iterable of tuple
+            Rows as returned by `plain`.
+        chunk : int
+            Number of the chunk.
+        """
         placeholders = ", ".join("?" * (len(self.columns) + 1))
         connection.executemany(
             f"INSERT INTO {self.name} VALUES({placeholders})", ((*row, chunk) for row in rows)
@@ -458,7 +485,8 @@ TABLES = (
 
 
 def run_of(row: Sequence[Any]) -> RunRow:
-    """Return the run from a row of the query `RUNS.select`: the key, the values, and the errors."""
+    """Create a run from a row of the query `RUNS.select`, which contains the key of the run
+    (building, motion, scale factor, sample), its values, and their errors."""
     values_start = len(_KEY)
     errors_start = values_start + len(RUN)
     values, errors = tuple(row[values_start:errors_start]), tuple(row[errors_start:])
@@ -498,11 +526,14 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
 
 
 def corrupt_chunks(connection: sqlite3.Connection) -> set[int]:
-    """Return the numbers of corrupt chunks: chunks with rows that do not match the checksum or the
-    number of rows in the table `chunks`, and chunks that are missing from this table."""
+    """Return the numbers of the corrupt chunks of a store.
+
+    A chunk is corrupt if its rows do not match the checksum or the number of rows in the table
+    `chunks`, or if this table does not contain the chunk.
+    """
     query = "SELECT id, runs, stories, seconds, sha256 FROM chunks"
     entries = {number: values for number, *values in connection.execute(query)}
-    # Read all tables once; each row updates the digest of its chunk.
+    # Each table is read a single time; each row updates the digest of its chunk.
     digests = {
         number: hashlib.sha256(repr((number, seconds)).encode())
         for number, (_, _, seconds, _) in entries.items()
@@ -524,7 +555,8 @@ def corrupt_chunks(connection: sqlite3.Connection) -> set[int]:
 
 
 def seal_of(connection: sqlite3.Connection) -> str:
-    """Return the SHA-256 of the campaign definition and of the unused inputs."""
+    """Return the SHA-256 of the definition of a campaign (metadata, buildings, records, inventory)
+    and of its unused inputs, which detects manual edits of a store."""
     digest = hashlib.sha256()
     for statement in _SEALED_QUERIES:
         digest.update(statement.encode())
