@@ -21,7 +21,7 @@ def test_run_many_takes_lists_of_methods_and_time_steps_as_run_does():
         assert (one.dt, one.method) == (runs.dt[0], runs.methods[0])
         assert np.array_equal(one.stories.peak_drift, runs.stories.peak_drift[0])
     assert many.to_dict()["method"] == ["impulse4", "impulse4", "hht", "hht"]  # one row per run
-    with pytest.raises(tdint.TdintError, match="out cannot be used with a list"):
+    with pytest.raises(tdint.TdintError, match=r"out .*list"):
         tdint.run_many(MODEL, RECORD, method=methods, history="drift", out=np.zeros((1, 1, 1)))
 
 
@@ -32,7 +32,7 @@ def test_history_true_keeps_all_quantities_and_a_name_is_refused_by_run():
     for name, kept in runs.history.items():
         assert np.array_equal(kept[0], getattr(response.history, HISTORY_FIELDS[name])), name
     assert not tdint.run_many(MODEL, RECORD, history=False).history
-    with pytest.raises(tdint.TdintError, match="history must be True or False, got 'drift'"):
+    with pytest.raises(tdint.TdintError, match=r"history .*True.*False, got 'drift'"):
         tdint.run(MODEL, RECORD, history="drift")
 
 

@@ -182,7 +182,7 @@ def test_the_mean_of_a_suite_is_matched_and_its_scatter_kept(motion, pair):
 
 @pytest.mark.parametrize("periods", [(2.0, 0.1), (0.0, 1.0), (0.1, np.inf)])
 def test_a_range_that_is_none_is_refused(motion, periods):
-    with pytest.raises(UsageError, match="the range of periods must rise"):
+    with pytest.raises(UsageError, match="range of periods"):
         tdint.match(motion, TARGET, periods=periods)
 
 
@@ -284,9 +284,7 @@ def test_targets_for_several_damping_ratios(tmp_path):
     table.write_text("damping,period_s,sa_g\n.02,.1,1\n.02,1,2\n.05,.1,.5\n.05,1,1\n")
     two, five = read_targets(str(table), (0.02, 0.05))
     np.testing.assert_allclose(two.psa, 2.0 * five.psa)
-    with pytest.raises(
-        ModelError, match=r"damping ratio 0\.03 not found; the file contains 0\.02, 0\.05"
-    ):
+    with pytest.raises(ModelError, match=r"0\.03 not found; .* 0\.02, 0\.05"):
         read_targets(str(table), (0.03,))
 
 

@@ -41,7 +41,7 @@ def test_histories_that_the_memory_cannot_hold_are_refused_with_their_size(monke
     monkeypatch.setattr("tdint.analysis.run.many_results.available_memory", lambda: 1e3)
     with pytest.raises(
         AnalysisError,
-        match=r"the histories of 3 runs need 7\.2e-06 GB of memory, 1e-06 GB are free",
+        match=r"3 runs .*7\.2e-06 GB .* 1e-06 GB",
     ):
         tdint.run_many(
             small(), RECORDS[0], scales=(0.1, 0.2, 0.3), method="newmark-average", history="drift"
@@ -181,7 +181,7 @@ def test_histories_go_where_they_are_asked_to(tmp_path, runs):
         tdint.run_many(small(), **given, out={"drift": np.zeros((6, 51, 2))})
     with pytest.raises(UsageError, match="one array for each of: drift, shear"):
         tdint.run_many(small(), **{**given, "history": ("drift", "shear")}, out=file)
-    with pytest.raises(UsageError, match="out cannot be used, because no history is requested"):
+    with pytest.raises(UsageError, match=r"out .* no history"):
         tdint.run_many(small(), **{**given, "history": ()}, out=file)
 
 
@@ -196,7 +196,7 @@ def test_pairs_of_a_model_a_record_and_a_scale(runs):
     )
     single = tdint.run(MODELS[0], RECORDS[1].scaled(2.0), method="newmark-average")
     np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
-    with pytest.raises(UsageError, match="zip_records: records must have 1 or 3 items, got 2"):
+    with pytest.raises(UsageError, match=r"zip_records: records .* 1 or 3 .* got 2"):
         tdint.run_many(MODELS, RECORDS, zip_records=True)
 
 

@@ -127,9 +127,7 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
         pytest.approx(same.theta),
         pytest.approx(same.beta),
     )
-    with pytest.raises(
-        UsageError, match="the runs have no common intensity levels; use --fit cloud"
-    ):
+    with pytest.raises(UsageError, match=r"intensity levels; .*--fit cloud"):
         fit_table(table(tmp_path, im), FragilityRequest("stripes", (OVER,)))
     # Three runs make a level, two do not.
     whole = np.repeat(LEVELS[:, None], MOTIONS, axis=1)

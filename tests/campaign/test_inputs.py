@@ -40,9 +40,7 @@ def test_what_a_campaign_says_of_all_buildings_is_theirs() -> None:
     both = adapted(BUILDING, AnalysisOverrides(collapse_drift=0.04, p_delta=True))
     assert both == replace(BUILDING, collapse_drift=0.04, p_delta=True)
     for bare in (WITHOUT, HALF):
-        with pytest.raises(
-            ModelError, match="test: p_delta of the campaign requires the heights of all stories"
-        ):
+        with pytest.raises(ModelError, match=r"test: p_delta .*heights"):
             adapted(bare, AnalysisOverrides(p_delta=True))
 
 
@@ -84,7 +82,7 @@ def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
 def test_an_inventory_without_a_building(tmp_path: Path) -> None:
     file = tmp_path / "none.csv"
     file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\n")
-    with pytest.raises(ModelError, match=r"none.csv: the file contains no buildings"):
+    with pytest.raises(ModelError, match=r"none.csv: .*no buildings"):
         read_rows(InventoryFile(str(file), "mdof-lu", 1.0))
 
 
@@ -184,11 +182,9 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
         with pytest.raises(UsageError, match="scale requires an intensity measure"):
             scale(pairs, **wrong)
     for wrong in ({"measure": "pga"}, {"value": 3.0}):
-        with pytest.raises(UsageError, match="a target and a value cannot be used together"):
+        with pytest.raises(UsageError, match="target and a value"):
             scale(pairs, target=target, **wrong)
-    with pytest.raises(
-        UsageError, match="unknown rule 'p695'; the rules for a target are mean, asce7, ec8"
-    ):
+    with pytest.raises(UsageError, match=r"'p695'; .* mean, asce7, ec8"):
         scale(pairs, target=target, rule="p695")
 
 

@@ -75,7 +75,7 @@ def test_folders_without_records_or_with_one_that_cannot_be_read(folder, tdint):
         "Error: none: no record found in this directory; it contains 00.md, 01.md"
     )
     assert none.endswith("09.md and 2 more")
-    assert some == "Error: some/b.mseed: the file is empty"
+    assert some.startswith("Error: some/b.mseed: ") and "empty" in some
 
 
 @pytest.mark.parametrize("into", [None, "all.csv", "out/"])

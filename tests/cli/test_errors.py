@@ -195,7 +195,7 @@ def test_the_mean_of_one_motion(folder, tdint):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         said = tdint("match", "motion.mseed", *words, *target, code=0).stderr
-    assert "mean spectrum of 1 ground motion differs from the target" in said
+    assert "mean spectrum of 1 ground motion" in said
     assert "scatter" not in said
 
 
@@ -234,9 +234,7 @@ def test_a_run_without_ground_motion_reports_that_it_is_missing(
     """With a force on a floor, the time step is missing instead."""
     text = "name: x\nstories: [{mass: 1000, stiffness: 1.0e+6}]\n"
     Path("still.yaml").write_text(text)
-    assert (
-        "x: the ground motion is missing; add a record" in tdint("run", "still.yaml", code=2).stderr
-    )
+    assert "x: the ground motion is missing" in tdint("run", "still.yaml", code=2).stderr
     force = "excitation: {forces: [{floor: 1, amplitude: 1, omega: 2}]}\n"
     Path("forced.yaml").write_text(text + force)
     assert "the time step is required" in tdint("run", "forced.yaml", code=2).stderr

@@ -3,6 +3,7 @@ SimCenter."""
 
 import json
 import math
+import re
 import resource
 import shutil
 import sqlite3
@@ -420,7 +421,7 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(
     more = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
     Path("buildings.csv").write_text(BUILDINGS + more)
     result = tdint("campaign", "campaign.yaml", "-o", "far", "-q", code=4)
-    assert "1 building skipped: farther from every site than max_distance" in result.stderr
+    assert re.search("1 building .*max_distance", result.stderr)
     found = rows("far/runs.csv")
     assert [row for row in found if row["building"] != "e"] == first
     away = {row["building"]: float(row["distance_km"]) for row in found}
@@ -543,7 +544,7 @@ def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
     change("buildings.csv", (",1002,37.85,-122.2", ",1002,37.8,-122.27"))
     tdint("campaign", "campaign.yaml", "-o", "moved", "--shard", "2/10", code=3)
     refused = tdint("campaign", "merge", "part-1", "moved", "-o", "other", code=2)
-    assert "the inventory has changed between the calls for the shards" in refused.stderr
+    assert "inventory has changed" in refused.stderr
 
 
 def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:

@@ -287,7 +287,7 @@ def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
         "ida", "shaken.yaml", "motion.mseed", "--component", "HNE", *UNITS, "-o", "out", code=0
     )
     assert "runs have no result" in result.stderr
-    assert "1 of 1 capacities are known less precisely than 5 %" in result.stderr
+    assert "1 of 1 capacities" in result.stderr
     found = rows(folder / "out" / "ida.csv")
     assert all(
         (row["status"] == "not-converged") == (row["peak_drift_ratio"] == "") for row in found

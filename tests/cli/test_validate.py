@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import io
+import re
 
 import pytest
 
@@ -27,9 +28,7 @@ def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
     monkeypatch.setattr(cases, "textbook_cases", lambda: (wrong, right[1]))
     out = tmp_path / "validation.csv"
     result = tdint("validate", "-o", out, code=5)
-    assert (
-        "chopra-E5.1: the maximum difference, 0.968, exceeds the tolerance 0.0001" in result.stderr
-    )
+    assert re.search(r"chopra-E5\.1: .* 0\.968, .* 0\.0001", result.stderr)
     rows = list(csv.DictReader(io.StringIO(out.read_text())))
     assert [row["within"] for row in rows[-2:]] == ["false", "true"]
 

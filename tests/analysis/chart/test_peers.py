@@ -79,6 +79,8 @@ def opensees(request, monkeypatch, capfdbinary):
 
     def run(command, input, **_):
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(input)))
+        # The arguments of pytest are not the ID of a parent process.
+        monkeypatch.setattr(sys, "argv", ["opensees_worker"])
         output = os.dup(1)
         code = opensees_worker.main()
         os.dup2(output, 1)  # the worker keeps it free of what OpenSees prints
@@ -378,5 +380,5 @@ def test_what_a_program_of_a_plugin_gives_amiss_is_told(function, said, leapfrog
     assert both.points == chart.points
     assert note.startswith(f"leapfrog/other is omitted: {said}")
     monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other",),))
-    with pytest.raises(UsageError, match="PEERS must contain pairs of a name and a function"):
+    with pytest.raises(UsageError, match=r"PEERS must .*name.*function"):
         with_plugins(problem, None, repeats=1)

@@ -166,7 +166,7 @@ def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
     for one, other in zip(mean.floors, plain.floors, strict=True):
         assert one.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
         np.testing.assert_allclose(one.computed, other.computed, atol=1e-9)
-    assert "floor 3: the mean of 2 sensors is compared" in mean.event.notes
+    assert any("floor 3: the mean of 2 sensors" in note for note in mean.event.notes)
     assert len([note for note in mean.event.notes if "mean of 2 sensors" in note]) == 2
     mixed = f"[{sensor('roof_west_m_s2')}, {sensor('roof_east_m')}]"
     with pytest.raises(RecordError, match=r"floor 3: .* got acceleration and displacement"):
@@ -266,9 +266,7 @@ def test_the_window_is_what_is_compared(made):
     (first, _) = compare(made.model, made.event(FLOORS + "window: [4, 12.5]\n")).floors
     assert (first.time[0], first.time[-1]) == pytest.approx((4.0, 12.5))
     assert first.time.size == 426
-    with pytest.raises(
-        RecordError, match=r"fewer than 10 samples in the window from 29\.9 to 40 s"
-    ):
+    with pytest.raises(RecordError, match=r"fewer than 10 .* 29\.9 to 40 s"):
         compare(made.model, made.event(FLOORS + "window: [29.9, 40]\n"))
 
 
@@ -315,9 +313,7 @@ def test_an_offset_that_the_samples_tell_is_removed(made):
     made.usual(base_m_s2=base)
     event = made.event()
     assert np.median(event.base.acceleration) == pytest.approx(0.0, abs=1e-9)
-    assert any(
-        "the offset of the base, 0.3 m/s^2 (the median), is removed" in note for note in event.notes
-    )
+    assert any("the offset of the base, 0.3 m/s^2" in note for note in event.notes)
     assert has_offset(np.full(50, 9.81) + 1e-3 * noise(4, 50))
     assert not has_offset(np.zeros(50))
 
@@ -336,9 +332,7 @@ def test_what_cannot_be_fitted_is_refused(made):
     event = made.event()
     with pytest.raises(UsageError, match="no damping to be fitted"):
         fit(replace(made.model, damping=None), event, ["damping"])
-    with pytest.raises(
-        UsageError, match="one or more of stiffness, stiffness-factor, damping, got 'mass'"
-    ):
+    with pytest.raises(UsageError, match="stiffness, stiffness-factor, damping, got 'mass'"):
         fit(made.model, event, ["mass"])
 
 
@@ -524,7 +518,7 @@ def test_the_window_by_counting():
         wanted = [i for i in range(first, last + 1) if start - 1e-9 <= 0.01 * i <= end + 1e-9]
         if len(wanted) < 10:
             refused += 1
-            with pytest.raises(RecordError, match="has fewer than 10 samples in the window from"):
+            with pytest.raises(RecordError, match="fewer than 10 samples"):
                 event.window(recorded, "floor 1")
         else:
             assert [*range(100)[event.window(recorded, "floor 1")]] == wanted
@@ -556,9 +550,7 @@ def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
         )
     ]
     if shortest < 10:
-        with pytest.raises(
-            RecordError, match="floor 1: the recordings of its sensors do not overlap"
-        ):
+        with pytest.raises(RecordError, match=r"floor 1: .*sensors.* overlap"):
             _mean_signal(signals, "floor 1", {})
         return
     mean, lead = _mean_signal(signals, "floor 1", {})

@@ -97,7 +97,7 @@ def test_the_bound_on_the_frequencies(n):
 
 
 def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
-    with pytest.raises(ValueError, match="200 steps are not a multiple of 30 rows"):
+    with pytest.raises(ValueError, match=r"200 steps .* 30 rows"):
         PreparedBuilding.of(ten_linear()).integrate(
             parse("newmark-average"), Steps(0.01, 200), history_rows=30
         )

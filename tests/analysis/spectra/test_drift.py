@@ -169,11 +169,11 @@ def test_wrong_arguments(arguments, message):
 
 
 def test_periods_that_do_not_fit_the_sampling_interval():
-    with pytest.raises(AnalysisError, match=r"too many modes .* use periods up to 200 s"):
+    with pytest.raises(AnalysisError, match=r"too many modes .* 200 s"):
         drift_spectrum(noise(samples=21), np.array([300.0]), beam=True)
     with pytest.raises(
         AnalysisError,
-        match=r"the period 9e-06 s is less than .* request periods of at least 1e-05 s",
+        match=r"period 9e-06 s .* at least 1e-05 s",
     ):
         drift_spectrum(noise(samples=21), np.array([9e-6, 1.0]))
 
@@ -182,5 +182,5 @@ def test_periods_that_do_not_fit_the_sampling_interval():
     "text", ["", "0.07", "0.07,0.75,1", "a,b", "0,0.75", "0.07,-1", "nan,1", "0.07,inf"]
 )
 def test_wrong_height_periods(text):
-    with pytest.raises(UsageError, match="a height-period relation must be two positive numbers"):
+    with pytest.raises(UsageError, match=r"height-period relation .*two positive"):
         parse_height_period(text)

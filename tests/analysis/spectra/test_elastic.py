@@ -72,9 +72,7 @@ def test_a_method_of_the_catalogue_converges_to_the_exact_spectrum():
 
 
 def test_an_unstable_method_is_refused():
-    with pytest.raises(
-        AnalysisError, match=r"central-difference is unstable .* for the period 0\.01 s"
-    ):
+    with pytest.raises(AnalysisError, match=r"central-difference .*unstable .* 0\.01 s"):
         spectrum(noise(samples=201), PERIODS, method="central-difference")
     stable = spectrum(noise(samples=201), PERIODS[3:], method="central-difference")
     assert np.all(np.isfinite(stable.sd))
@@ -134,6 +132,6 @@ def test_the_choices_are_told(asked, told):
 def test_a_period_far_below_the_sampling_interval_is_refused():
     with pytest.raises(
         AnalysisError,
-        match=r"the period 0\.0004 s is less than 0\.05 sampling intervals of 0\.01 s",
+        match=r"period 0\.0004 s .* 0\.05 .* 0\.01 s",
     ):
         spectrum(noise(samples=21), np.array([1.0, 4e-4]))

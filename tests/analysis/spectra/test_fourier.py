@@ -83,5 +83,5 @@ def test_scaled_motions_have_scaled_spectra(noise) -> None:
 
 @pytest.mark.parametrize("bandwidth", [0.0, -40.0, math.nan, 1e6])
 def test_a_bandwidth_that_is_none(noise, bandwidth) -> None:
-    with pytest.raises(UsageError, match="the bandwidth must be from 1 to 1000"):
+    with pytest.raises(UsageError, match=r"bandwidth .* 1 to 1000"):
         tdint.fourier_spectrum(noise, bandwidth)

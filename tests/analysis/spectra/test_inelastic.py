@@ -232,7 +232,7 @@ def test_a_steep_rise_is_followed():
 
 
 def test_a_ductility_that_is_never_reached_is_an_error():
-    with pytest.raises(AnalysisError, match="no strength leads to the ductility 3"):
+    with pytest.raises(AnalysisError, match=r"strength .*ductility 3"):
         largest_ratio(lambda _: 1.5, 3.0)
 
 
@@ -240,7 +240,7 @@ def test_periods_that_are_too_short():
     for function, wanted in ((constant_ductility, [2.0]), (constant_strength, [0.1])):
         with pytest.raises(
             AnalysisError,
-            match=r"the period 9e-06 s is less than .* request periods of at least 1e-05 s",
+            match=r"period 9e-06 s .* at least 1e-05 s",
         ):
             function(NOISE, np.array([1.0, 9e-6]), wanted)
         assert np.isfinite(

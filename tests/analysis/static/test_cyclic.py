@@ -213,9 +213,7 @@ def test_drifts_that_are_none(text, message):
 
 
 def test_stories_are_counted_from_1():
-    with pytest.raises(
-        UsageError, match="story 0 not found: the model has 1 story, numbered from 1 at the bottom"
-    ):
+    with pytest.raises(UsageError, match=r"story 0 not found: .* 1 story"):
         cyclic_test(one_story(Law("linear", ())), 0, [parse_drift("1%")])
 
 
