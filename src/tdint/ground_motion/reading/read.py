@@ -1,4 +1,4 @@
-"""Read ground-motion records in the formats supported by ObsPy and tdint."""
+"""Read ground motion records in the formats supported by ObsPy and tdint."""
 
 from __future__ import annotations
 
@@ -53,16 +53,30 @@ if TYPE_CHECKING:
 
 # ---- Join the traces of one channel and check its samples
 
-_IMPOSSIBLE = 1e6
+_MAX_POSSIBLE_ACCELERATION = 1e6
 """m/s^2; larger accelerations indicate wrong units, and their squares and integrals may exceed the
 range of floats."""
 
-_OFFSET = 0.02  # fraction of the peak; a larger mean is an offset, not noise of a short record
+_MAX_MEAN_FRACTION = (
+    0.02  # fraction of the peak; a larger mean is an offset, not noise of a short record
+)
 
 
 @dataclass(frozen=True)
 class _Channel:
-    """Traces with the same id in a file, or in a file of an archive, in file order."""
+    """Traces of one channel of a record.
+
+    Attributes
+    ----------
+    source : str
+        Name of the file, or of the file in an archive.
+    contents : Contents
+        Format and all traces of the file.
+    id : str
+        Common id of the traces, NET.STA.LOC.CHA.
+    traces : tuple of obspy.Trace
+        Traces of the channel in file order.
+    """
 
     source: str
     contents: Contents
@@ -80,7 +94,7 @@ class _Channel:
         return f"{self.source}: {self.id}" if self.id.strip(".") else self.source
 
 
-def _channels_of(source: str, contents: Contents) -> list[_Channel]:
+def _group_by_channel(source: str, contents: Contents) -> list[_Channel]:
     """Group the traces by channel, in the order in which the channels appear in the file.
 
     Parameters
@@ -90,14 +104,14 @@ def _channels_of(source: str, contents: Contents) -> list[_Channel]:
     contents : Contents
         Traces of the file.
     """
-    groups: dict[str, list[Any]] = {}
+    traces_by_id: dict[str, list[Any]] = {}
     for trace in contents.traces:
-        groups.setdefault(trace.id, []).append(trace)
-    return [_Channel(source, contents, name, tuple(members)) for name, members in groups.items()]
+        traces_by_id.setdefault(trace.id, []).append(trace)
+    return [_Channel(source, contents, id, tuple(traces)) for id, traces in traces_by_id.items()]
 
 
-def _joined(channel: _Channel) -> Any:
-    """Join the traces of a channel to one trace without gaps.
+def _join_traces(channel: _Channel) -> Any:
+    """Join the traces of a channel, sorted by start time, to one trace without gaps.
 
     Returns
     -------
@@ -111,65 +125,100 @@ def _joined(channel: _Channel) -> Any:
         missing or not finite.
     """
     label = channel.label
-    pieces = sorted(
-        (t for t in channel.traces if len(t.data)), key=lambda trace: trace.stats.starttime
+    traces = sorted(
+        (trace for trace in channel.traces if len(trace.data)),
+        key=lambda trace: trace.stats.starttime,
     )
-    if not pieces:
+    if not traces:
         raise RecordError(f"{label}: the channel has no samples")
-    for piece in pieces:
-        # Check each trace: positive sampling interval, valid dates and no masked samples.
-        dt = float(piece.stats.delta)
-        if not (isfinite(dt) and dt > 0.0):
-            raise RecordError(f"{label}: the sampling interval must be positive, got {dt:g} s")
-        try:
-            str(piece.stats.starttime), str(piece.stats.endtime)
-        except (
-            Exception
-        ):  # The calendars of Python and ObsPy raise different exceptions outside their range.
-            raise RecordError(
-                f"{label}: the time of the record is not a valid date; its header is corrupt"
-            ) from None
-        if missing := masked_samples(piece.data):
-            samples = pluralize(missing, "sample")
-            raise RecordError(
-                f"{label}: {samples} marked as missing; extract the continuous part of the record"
-            )
-    for before, after in pairwise(pieces):
-        # Successive traces must have the same sampling interval and type, and continue after one
-        # sampling interval with a tolerance of half an interval.
-        dt, there = float(before.stats.delta), after.stats.starttime
-        if not isclose(dt, after.stats.delta, rel_tol=1e-6):
-            changed = f"changes from {dt:g} s to {after.stats.delta:g} s at {there}"
-            raise RecordError(f"{label}: the sampling interval {changed}; cut the record there")
-        if (before.data.dtype.kind == "f") != (after.data.dtype.kind == "f"):
-            raise RecordError(
-                f"{label}: the samples before {there} and after are of different types"
-            )
-        slip = float(there - before.stats.endtime) - dt
-        if abs(slip) > 0.5 * dt:
-            break_ = f"a gap of {slip:.6g} s" if slip > 0.0 else f"an overlap of {-slip:.6g} s"
-            raise RecordError(
-                f"{label}: {break_} after {before.stats.endtime}; cut the record to its continuous "
-                "part"
-            )
-    whole = pieces[0]
-    if len(pieces) > 1:
-        whole = whole.copy()
-        whole.data = np.concatenate([piece.data for piece in pieces])
-    if len(whole.data) < 2:
+    for trace in traces:
+        _check_trace(trace, label)
+    for before, after in pairwise(traces):
+        _check_continuity(before, after, label)
+    joined = traces[0]
+    if len(traces) > 1:
+        joined = joined.copy()
+        joined.data = np.concatenate([trace.data for trace in traces])
+    if len(joined.data) < 2:
         raise RecordError(f"{label}: the channel has only one sample; a record needs at least two")
-    check_finite(whole.data, float(whole.stats.delta), label)
-    return whole
+    check_finite(joined.data, float(joined.stats.delta), label)
+    return joined
+
+
+def _check_trace(trace: Any, label: str) -> None:
+    """Raise RecordError unless a trace has a positive sampling interval, valid dates and no masked
+    samples.
+
+    Parameters
+    ----------
+    trace : obspy.Trace
+        Trace to check.
+    label : str
+        File and channel, for messages.
+    """
+    dt = float(trace.stats.delta)
+    if not (isfinite(dt) and dt > 0.0):
+        raise RecordError(f"{label}: the sampling interval must be positive, got {dt:g} s")
+    try:
+        str(trace.stats.starttime), str(trace.stats.endtime)
+    # The calendars of Python and ObsPy raise different exceptions outside their range.
+    except Exception:
+        raise RecordError(
+            f"{label}: the time of the record is not a valid date; its header is corrupt"
+        ) from None
+    if missing := masked_samples(trace.data):
+        samples = pluralize(missing, "sample")
+        raise RecordError(
+            f"{label}: {samples} marked as missing; extract the continuous part of the record"
+        )
+
+
+def _check_continuity(before: Any, after: Any, label: str) -> None:
+    """Raise RecordError unless a trace continues the trace before it.
+
+    Both must have the same sampling interval and kind of numbers. The second must start one
+    sampling interval after the end of the first, with a tolerance of half an interval.
+
+    Parameters
+    ----------
+    before, after : obspy.Trace
+        Successive traces of a channel.
+    label : str
+        File and channel, for messages.
+    """
+    dt, start = float(before.stats.delta), after.stats.starttime
+    if not isclose(dt, after.stats.delta, rel_tol=1e-6):
+        raise RecordError(
+            f"{label}: the sampling interval changes from {dt:g} s to {after.stats.delta:g} s at "
+            f"{start}; cut the record there"
+        )
+    if (before.data.dtype.kind == "f") != (after.data.dtype.kind == "f"):
+        raise RecordError(
+            f"{label}: the samples before {start} and after are of different types (integer and "
+            "floating-point); cut the record there"
+        )
+    gap = float(start - before.stats.endtime) - dt  # negative for an overlap
+    if abs(gap) > 0.5 * dt:
+        discontinuity = f"a gap of {gap:.6g} s" if gap > 0.0 else f"an overlap of {-gap:.6g} s"
+        raise RecordError(
+            f"{label}: {discontinuity} after {before.stats.endtime}; cut the record to its "
+            "continuous part"
+        )
 
 
 def sample_notes(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return notes about an acceleration (m/s^2, shape (samples,)) that is unusual for a ground
-    motion: only zeros, or a zero offset."""
+    """Return notes if a ground acceleration contains only zeros, or has a zero offset.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (samples,)
+        Ground acceleration, m/s^2.
+    """
     peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
     notes = []
     if peak == 0.0:
         notes.append("all samples are zero")
-    elif abs(mean) > _OFFSET * peak:
+    elif abs(mean) > _MAX_MEAN_FRACTION * peak:
         notes.append(
             f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: check whether the "
             "record has a zero offset"
@@ -178,7 +227,7 @@ def sample_notes(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
-    """Raise RecordError if samples are not finite, with their number and the first position.
+    """Raise RecordError if samples are not finite; the message states their number and the first.
 
     Parameters
     ----------
@@ -199,16 +248,24 @@ def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
 
 
 def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
-    """Raise RecordError for an acceleration (m/s^2) that is physically impossible."""
+    """Raise RecordError if a ground acceleration is physically impossible.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (samples,)
+        Ground acceleration, m/s^2.
+    label : str
+        File and channel, for messages.
+    """
     peak = float(np.max(np.abs(acceleration)))
-    if peak > _IMPOSSIBLE:
+    if peak > _MAX_POSSIBLE_ACCELERATION:
         raise RecordError(
-            f"{label}: the peak acceleration must be at most {_IMPOSSIBLE:g} m/s^2, got "
-            f"{peak:.4g} m/s^2; correct the units"
+            f"{label}: the peak acceleration must be at most {_MAX_POSSIBLE_ACCELERATION:g} m/s^2, "
+            f"got {peak:.4g} m/s^2; correct the units"
         )
 
 
-# ---- Read
+# ---- Read components of a file in m/s^2
 
 _LOGGER = getLogger("tdint.assumptions")
 """Logger for users of Python; the command line prints the warnings of `Record`."""
@@ -260,7 +317,9 @@ def read_record(
         The file cannot be read, is corrupt, has gaps, overlaps or samples that are not finite, or
         contains counts of unknown value; the component does not exist, or it is required.
     """
-    (record,) = _read(source, RecordChoice(units, component, inventory, layout=layout), single=True)
+    (record,) = _read_components(
+        source, RecordChoice(units, component, inventory, layout=layout), single=True
+    )
     return record
 
 
@@ -290,7 +349,9 @@ def read_records(
     layout : TextLayout
         Layout of text tables. Default: none.
     """
-    return _read(source, RecordChoice(units, component, inventory, layout=layout), single=False)
+    return _read_components(
+        source, RecordChoice(units, component, inventory, layout=layout), single=False
+    )
 
 
 def make_record(
@@ -331,6 +392,7 @@ def make_record(
         Same as for `read_record`.
     """
     parsed = None if units is None else parse_units(units)
+    # The pattern "./*" matches the label of every trace.
     specified = FileUnits() if parsed is None else FileUnits((("./*", parsed),), for_all=True)
     traces = [data] if hasattr(data, "stats") else list(getattr(data, "traces", ()))
     if traces:
@@ -355,17 +417,17 @@ def make_record(
             Trace(checked.acceleration.copy(), {"delta": checked.dt, "channel": component or ""})
         ]
         component = None
-    components = _channels_of(
+    components = _group_by_channel(
         label, Contents(str(traces[0].stats.get("_format", "")), traces, (), ())
     )
     if component is not None:
-        components = [_choose(components, component, label)]
+        components = [_choose_channel(components, component, label)]
     elif len(components) > 1:
         raise RecordError(
             f"{label}: there are several components, choose one by `component`: "
-            f"{_listed(components)}"
+            f"{_unambiguous_names(components)}"
         )
-    return _to_record(components[0], _joined(components[0]), specified, None)
+    return _to_record(components[0], _join_traces(components[0]), specified, None)
 
 
 def read_horizontals(
@@ -399,8 +461,10 @@ def read_horizontals(
     return find_horizontals([component for source in sources for component in read(source)])
 
 
-def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Record, ...]:
-    """Read the components of a file; `single` requires exactly one.
+def _read_components(
+    source: str | Path, choice: RecordChoice, *, single: bool
+) -> tuple[Record, ...]:
+    """Read the components of a file, in m/s^2.
 
     Parameters
     ----------
@@ -409,28 +473,35 @@ def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Re
     choice : RecordChoice
         Units, component, inventory and layout.
     single : bool
-        Require exactly one component.
+        Require exactly one component; otherwise all components of the file are read.
+
+    Raises
+    ------
+    UsageError
+        Both units for all files and an inventory are specified.
+    RecordError
+        The file cannot be read, or a component is missing or ambiguous.
     """
     specified, inventory = file_units(choice.units), choice.inventory
     if specified.for_all and inventory is not None:
         raise UsageError(
             "units cannot be used with an inventory, which states the units; remove one of them"
         )
-    components, input_file = _components(source, choice, single=single)
+    components, input_file = _select_components(source, choice, single=single)
     instruments = None
     if inventory is not None:
         from tdint.ground_motion.reading.instrument import read_instruments
 
         instruments = read_instruments(inventory)
-    records = [_to_record(part, trace, specified, instruments) for part, trace in components]
-    # The inventory is an input of a record only if its response was used.
-    stations = (instruments.input,) if instruments else ()
-    inputs = [
-        (input_file, *(stations if record.units_from == "inventory" else ())) for record in records
-    ]
-    return tuple(
-        replace(record, inputs=files) for record, files in zip(records, inputs, strict=True)
-    )
+    records = []
+    for channel, trace in components:
+        record = _to_record(channel, trace, specified, instruments)
+        # The inventory is an input of a record only if its response was used.
+        if instruments is not None and record.units_from == "inventory":
+            records.append(replace(record, inputs=(input_file, instruments.input)))
+        else:
+            records.append(replace(record, inputs=(input_file,)))
+    return tuple(records)
 
 
 def read_signal(
@@ -438,18 +509,31 @@ def read_signal(
 ) -> Signal:
     """Read one component in SI units; a velocity or a displacement is not differentiated.
 
-    Parameters and errors are the same as for `read_record`.
+    Parameters
+    ----------
+    source : str or Path
+        File name, or `-` for standard input.
+    units : str, optional
+        Units of the samples, required if the file does not state them.
+    component : str, optional
+        Component to read, required if the file has several components.
+
+    Raises
+    ------
+    UsageError, RecordError
+        Same as for `read_record`.
     """
     from tdint.ground_motion.signal import Signal  # not needed by a response history
 
     parsed = None if units is None else parse_units(units)
-    ((part, trace),), input_file = _components(
+    ((channel, trace),), input_file = _select_components(
         source, RecordChoice(component=component), single=True
     )
-    motion = to_motion(trace, part.contents.format, parsed, part.label)
+    motion = to_motion(trace, channel.contents.format, parsed, channel.label)
     dt = float(trace.stats.delta)
-    check_finite(motion.samples, dt, part.label)
-    start = _start(trace)
+    check_finite(motion.samples, dt, channel.label)
+    start = _start_time(trace)
+    # Only an acceleration can have a peak that indicates a wrong unit.
     peak = (
         float(np.max(np.abs(motion.samples), initial=0.0))
         if motion.quantity == "acceleration"
@@ -459,19 +543,19 @@ def read_signal(
         samples=motion.samples,
         dt=dt,
         quantity=motion.quantity,
-        label=part.label,
+        label=channel.label,
         start=float(trace.stats.starttime.timestamp) if start else None,
         clock="UTC" if start else "",
-        notes=(*part.contents.notes, *motion.notes),
+        notes=(*channel.contents.notes, *motion.notes),
         warnings=(*motion.warnings, *peak_warnings(peak, "peak acceleration")),
         input=input_file,
     )
 
 
-def _components(
+def _select_components(
     source: str | Path, choice: RecordChoice, *, single: bool
 ) -> tuple[list[tuple[_Channel, Any]], Input]:
-    """Return the components of a file, or the selected component, with their traces, and the file.
+    """Read the channels of a file, or the selected channel, and join the traces of each channel.
 
     Parameters
     ----------
@@ -481,53 +565,87 @@ def _components(
         Component and layout.
     single : bool
         Require exactly one component.
+
+    Returns
+    -------
+    channels : list of (_Channel, obspy.Trace)
+        Channels with their samples in one trace, in the order of the file.
+    input_file : Input
+        Name and digest of the file.
+
+    Raises
+    ------
+    UsageError
+        The component is not a text.
+    RecordError
+        The file cannot be read, the component is missing or ambiguous, or the components of the
+        file have different sampling intervals.
     """
     if not isinstance(source, str | Path):
         raise RecordError(f"a record must be a file name, got {source!r:.60}")
     name, component = str(source), choice.component
     data = read_bytes(source)
     parts = read_all_contents(data, name, choice.layout)
-    components = [channel for part, contents in parts for channel in _channels_of(part, contents)]
+    components = [
+        channel for part, contents in parts for channel in _group_by_channel(part, contents)
+    ]
     if component is not None and not isinstance(component, str):
         raise UsageError(f"a component must be a text such as 'HNE', got {component!r}")
 
-    # Velocities and displacements that tdint exported with accelerations are selected only by their
-    # full id.
-    ids = {member.id.upper() for member in components}
-    requested, accelerations = (component or "").strip().upper(), []
-    for member in components:
-        if (id := member.id.upper()) != requested:
+    components = _without_exported_integrals(components, (component or "").strip().upper())
+    if component is not None:
+        components = [_choose_channel(components, component, name)]
+    elif single and len(components) > 1:
+        raise RecordError(
+            f"{name}: the file has several components, choose one by `component`: "
+            f"{_unambiguous_names(components)}"
+        )
+    channels = [(channel, _join_traces(channel)) for channel in components]
+    # All components of one file must have the same sampling interval. Files of an archive may
+    # differ.
+    for file, _ in parts:
+        traces = [trace for channel, trace in channels if channel.source == file]
+        for trace in traces:
+            dt, first_dt = float(trace.stats.delta), float(traces[0].stats.delta)
+            if not isclose(dt, first_dt, rel_tol=1e-6):
+                raise RecordError(
+                    f"{file}: {trace.id} is sampled at {dt:g} s and {traces[0].id} at "
+                    f"{first_dt:g} s; choose one component"
+                )
+    return channels, register_input(data, source)
+
+
+def _without_exported_integrals(channels: Sequence[_Channel], requested_id: str) -> list[_Channel]:
+    """Remove the velocities and displacements that tdint exported with an acceleration.
+
+    These channels have the id of the acceleration with another location code. They are selected
+    only by their full id.
+
+    Parameters
+    ----------
+    channels : sequence of _Channel
+        Channels of the file.
+    requested_id : str
+        Component that the user selected, in upper case; a channel with this id is kept.
+    """
+    ids = {channel.id.upper() for channel in channels}
+    remaining = []
+    for channel in channels:
+        if (id := channel.id.upper()) != requested_id:
             station, location, code = id.rsplit(".", 2)  # a corrupt station code may contain dots
             is_integral = location in UNITS_BY_LOCATION and location != SI_LOCATION
             if is_integral and f"{station}.{SI_LOCATION}.{code}" in ids:
                 continue
-        accelerations.append(member)
-    components = accelerations
-    if component is not None:
-        components = [_choose(components, component, name)]
-    elif single and len(components) > 1:
-        raise RecordError(
-            f"{name}: the file has several components, choose one by `component`: "
-            f"{_listed(components)}"
-        )
-    traces = [_joined(member) for member in components]
-    # All components of one file must have the same sampling interval. Files of an archive may
-    # differ.
-    for part, _ in parts:
-        of_part = [
-            trace for member, trace in zip(components, traces, strict=True) if member.source == part
-        ]
-        for trace in of_part:
-            dt, first_dt = float(trace.stats.delta), float(of_part[0].stats.delta)
-            if not isclose(dt, first_dt, rel_tol=1e-6):
-                sampled = f"{trace.id} is sampled at {dt:g} s and {of_part[0].id} at {first_dt:g} s"
-                raise RecordError(f"{part}: {sampled}; choose one component")
-    return list(zip(components, traces, strict=True)), register_input(data, source)
+        remaining.append(channel)
+    return remaining
 
 
-def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
-    """Return the channel with this code, otherwise with this id, otherwise of this station (for
-    example floor F04), otherwise the only channel with a code that ends in this letter.
+def _choose_channel(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
+    """Return the only channel that a name selects.
+
+    The name is compared with the channel codes, then with the ids, then with the stations (for
+    example floor F04). If it is a single letter, it is then compared with the last letters of the
+    codes. The first comparison with a match decides.
 
     Parameters
     ----------
@@ -537,41 +655,51 @@ def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Chann
         Code, id, station or last letter of a code, in upper or lower case.
     source : str
         Name of the file, for messages.
+
+    Raises
+    ------
+    RecordError
+        No channel matches, or several channels match.
     """
     name = component.strip().upper()
-    ways = (
+    candidates = (
         [channel for channel in channels if channel.code.upper() == name],
         [channel for channel in channels if channel.id.upper() == name],
         [channel for channel in channels if station_of(channel.id).upper() == name],
         [channel for channel in channels if len(name) == 1 and channel.code.upper().endswith(name)],
     )
-    channels_of_name = next((matches for matches in ways if matches), [])
-    if len(channels_of_name) == 1:
-        return channels_of_name[0]
-    if channels_of_name:
+    matches = next(filter(None, candidates), [])
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
         raise RecordError(
             f"{source}: several components match {component!r}, choose one: "
-            f"{_listed(channels_of_name)}"
+            f"{_unambiguous_names(matches)}"
         )
     raise RecordError(
-        f"{source}: component {component!r} not found; the components are {_listed(channels)}"
+        f"{source}: component {component!r} not found; the components are "
+        f"{_unambiguous_names(channels)}"
     )
 
 
-def _listed(channels: Sequence[_Channel]) -> str:
-    """Return unique names of the channels, for messages."""
+def _unambiguous_names(channels: Sequence[_Channel]) -> str:
+    """Return names that distinguish the channels, for messages: their codes if these are unique,
+    otherwise their stations, otherwise their ids."""
     codes, ids = [channel.code for channel in channels], [channel.id for channel in channels]
     stations = [station_of(id) for id in ids]
-    ways = (codes, stations, ids)
+    candidates = (codes, stations, ids)
     return ", ".join(
-        next((names for names in ways if len(set(names)) == len(names) and all(names)), ids)
+        next((names for names in candidates if len(set(names)) == len(names) and all(names)), ids)
     )
 
 
 def _to_record(
     channel: _Channel, trace: Any, specified: FileUnits, instruments: Instruments | None
 ) -> Record:
-    """Convert a channel to a record.
+    """Convert a channel to a record with an acceleration in m/s^2.
+
+    The instrument response is removed if an inventory is specified and the units of the samples are
+    neither specified by the user nor stated in the file.
 
     Parameters
     ----------
@@ -583,13 +711,23 @@ def _to_record(
         Units specified by the user.
     instruments : Instruments or None
         Inventory with instrument responses.
+
+    Raises
+    ------
+    UsageError
+        Units by file are specified, but none match this file, which does not state its units.
+    RecordError
+        The samples cannot be converted, or are not finite or not possible.
     """
     contents, label = channel.contents, channel.label
     units = specified.of(channel.source, contents.format)
-    counted = units is None or (
-        are_counts(trace) and not units.has_factor
-    )  # a unit without a factor does not apply to counts
-    if instruments is None or not counted or declared_units(trace, contents.format, label, units):
+    # A unit without a factor does not state the value of a count.
+    lacks_units = units is None or (are_counts(trace) and not units.has_factor)
+    if (
+        instruments is None
+        or not lacks_units
+        or declared_units(trace, contents.format, label, units)
+    ):
         motion = to_acceleration(trace, contents.format, units, label)
         if instruments is not None:
             unused = f"the inventory is not used, because the units are known ({motion.units})"
@@ -618,7 +756,7 @@ def _to_record(
     return Record(
         acceleration=motion.samples,
         dt=dt,
-        start=_start(trace),
+        start=_start_time(trace),
         id=channel.id,
         component=channel.code,
         source=channel.source,
@@ -634,15 +772,18 @@ def _to_record(
 
 
 def _event(trace: Any) -> str:
-    """Return the event stated in the file: the event found by a tdint reader, the origin time of
-    K-NET, or the name and the origin time of SAC; empty if the file states none."""
+    """Return the earthquake stated in the header of a file; empty if the header states none.
+
+    A K-NET header states the origin time. A SAC header states a name and the origin time. The
+    readers of tdint store their text in `stats.tdint_event`.
+    """
     stats = trace.stats
     if "knet" in stats:
         return f"{stats.knet.evot.datetime:%Y-%m-%d %H:%M:%S}" if stats.knet.get("evot") else ""
     if "sac" in stats:
         name, origin = str(stats.sac.get("kevnm", "")).strip(), stats.sac.get("o")
         # SAC times are relative to a reference time; the first sample is at `b`.
-        if origin is not None and isfinite(origin) and _start(trace):
+        if origin is not None and isfinite(origin) and _start_time(trace):
             # A corrupt header may contain a time outside the range of dates.
             with suppress(ValueError, OverflowError):
                 time = stats.starttime + (float(origin) - float(stats.sac.get("b", 0.0)))
@@ -651,7 +792,7 @@ def _event(trace: Any) -> str:
     return str(stats.get("tdint_event", ""))
 
 
-def _start(trace: Any) -> str:
+def _start_time(trace: Any) -> str:
     """Return the time of the first sample; empty if it is the epoch, which ObsPy uses for formats
     without a start time."""
     start = trace.stats.starttime
