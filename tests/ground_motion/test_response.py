@@ -172,7 +172,7 @@ def test_every_component(tmp_path):
             r"no response for XX\.ABC\.00\.HNE at 2020.*its channels are XX\.ABC\.00\.HNZ",
         ),
         ("HNE", START - 3600, {}, "has no response for"),
-        ("HNE", START, {"stages": False}, "without the stages of its response"),
+        ("HNE", START, {"stages": False}, "must contain the stages of the response"),
     ],
     ids=["channel", "epoch", "stages"],
 )

@@ -1,10 +1,10 @@
-"""Detect the format of a record file and read its traces, also from the files in a zip file.
+"""Detect the format of a record file and read its traces, also of the files in a zip file.
 
 Each error message starts with the name of the file. Zip files, as delivered by data centers, are
 unpacked in memory and not on disk.
 
-`obspy.read` is not used. It passes a file to every installed plugin, and one plugin unpickles
-files, so a crafted `.mseed` file could execute code. `obspy.read` also downloads URLs, expands
+`obspy.read` is not used. It passes a file to every installed plugin. A plugin that unpickles files
+exists, so a crafted `.mseed` file could execute code. `obspy.read` also downloads URLs, expands
 wildcards and unpacks archives. This module calls only the ObsPy plugins in `OBSPY_FORMATS` and the
 plugins of tdint, and passes them bytes in memory instead of file names.
 """
@@ -110,10 +110,10 @@ def read_bytes(source: str | Path) -> bytes:
         )
     message_by_error: dict[type[Exception], str] = {
         FileNotFoundError: f"file not found{hint}",
-        IsADirectoryError: "this is a directory; specify a record file in it",
+        IsADirectoryError: "this is a directory; specify a record file",
         PermissionError: "no permission to read the file",
     }
-    too_large = "the file is larger than 256 MiB; extract the event from it first"
+    too_large = "the file is larger than 256 MiB; extract the event first"
     content = read_whole(source, RecordError, message_by_error, too_large, MAX_FILE_BYTES)
     if not content:
         raise RecordError(f"{source}: the file is empty")
@@ -177,7 +177,7 @@ def _archive_files(
     data : bytes
         Content of the archive.
     source : str
-        Name of the archive, with which the names of its files begin.
+        Name of the archive; the names of its files start with this name.
     budget : list of int
         Remaining number of uncompressed bytes, in a list so that all nested archives share it.
     depth : int
@@ -239,7 +239,8 @@ def _read_archive_file(archive: ZipFile, entry: ZipInfo, name: str, budget: list
     name : str
         Name of the file, for messages.
     budget : list of int
-        List with one value, the number of bytes that may still be uncompressed; changed in place.
+        List with a single value: the number of bytes that may still be uncompressed. The list is
+        changed.
 
     Raises
     ------
@@ -367,7 +368,7 @@ def read_all_contents(
     data : bytes
         Content of the file.
     source : str
-        Name of the file. The names of archived files start with it.
+        Name of the file. The names of archived files start with this name.
     layout : TextLayout
         Layout of text tables specified by the user. Default: none.
 
@@ -454,7 +455,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         )
     prefix = "" if plugin.is_own else "ObsPy: "
     notes = (*(prefix + message for message in messages), *differences)
-    # The readers of tdint compare header values themselves and list them in the traces.
+    # The readers of tdint also compare header values, and list these in the traces.
     compared_by_reader = [
         name for trace in numeric for name in trace.stats.get("tdint_compared", ())
     ]
@@ -464,7 +465,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
 
 @cache
 def plugins() -> tuple[Plugin, ...]:
-    """Return the supported formats in the order in which they are tried.
+    """Return the supported formats in the order of the attempts to recognize a file.
 
     MiniSEED and K-NET, the most frequent formats of ObsPy, are tried first, because their checks
     are strict. The formats of tdint and the remaining formats of ObsPy follow.

@@ -20,9 +20,9 @@ from tdint.ground_motion.reading.contents import read_bytes, register_input
 from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
 
-_PASSING, _LEFT = math.sqrt(0.5), 0.1
+_BAND_START, _BAND_END = math.sqrt(0.5), 0.1
 """Amplitudes of the digital filters of the recorder at the start and at the end of the frequency
-range in which the spectrum is tapered to zero. Frequencies stopped by the filters cannot be
+range where the spectrum is tapered to zero. Frequencies stopped by the filters cannot be
 recovered: a division by the filter response would amplify the rounding of counts (to 1 m/s^2 in a
 record with a peak of 3 m/s^2, Ridgecrest 2019, CI.CLC)."""
 
@@ -82,11 +82,12 @@ def remove_response(
     """Remove the complete instrument response from counts; return the ground acceleration.
 
     The mean (the zero offset of the recorder) is subtracted first. The spectrum is then divided by
-    the response without a water level, which would change long periods of an accelerometer. In the
-    stop band of the digital filters of the recorder, the spectrum is multiplied by a cosine taper,
-    from the frequency at which the filters reduce the amplitude to 1 / sqrt(2) to the frequency at
-    which they reduce it to 0.1. Without such filters, no taper is used. The ends of the record are
-    not tapered.
+    the response without a water level, which would change long periods of an accelerometer.
+
+    In the transition band of the digital filters of the recorder, the spectrum is multiplied by a
+    cosine taper, and at higher frequencies by zero. The band is between the frequencies where the
+    filters reduce the amplitude to 1 / sqrt(2) and to 0.1. Without such filters, no taper is used.
+    The ends of the record are not tapered.
 
     Parameters
     ----------
@@ -116,34 +117,34 @@ def remove_response(
     size = 1 << (2 * samples.size - 1).bit_length()
     try:
         with caught_messages():  # Ignore warnings about the sensitivity of a subset of the stages.
-            fade = _stop_band(response, dt)
+            band = _transition_band(response, dt)
         with caught_messages() as messages:
             counts, frequencies = response.get_evalresp_response(dt, size, output="ACC")
-    except (
-        Exception
-    ) as error:  # ObsPy and evalresp raise many exception types for invalid responses.
+    # ObsPy and evalresp raise many exception types for invalid responses.
+    except Exception as error:
         reason = one_line(str(error))
         raise RecordError(
             f"{label}: its response in {instruments.input.file} cannot be removed: {reason}"
         ) from error
-    faded = f", frequencies are faded out from {fade[0]:.4g} to {fade[1]:.4g} Hz" if fade else ""
-    notes = [mean_note, f"the instrument's response ({instruments.input.file}) is removed{faded}"]
-    of_input = response.instrument_sensitivity or response.response_stages[0]
-    unit = str(of_input.input_units or "unknown units").upper()
+    tapered = f", frequencies are faded out from {band[0]:.4g} to {band[1]:.4g} Hz" if band else ""
+    notes = [mean_note, f"the instrument's response ({instruments.input.file}) is removed{tapered}"]
+    input_stage = response.instrument_sensitivity or response.response_stages[0]
+    unit = str(input_stage.input_units or "unknown units").upper()
     if unit not in _ACCELEROMETER_INPUT:
         notes.append(
             f"the instrument records {unit}, not acceleration: its long periods are amplified noise"
         )
     # Divide the spectrum by the response (counts per m/s^2) at frequencies with a finite non-zero
     # response in the pass band. All other frequencies are set to zero.
-    passed = np.ones_like(frequencies)
-    if fade is not None:
-        part = np.maximum((frequencies - fade[0]) / (fade[1] - fade[0]), 0.0)
-        passed = 0.5 * (1.0 + np.cos(np.pi * part)) * (part < 1.0)
-    finite = np.isfinite(counts) & (counts != 0.0) & (passed > 0.0)
+    taper = np.ones_like(frequencies)
+    if band is not None:
+        # Position in the transition band: 0 at its start and below, 1 at its end.
+        position = np.maximum((frequencies - band[0]) / (band[1] - band[0]), 0.0)
+        taper = 0.5 * (1.0 + np.cos(np.pi * position)) * (position < 1.0)
+    is_divided = np.isfinite(counts) & (counts != 0.0) & (taper > 0.0)
     spectrum = np.fft.rfft(samples, 2 * (counts.size - 1))
-    spectrum[finite] *= passed[finite] / counts[finite]
-    spectrum[~finite] = 0.0
+    spectrum[is_divided] *= taper[is_divided] / counts[is_divided]
+    spectrum[~is_divided] = 0.0
     acceleration = np.fft.irfft(spectrum)[: samples.size]
     return acceleration, (*notes, *(f"ObsPy: {message}" for message in messages))
 
@@ -159,13 +160,17 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
         Inventory with the responses.
     label : str
         File and channel, for messages.
+
+    Raises
+    ------
+    RecordError
+        The inventory has no response for the channel at this time, or a response without stages.
     """
     start, file = trace.stats.starttime, instruments.input.file
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # If several epochs match, the first is used, as in ObsPy.
+            # ObsPy warns if several epochs match, and uses the first of these.
+            warnings.simplefilter("ignore")
             response = instruments.inventory.get_response(trace.id, start)
     except Exception:  # ObsPy raises a plain Exception.
         channels = sorted(set(instruments.inventory.get_contents()["channels"]))
@@ -175,11 +180,14 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
             f"{listed or '-'}"
         ) from None
     if not response.response_stages:
-        raise RecordError(f"{label}: {file} gives {trace.id} without the stages of its response")
+        raise RecordError(
+            f"{label}: {file} must contain the stages of the response of {trace.id}; download the "
+            "StationXML file at the response level"
+        )
     return response
 
 
-def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
+def _transition_band(response: Any, dt: float) -> tuple[float, float] | None:
     """Return the start and the end of the transition band of the digital filters, Hz; None if the
     filters pass all frequencies.
 
@@ -192,21 +200,23 @@ def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
     """
     digital = []
     for stage in response.response_stages:
-        # Select filters of digital samples; analog stages are not relevant here.
-        kind = getattr(
+        # Select filters of digital samples; analog stages have no stop band near the highest
+        # frequency. Only the filters of type FIR have an attribute `symmetry`.
+        filter_type = getattr(
             stage, "cf_transfer_function_type", getattr(stage, "pz_transfer_function_type", "")
         )
-        if hasattr(stage, "symmetry") or str(kind).startswith("DIGITAL"):
+        if hasattr(stage, "symmetry") or str(filter_type).startswith("DIGITAL"):
             digital.append(stage.stage_sequence_number)
     if not digital:
         return None
     values, frequencies = response.get_evalresp_response(
         dt, _SPECTRUM, output="DEF", start_stage=min(digital), end_stage=max(digital)
     )
-    passed = np.abs(values) / np.max(np.abs(values))
-    start = int(np.flatnonzero(passed >= _PASSING)[-1])
-    if start == passed.size - 1:
+    amplitudes = np.abs(values) / np.max(np.abs(values))
+    start = int(np.flatnonzero(amplitudes >= _BAND_START)[-1])
+    if start == amplitudes.size - 1:
         return None
-    stopped = np.flatnonzero(passed[start:] <= _LEFT)
-    end = start + int(stopped[0]) if stopped.size else passed.size - 1
+    # The band ends at the first amplitude below the limit, otherwise at the highest frequency.
+    stopped = np.flatnonzero(amplitudes[start:] <= _BAND_END)
+    end = start + int(stopped[0]) if stopped.size else amplitudes.size - 1
     return float(frequencies[start]), float(frequencies[end])

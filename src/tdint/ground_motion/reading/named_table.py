@@ -1,4 +1,4 @@
-"""CSV tables with column names in the first line, from which columns are selected by name.
+"""Columns of CSV tables, selected by the column names in the first line.
 
 A ground motion is one column of such a table. The first column contains times, and the names
 include units.
@@ -61,7 +61,7 @@ class NamedTable:
         raise RecordError(f"{self.source}: {how} {name!r}{hint}")
 
     def numbers(self, place: int) -> NDArray[np.float64]:
-        """Return the numbers of a column, shape (rows,); raise RecordError for a cell that is not a
+        """Return the values of a column, shape (rows,); raise RecordError for a cell that is not a
         finite number."""
         values = np.empty(len(self.rows))
         for i, (line, cells) in enumerate(self.rows):

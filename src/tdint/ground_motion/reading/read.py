@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from tdint.ground_motion.signal import Signal
 
 
-# ---- Join the traces of one channel and check its samples
+# ---- Join the traces of a channel and check the samples
 
 _MAX_POSSIBLE_ACCELERATION = 1e6
 """m/s^2; larger accelerations indicate wrong units, and their squares and integrals may exceed the
@@ -64,7 +64,7 @@ _MAX_MEAN_FRACTION = (
 
 @dataclass(frozen=True)
 class _Channel:
-    """Traces of one channel of a record.
+    """Traces of a channel of a record.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class _Channel:
 
 
 def _group_by_channel(source: str, contents: Contents) -> list[_Channel]:
-    """Group the traces by channel, in the order in which the channels appear in the file.
+    """Group the traces by channel, in the order of the file.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _group_by_channel(source: str, contents: Contents) -> list[_Channel]:
 
 
 def _join_traces(channel: _Channel) -> Any:
-    """Join the traces of a channel, sorted by start time, to one trace without gaps.
+    """Join the traces of a channel, sorted by start time, to a single trace without gaps.
 
     Returns
     -------
@@ -176,7 +176,7 @@ def _check_trace(trace: Any, label: str) -> None:
 def _check_continuity(before: Any, after: Any, label: str) -> None:
     """Raise RecordError unless a trace continues the trace before it.
 
-    Both must have the same sampling interval and kind of numbers. The second must start one
+    Both must have the same sampling interval and number type. The second must start one
     sampling interval after the end of the first, with a tolerance of half an interval.
 
     Parameters
@@ -299,8 +299,8 @@ def read_record(
         (`CI.CLC..HNE`), or the last letter of the code (`E`) if it is unique. Upper and lower case
         are equivalent.
     inventory : str or Path, optional
-        StationXML file. The instrument response is removed from samples with units that are neither
-        stated in the file nor specified. Cannot be combined with units for all files.
+        StationXML file. The instrument response is removed from samples without stated or
+        specified units. Cannot be combined with units for all files.
     layout : TextLayout, optional
         Time step, columns and lines to skip for text tables that do not state them.
 
@@ -485,7 +485,8 @@ def _read_components(
     specified, inventory = file_units(choice.units), choice.inventory
     if specified.for_all and inventory is not None:
         raise UsageError(
-            "units cannot be used with an inventory, which states the units; remove one of them"
+            "units cannot be used with an inventory, which states the units; remove "
+            "the units or the inventory"
         )
     components, input_file = _select_components(source, choice, single=single)
     instruments = None
@@ -569,7 +570,7 @@ def _select_components(
     Returns
     -------
     channels : list of (_Channel, obspy.Trace)
-        Channels with their samples in one trace, in the order of the file.
+        Channels, each with a single trace, in the order of the file.
     input_file : Input
         Name and digest of the file.
 
@@ -699,7 +700,7 @@ def _to_record(
     """Convert a channel to a record with an acceleration in m/s^2.
 
     The instrument response is removed if an inventory is specified and the units of the samples are
-    neither specified by the user nor stated in the file.
+    not known from the user or from the file.
 
     Parameters
     ----------

@@ -21,13 +21,13 @@ SampleUnits = str | Mapping[str, str]
 """Units of all files, or units by format or file name."""
 
 _COUNTS = ("counts", "count")
-"""Units of samples from which the instrument response is to be removed."""
+"""Units in the text of the user that request the removal of the instrument response."""
 
-_OF_A_PATH = "./*?["
-"""Characters that identify a path, because format names do not contain them."""
+_PATH_CHARACTERS = "./*?["
+"""Characters that distinguish the pattern of a path from the name of a format."""
 
-_END = "./"
-"""Start of the entries that are the end of a path."""
+_RELATIVE_PREFIX = "./"
+"""Prefix of patterns that are compared with the end of a path."""
 
 
 @dataclass(frozen=True)
@@ -56,16 +56,17 @@ class FileUnits:
         format_name : str
             Name of its format.
         """
-        path = _lower(source)
+        path = _lower_path(source)
         return next(
-            (units for pattern, units in self.entries if _fits(pattern, path, format_name)), None
+            (units for pattern, units in self.entries if _matches(pattern, path, format_name)), None
         )
 
     def refuse_unfit(
         self, files: Iterable[str], record_formats: Callable[[str], Iterable[tuple[str, str]]]
     ) -> None:
-        """Raise UsageError for an entry that matches no file, because units would be assumed for a
-        file with a misspelled entry.
+        """Raise UsageError if an entry matches no file.
+
+        An entry with a spelling error would otherwise be ignored, and units assumed for its file.
 
         Parameters
         ----------
@@ -80,19 +81,23 @@ class FileUnits:
         UsageError
             An entry matches no file.
         """
-        left = [] if self.for_all else [pattern for pattern, _ in self.entries]
+        unmatched = [] if self.for_all else [pattern for pattern, _ in self.entries]
         names = list(files)
         for file in names:
-            # Standard input can be read only once.
-            if not left or file == STDIN:
+            # Standard input cannot be read twice, so its format cannot be detected here.
+            if not unmatched or file == STDIN:
                 return
             try:
-                parts = [(_lower(part), name) for part, name in record_formats(file)]
+                parts = [(_lower_path(part), name) for part, name in record_formats(file)]
             except RecordError:
                 return
-            left = [pattern for pattern in left if not any(_fits(pattern, *part) for part in parts)]
-        if left and names:
-            listed = ", ".join(repr(pattern.removeprefix("./")) for pattern in left[:10])
+            unmatched = [
+                pattern
+                for pattern in unmatched
+                if not any(_matches(pattern, path, name) for path, name in parts)
+            ]
+        if unmatched and names:
+            listed = ", ".join(repr(pattern.removeprefix("./")) for pattern in unmatched[:10])
             raise UsageError(
                 f"units of {listed}: no file of this call matches; correct the name, or remove "
                 "the entry"
@@ -101,6 +106,12 @@ class FileUnits:
 
 def file_units(given: SampleUnits | None) -> FileUnits:
     """Interpret the `units` argument of the reading functions.
+
+    Parameters
+    ----------
+    given : str, mapping or None
+        Units of all files; entries `PATTERN=UNITS,...` or a mapping of patterns to units; the name
+        of a table (`.csv`); or None if the user specifies no units.
 
     Raises
     ------
@@ -116,7 +127,7 @@ def file_units(given: SampleUnits | None) -> FileUnits:
         return FileUnits((("*", parse_units(stated)),), for_all=True)
     entries: list[tuple[str, Units | None]] = []
     for name, text in stated.items():
-        pattern = _pattern(name)
+        pattern = _to_pattern(name)
         if pattern in dict(entries):
             raise UsageError(
                 f"units: {name[:40]!r} is specified twice, in upper and lower case, which are "
@@ -135,15 +146,19 @@ def file_units(given: SampleUnits | None) -> FileUnits:
 
 
 def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
-    """Parse a text with units: return units of all files unchanged, and entries or a table as a
-    dict.
+    """Parse a text that specifies the units of the samples of one or several files.
 
     Parameters
     ----------
     text : str
-        Units, entries `PATTERN=UNITS,...`, or the name of a table (`.csv`).
+        Units of all files, entries `PATTERN=UNITS,...`, or the name of a table (`.csv`).
     folder : Path, optional
-        Directory to which the name of a table is relative. Default: the current directory.
+        Directory of the table, if its name is a relative path. Default: the current directory.
+
+    Returns
+    -------
+    str or dict
+        Units of all files unchanged, or units by pattern.
 
     Raises
     ------
@@ -193,20 +208,40 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
     return by_file
 
 
-def _lower(source: str) -> PurePosixPath:
+def _lower_path(source: str) -> PurePosixPath:
+    """Return the absolute path of a file in lower case."""
     return PurePosixPath(Path(source).absolute().as_posix().lower())
 
 
-def _fits(pattern: str, path: PurePosixPath, format_name: str) -> bool:
+def _matches(pattern: str, path: PurePosixPath, format_name: str) -> bool:
+    """Return True if a pattern matches the end of the path of a file, or is the name of its format.
+
+    Parameters
+    ----------
+    pattern : str
+        Result of `_to_pattern`.
+    path : PurePosixPath
+        Absolute path of the file in lower case.
+    format_name : str
+        Format of the file.
+    """
     return path.match(pattern) if _is_path(pattern) else pattern == format_name.lower()
 
 
 def _is_path(pattern: str) -> bool:
-    return any(sign in pattern for sign in _OF_A_PATH)
+    """Return True if a pattern is compared with the path of a file, False if it names a format."""
+    return any(character in pattern for character in _PATH_CHARACTERS)
 
 
-def _pattern(name: str) -> str:
-    """Return the format or the end of a path of an entry in lower case.
+def _to_pattern(name: str) -> str:
+    """Convert the name in an entry of units by file to a pattern in lower case.
+
+    A format name is checked and returned in lower case. A relative path gets the prefix `./`.
+
+    Parameters
+    ----------
+    name : str
+        Name of a format, or the end of a path, with or without wildcards.
 
     Raises
     ------
@@ -219,15 +254,14 @@ def _pattern(name: str) -> str:
 
         formats = [plugin.name for plugin in plugins()]
         if name.upper() not in formats:
-            hint = did_you_mean(name.upper(), formats) or f"; known: {', '.join(formats)}"
+            hint = did_you_mean(name.upper(), formats) or f"; the formats are {', '.join(formats)}"
             raise UsageError(
                 f"units of {name[:40]!r}: unknown file format; specify files with a pattern such "
                 f"as *.txt{hint}"
             )
         return name.lower()
-    # Parent directories (..) have no known name and are removed; the remainder is the end of a
-    # path.
-    path = PurePosixPath(
-        *(part for part in PurePosixPath(Path(name).as_posix().lower()).parts if part != "..")
-    )
-    return str(path) if path.is_absolute() else f"{_END}{path}"
+    # Parent directories (..) have no known name and are removed; the remaining parts are the end of
+    # a path.
+    parts = PurePosixPath(Path(name).as_posix().lower()).parts
+    path = PurePosixPath(*(part for part in parts if part != ".."))
+    return str(path) if path.is_absolute() else f"{_RELATIVE_PREFIX}{path}"

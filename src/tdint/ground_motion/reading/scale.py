@@ -8,7 +8,7 @@ One assumption is made about units: floating-point MiniSEED of an accelerometer 
 and other programs that remove an instrument response write the result as floating-point numbers in
 SI units under the unchanged channel code, because MiniSEED has no field for units. The channel code
 of an accelerometer has N as its second letter (SEED manual 2.4, appendix A). The assumption is
-reported as a warning. It is an error if the numbers make it unlikely.
+reported as a warning. It is an error if the values of the samples are unlikely for m/s^2.
 """
 
 from __future__ import annotations
@@ -25,20 +25,22 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
-_CURES = (
+_COUNTS_REMEDY = (
     "specify the value of one count (`units=2.38e-6 m/s^2`), or the StationXML file of the "
     "instrument as `inventory` to remove its response"
 )
-_DIFFERENCES = "amplitudes above a tenth of the sampling rate are underestimated"
+_DIFFERENTIATION_NOTE = "amplitudes above a tenth of the sampling rate are underestimated"
 """Note on differentiation. At a tenth of the sampling rate the error is 6 % for a velocity
 (sin x / x, x = 2 pi / 10) and 3 % for a displacement."""
 
-_FEWEST = {"velocity": 3, "displacement": 3}  # minimum number of samples for differentiation
+_MIN_SAMPLES = {"velocity": 3, "displacement": 3}  # minimum number of samples for differentiation
 
-_SELF_SCALED = ("KNET", "KINEMETRICS_EVT")
+_FORMATS_WITH_CALIBRATION = ("KNET", "KINEMETRICS_EVT")
 """Formats with a factor `stats.calib` that converts counts without their zero offset to m/s^2."""
 
 _SAC_DISPLACEMENT, _SAC_VELOCITY, _SAC_TIME_SERIES = 6, 7, 1
+"""Values of the SAC header fields IDEP (quantity; the first two) and IFTYPE (file type; the
+last)."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +69,19 @@ class Declared:
 class Motion:
     """Samples of a trace in SI units and the source of their units.
 
-    Attributes not listed are the same as in `tdint.ground_motion.record.Record`.
-
     Attributes
     ----------
     samples : ndarray, shape (samples,)
         Samples of `quantity` in m, m/s or m/s^2; in the result of `to_acceleration`, the
         acceleration in m/s^2.
+    units : str
+        Units of the samples in the file, with their factor if any.
+    units_from : str
+        Source of the units: `format`, `file`, `inventory`, `given` (by the user) or `assumed`.
+    quantity : str
+        Quantity of the samples in the file: `acceleration`, `velocity` or `displacement`.
+    notes, warnings : tuple of str
+        Messages about changes of the samples and about assumptions.
     """
 
     samples: NDArray[np.float64]
@@ -84,43 +92,16 @@ class Motion:
     warnings: tuple[str, ...] = ()
 
 
-def to_acceleration(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
+def to_acceleration(trace: Any, format_name: str, specified: Units | None, label: str) -> Motion:
     """Convert the samples of a trace to m/s^2; a velocity or a displacement is differentiated.
 
-    Parameters and errors are the same as for `to_motion`.
-
     Parameters
     ----------
     trace : obspy.Trace
         Unchanged samples of the file.
     format_name : str
         ObsPy name of the format.
-    asked : Units or None
-        Units specified by the user.
-    label : str
-        File and channel, for messages.
-    """
-    motion = to_motion(trace, format_name, asked, label)
-    if motion.quantity == "acceleration":
-        return motion
-    note = f"the {motion.quantity} of the file is differentiated: {_DIFFERENCES}"
-    samples = differentiated(motion.samples, float(trace.stats.delta), motion.quantity)
-    return replace(motion, samples=samples, notes=(*motion.notes, note))
-
-
-def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
-    """Convert the samples of a trace to SI units; each factor is applied exactly once.
-
-    Units are stated by the format, by the file or by the user. The only assumption is described in
-    `assumed_units`.
-
-    Parameters
-    ----------
-    trace : obspy.Trace
-        Unchanged samples of the file.
-    format_name : str
-        ObsPy name of the format.
-    asked : Units or None
+    specified : Units or None
         Units specified by the user.
     label : str
         File and channel, for messages.
@@ -128,53 +109,96 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
     Raises
     ------
     RecordError
-        The units are unknown, or the units in the file contradict those of the user.
+        The units are unknown or contradict the file, or the samples are too few to be
+        differentiated.
     """
-    declared = declared_units(trace, format_name, label, asked)
-    named = trace.stats.get("tdint_quantity")
-    if asked and named and named != asked.quantity:
+    motion = to_motion(trace, format_name, specified, label)
+    if motion.quantity == "acceleration":
+        return motion
+    note = f"the {motion.quantity} of the file is differentiated: {_DIFFERENTIATION_NOTE}"
+    samples = differentiated(motion.samples, float(trace.stats.delta), motion.quantity)
+    return replace(motion, samples=samples, notes=(*motion.notes, note))
+
+
+def to_motion(trace: Any, format_name: str, specified: Units | None, label: str) -> Motion:
+    """Convert the samples of a trace to SI units, without differentiation.
+
+    Units are stated by the format, by the file or by the user. Otherwise
+    `assumed_units` returns the only permitted assumption, or raises an error.
+
+    Parameters
+    ----------
+    trace : obspy.Trace
+        Unchanged samples of the file.
+    format_name : str
+        ObsPy name of the format.
+    specified : Units or None
+        Units specified by the user.
+    label : str
+        File and channel, for messages.
+
+    Raises
+    ------
+    RecordError
+        The units are unknown, or the units in the file contradict the units of the user.
+    """
+    declared = declared_units(trace, format_name, label, specified)
+    stated_quantity = trace.stats.get("tdint_quantity")
+    if specified and stated_quantity and stated_quantity != specified.quantity:
         raise RecordError(
-            f"{label}: according to the file its values are of the quantity {named}, but the "
-            f"specified unit {asked.text} is a unit of {asked.quantity}; specify a unit of {named}"
+            f"{label}: the file states that its values are of the quantity "
+            f"{stated_quantity}, but the "
+            f"specified unit {specified.text} is a unit of {specified.quantity}; specify a unit of "
+            f"{stated_quantity}"
         )
     if declared:
-        return _by_the_file(trace, declared, asked, label)
-    # The file states no units. Counts require the value of one count.
+        return _convert_by_file_units(trace, declared, specified, label)
+    # The file states no units. The samples may be counts, which require the value of one count.
     calibration = float(trace.stats.calib)
-    if are_counts(trace) and not (asked and asked.has_factor):
-        if asked:
-            write = f'write "1 {asked.text}" if one count is 1 {asked.text}'
-            raise RecordError(f"{label}: the samples are counts; {write}, otherwise {_CURES}")
+    if are_counts(trace) and not (specified and specified.has_factor):
+        if specified:
+            raise RecordError(
+                f'{label}: the samples are counts; write "1 {specified.text}" if one count is 1 '
+                f"{specified.text}, otherwise {_COUNTS_REMEDY}"
+            )
         factor = (
             ""
             if calibration == 1.0
             else f" (the header's calibration factor {calibration:g} has no unit)"
         )
         raise RecordError(
-            f"{label}: the samples are counts of a recorder, not an acceleration{factor}; {_CURES}"
+            f"{label}: the samples are counts of a recorder, not an acceleration{factor}; "
+            f"{_COUNTS_REMEDY}"
         )
     notes = (
         []
         if calibration == 1.0
         else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
     )
-    if asked:
+    if specified:
         return Motion(
-            _times(trace.data, asked.scale), asked.text, "given", asked.quantity, tuple(notes)
+            _scaled(trace.data, specified.scale),
+            specified.text,
+            "given",
+            specified.quantity,
+            tuple(notes),
         )
     units, warning = assumed_units(trace, format_name, label)
-    samples = _times(trace.data, units.scale)
+    samples = _scaled(trace.data, units.scale)
     return Motion(samples, units.text, "assumed", notes=tuple(notes), warnings=(warning,))
 
 
 def are_counts(trace: Any) -> bool:
-    """Return True if samples are counts of a recorder: integers, or counts according to the
-    header."""
+    """Return True if the samples of a trace are counts of a recorder.
+
+    Samples are counts if their type is an integer, or if the header of a TIMESERIES file states
+    counts.
+    """
     return trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
 
 
 def declared_units(
-    trace: Any, format_name: str, label: str, asked: Units | None = None
+    trace: Any, format_name: str, label: str, specified: Units | None = None
 ) -> Declared | None:
     """Return the units of the samples stated in a file; None if the file states none.
 
@@ -190,7 +214,7 @@ def declared_units(
         ObsPy name of the format.
     label : str
         File and channel, for messages.
-    asked : Units or None
+    specified : Units or None
         Units specified by the user.
 
     Raises
@@ -199,26 +223,27 @@ def declared_units(
         The file states that its samples are not a ground motion, or are not evenly spaced.
     """
     stats = trace.stats
-    of_reader = stats.get("tdint_units")
-    if of_reader:
-        return Declared(parse_units(of_reader), stats.get("tdint_units_from", "file"))
+    if units_from_reader := stats.get("tdint_units"):
+        return Declared(parse_units(units_from_reader), stats.get("tdint_units_from", "file"))
+    # Files exported by tdint state their units by the location code.
     if (
         format_name == "MSEED"
         and stats.location in UNITS_BY_LOCATION
         and not _OTHER_INSTRUMENT.fullmatch(stats.channel)
     ):
         return Declared(parse_units(UNITS_BY_LOCATION[stats.location]))
-    if format_name in _SELF_SCALED:
+    if format_name in _FORMATS_WITH_CALIBRATION:
         return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:
         # Reject SAC files that are not an evenly sampled acceleration according to their header
         # (SAC manual, IDEP).
         sac = stats.sac
-        other = {_SAC_DISPLACEMENT: "displacement", _SAC_VELOCITY: "velocity"}.get(sac.get("idep"))
-        if other and not (asked and asked.quantity == other):
+        quantities = {_SAC_DISPLACEMENT: "displacement", _SAC_VELOCITY: "velocity"}
+        quantity = quantities.get(sac.get("idep"))
+        if quantity and not (specified and specified.quantity == quantity):
             raise RecordError(
-                f"{label}: the SAC header states that the samples are a {other}, not an "
-                f"acceleration; specify units of a {other} to differentiate them"
+                f"{label}: the SAC header states that the samples are a {quantity}, not an "
+                f"acceleration; specify units of a {quantity} to differentiate them"
             )
         if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
             raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")
@@ -234,8 +259,10 @@ def declared_units(
         ) from None
 
 
-def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str) -> Motion:
-    """Convert samples by the units in the file, which must agree with the units of the user.
+def _convert_by_file_units(
+    trace: Any, declared: Declared, specified: Units | None, label: str
+) -> Motion:
+    """Convert samples to SI units by the units stated in the file.
 
     Parameters
     ----------
@@ -243,18 +270,23 @@ def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str
         Unchanged samples of the file.
     declared : Declared
         Units stated in the file.
-    asked : Units or None
+    specified : Units or None
         Units specified by the user.
     label : str
         File and channel, for messages.
+
+    Raises
+    ------
+    RecordError
+        The units of the user differ from the units stated in the file.
     """
     units = declared.units
-    if asked and not (
-        isclose(asked.scale, units.scale, rel_tol=1e-9) and asked.quantity == units.quantity
+    if specified and not (
+        isclose(specified.scale, units.scale, rel_tol=1e-9) and specified.quantity == units.quantity
     ):
         raise RecordError(
-            f"{label}: the file states its units ({units.text}), {asked.text} contradicts them; "
-            "remove the units"
+            f"{label}: the file states its units ({units.text}), but {specified.text} is "
+            "specified; remove the specified units"
         )
     samples, notes = trace.data, []
     if declared.remove_mean:
@@ -262,11 +294,13 @@ def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str
         notes.append(note)
     if declared.factor != 1.0:
         notes.append(
-            f"counts turned into m/s^2 with the file's calibration factor {declared.factor:.6g}"
+            f"counts converted to m/s^2 by the calibration factor of the file {declared.factor:.6g}"
         )
         units = replace(units, text=f"{declared.factor:.6g} {units.text}")
     scale = declared.factor * declared.units.scale
-    return Motion(_times(samples, scale), units.text, declared.origin, units.quantity, tuple(notes))
+    return Motion(
+        _scaled(samples, scale), units.text, declared.origin, units.quantity, tuple(notes)
+    )
 
 
 def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> NDArray[np.float64]:
@@ -283,54 +317,60 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
         Sampling interval, s.
     quantity : str
         `velocity` or `displacement`.
+
+    Raises
+    ------
+    RecordError
+        There are fewer than three samples.
     """
-    if samples.size < _FEWEST[quantity]:
+    if samples.size < _MIN_SAMPLES[quantity]:
         raise RecordError(
-            f"a {quantity} must have at least {_FEWEST[quantity]} samples to be differentiated, "
-            f"got {samples.size}"
+            f"a {quantity} must have at least {_MIN_SAMPLES[quantity]} samples to be "
+            f"differentiated, got {samples.size}"
         )
-    inner = np.empty(samples.size)
+    acceleration = np.empty(samples.size)
     with np.errstate(over="ignore", invalid="ignore"):  # Overflow is found by `check_finite`.
         if quantity == "velocity":
-            inner[1:-1] = (samples[2:] - samples[:-2]) / (2.0 * dt)
+            acceleration[1:-1] = (samples[2:] - samples[:-2]) / (2.0 * dt)
         else:
-            inner[1:-1] = (samples[2:] - 2.0 * samples[1:-1] + samples[:-2]) / (dt * dt)
-    inner[0], inner[-1] = inner[1], inner[-2]
-    return inner
+            acceleration[1:-1] = (samples[2:] - 2.0 * samples[1:-1] + samples[:-2]) / (dt * dt)
+    acceleration[0], acceleration[-1] = acceleration[1], acceleration[-2]
+    return acceleration
 
 
 def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
-    """Subtract the zero offset of the recorder (the mean of the record); also return a note."""
+    """Return the counts of a recorder without their mean (the zero offset), and a note."""
     mean = float(np.mean(samples, dtype=np.float64))
     return samples - mean, f"the recorder's zero offset, the mean of {mean:.6g} counts, is removed"
 
 
-def _times(samples: NDArray[Any], factor: float) -> NDArray[np.float64]:
-    """Multiply samples by a factor."""
-    with np.errstate(
-        over="ignore"
-    ):  # Overflow is found by `check_finite`, which reports the sample.
+def _scaled(samples: NDArray[Any], factor: float) -> NDArray[np.float64]:
+    """Return samples multiplied by a factor, as floating-point numbers."""
+    # Overflow is found by `check_finite`, which reports the sample.
+    with np.errstate(over="ignore"):
         return np.asarray(samples, dtype=np.float64) * factor
 
 
 def _ascii_unit(trace: Any) -> str:
-    """Return the unit in the header of a TIMESERIES file; empty if the header has none."""
+    """Return the unit in the header of a TIMESERIES file; empty if the header states no unit."""
     unit = str(trace.stats.get("ascii", {}).get("unit", "")).upper()
     # Without a unit, ObsPy returns the last word of the header, which is the number type.
     return "" if re.fullmatch(r"INTEGER|INT\d+|FLOAT\d*|DOUBLE|ASCII|UNKNOWN", unit) else unit
 
 
-_ACCELEROMETER = "N"
+_ACCELEROMETER = "N"  # second letter of the SEED channel code of an accelerometer
 _OTHER_INSTRUMENT = re.compile(r"[A-Z][HLGMPD][A-Z0-9]")
 """Pattern of channel codes of instruments other than accelerometers. Ground motions written by
 tdint may also have the direction as channel code (067, EW)."""
 
-_LARGEST = 3.0 * STANDARD_GRAVITY
+_MAX_PLAUSIBLE_ACCELERATION = 3.0 * STANDARD_GRAVITY
 """m/s^2; slightly more than the maximum ground acceleration ever recorded."""
 
-_NEAR = 0.05  # fraction of g; tolerance for gravity plus the offset of a sensor
+_NEAR_GRAVITY = 0.05  # fraction of g; tolerance for gravity plus the offset of a sensor
 _GRAVITIES = {1.0: "gravity in g", STANDARD_GRAVITY: "gravity"}
-_CURE = "specify the units, for example `units=g`, cm/s^2 or m/s^2"
+"""Means of a sensor that also records gravity, with their description in messages."""
+
+_UNITS_REMEDY = "specify the units, for example `units=g`, cm/s^2 or m/s^2"
 
 
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:
@@ -351,30 +391,34 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         The file has another format or channel, or its numbers are unlikely to be in m/s^2.
     """
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
-        raise RecordError(f"{label}: the file does not state the units of its samples; {_CURE}")
+        raise RecordError(
+            f"{label}: the file does not state the units of its samples; {_UNITS_REMEDY}"
+        )
     code = str(trace.stats.channel).upper()
     if len(code) != 3 or code[1] != _ACCELEROMETER:
         raise RecordError(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
             f"for accelerometer channels (HN?, BN?), not for "
-            f"{code or 'a channel without a code'}; {_CURE}"
+            f"{code or 'a channel without a code'}; {_UNITS_REMEDY}"
         )
 
     # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
     samples = np.asarray(trace.data, dtype=np.float64)
     peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
-    at_rest = next((name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR * g), "")
+    gravity = next(
+        (name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR_GRAVITY * g), ""
+    )
     doubt = ""
-    if peak > _LARGEST:
+    if peak > _MAX_PLAUSIBLE_ACCELERATION:
         doubt = f"the peak would be {peak:.4g} m/s^2, over 3 g"
-    elif at_rest:
-        doubt = f"the mean is {mean:.5g}, probably {at_rest}"
+    elif gravity:
+        doubt = f"the mean is {mean:.5g}, probably {gravity}"
     elif peak and not np.any(samples % 1.0):
         doubt = "all samples are whole numbers, probably counts"
     if doubt:
         raise RecordError(
             f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
-            f"{doubt}; {_CURE}"
+            f"{doubt}; {_UNITS_REMEDY}"
         )
     return Units("m/s^2", 1.0, False), (
         "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "

@@ -30,7 +30,7 @@ from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
 from tdint.number_parsing import abbreviate
 
-_MOST_NAMES = 10  # maximum number of names in a message
+_MAX_NAMES = 10  # maximum number of names in a message
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,11 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     choice : RecordChoice
         Units and layout.
 
+    Returns
+    -------
+    Sources
+        Files, notes about omitted files, and errors for directories without records.
+
     Raises
     ------
     UsageError
@@ -84,24 +89,31 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
             files.append(argument)
             continue
         try:
-            inside, others = _contents(argument, layout)
+            records, other_names = _records_in_directory(argument, layout)
         except RecordError as error:
             failures.append(error)
             continue
-        files += inside
-        for file in inside:
-            protect_input(file)  # other processes may read it
-        others = [
-            name for name in others if name != "LICENSE"
-        ]  # the license of the records is not reported
-        if others:
-            notes.append(f"{argument}: skipped (not records): {abbreviate(others, _MOST_NAMES)}")
+        files += records
+        # The command must not replace these files, even if only another process reads them.
+        for file in records:
+            protect_input(file)
+        # A license file is usual in a directory of records and needs no note.
+        skipped = [name for name in other_names if name != "LICENSE"]
+        if skipped:
+            notes.append(f"{argument}: skipped (not records): {abbreviate(skipped, _MAX_NAMES)}")
     file_units(choice.units).refuse_unfit(files, partial(record_formats, layout=layout))
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
 
-def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
+def _records_in_directory(directory: str, layout: TextLayout) -> tuple[list[str], list[str]]:
     """Return the paths of the records in a directory and the names of its other visible content.
+
+    Parameters
+    ----------
+    directory : str
+        Path of the directory.
+    layout : TextLayout
+        Layout of text tables specified by the user.
 
     Raises
     ------
@@ -110,25 +122,26 @@ def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
     """
     try:
         names = sorted(
-            path.name for path in Path(folder).iterdir() if not path.name.startswith(".")
+            path.name for path in Path(directory).iterdir() if not path.name.startswith(".")
         )
     except OSError as error:
         raise RecordError(
-            f"{folder}: the directory cannot be read: {error.strerror or error}"
+            f"{directory}: the directory cannot be read: {error.strerror or error}"
         ) from error
-    records, others = [], []
+    records, other_names = [], []
     for name in names:
-        file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
+        # `Path` would change the spelling of the user, for example remove a leading "./".
+        file = os.path.join(directory, name)  # noqa: PTH118
         if is_folder(file):
-            others.append(f"{name}/")
+            other_names.append(f"{name}/")
         elif is_file(file) and is_record(file, layout):  # A pipe is not read: it may never end.
             records.append(file)
         else:
-            others.append(name)
+            other_names.append(name)
     if not records:
-        listed = abbreviate(others, _MOST_NAMES) or "nothing"
-        raise RecordError(f"{folder}: no record found in this directory; it contains {listed}")
-    return records, others
+        listed = abbreviate(other_names, _MAX_NAMES) or "nothing"
+        raise RecordError(f"{directory}: no record found in this directory; it contains {listed}")
+    return records, other_names
 
 
 GroundMotion = Record | Horizontals
@@ -165,7 +178,14 @@ def components(motion: GroundMotion) -> tuple[Record, ...]:
 
 
 def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
-    """Read the components of a file and apply the requested processing.
+    """Read the components of a file and apply the processing steps that the user selected.
+
+    Parameters
+    ----------
+    file : str
+        File name, or `-` for standard input.
+    choice : RecordChoice
+        Reading options and processing steps.
 
     Raises
     ------
@@ -183,14 +203,21 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
     named : sequence of str
         Names of files and directories.
     choice : RecordChoice
-        Reading options and processing.
+        Reading options and processing steps.
     pairs : PairNames or None
-        File names of pairs; None reads single horizontal components.
+        File names of pairs; None (default) reads single horizontal components.
+
+    Returns
+    -------
+    Suite
+        Ground motions, errors of files that could not be read, and notes. A note also reports
+        ground motions that are included more than once.
 
     Raises
     ------
     UsageError
-        Raised by `records_of` and `read_pairs`.
+        Standard input is specified more than once, an entry of the units by file matches no file,
+        or no file matches the names of pairs.
     """
     sources = records_of(named, choice)
     suite = (
@@ -198,35 +225,46 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
         if pairs
         else read_components(sources.files, choice)
     )
-    again = _counted_twice(suite.records)
     return Suite(
-        suite.motions, (*sources.failures, *suite.failures), (*sources.notes, *suite.notes, *again)
+        suite.motions,
+        (*sources.failures, *suite.failures),
+        (*sources.notes, *suite.notes, *_duplicate_notes(suite.records)),
     )
 
 
-def _counted_twice(records: Sequence[Record]) -> list[str]:
-    """Return a warning if records have the same samples, for example a file and its directory, or a
-    copy with another name."""
-    first: dict[tuple[float, bytes], Record] = {}
-    again = []
+def _duplicate_notes(records: Sequence[Record]) -> list[str]:
+    """Return a warning if records have the same samples; otherwise an empty list.
+
+    Duplicates occur if the user specifies a file and its directory, or a copy with another name.
+    """
+    first_by_samples: dict[tuple[float, bytes], Record] = {}
+    duplicates = []
     for record in records:
         # Digests avoid a comparison of all pairs in a large suite.
-        samples = record.dt, sha256(record.acceleration.tobytes()).digest()
-        if (before := first.setdefault(samples, record)) is not record:
-            again.append(f"{record.name} is {before.name}")
-    if not again:
+        key = record.dt, sha256(record.acceleration.tobytes()).digest()
+        first = first_by_samples.setdefault(key, record)
+        if first is not record:
+            duplicates.append(f"{record.name} is {first.name}")
+    if not duplicates:
         return []
     return [
         "the same ground motion is included more than once in all means: "
-        f"{abbreviate(again, _MOST_NAMES)}"
+        f"{abbreviate(duplicates, _MAX_NAMES)}"
     ]
 
 
 def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
-    """Read the horizontal components of files individually; a component selected by name may also
-    be vertical.
+    """Read the horizontal components of files as separate ground motions.
 
-    A file that cannot be read is reported in the failures; the other files are still read.
+    A vertical component is read only if the user selects it by name. A file that cannot be read is
+    reported in the failures of the suite; the other files are still read.
+
+    Parameters
+    ----------
+    files : sequence of str
+        File names.
+    choice : RecordChoice
+        Reading options and processing steps.
     """
     records: list[GroundMotion] = []
     failures: list[RecordError] = []
@@ -283,14 +321,13 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
         No file matches the names.
     """
     # Files are grouped by their names before they are read.
-    groups, others = files_of_motions(files, names)
+    groups, unmatched = files_of_motions(files, names)
     pairs: list[GroundMotion] = []
     failures: list[RecordError] = []
-    notes = (
-        [f"omitted, named neither {names.first} nor {names.second}: {', '.join(others)}"]
-        if others
-        else []
-    )
+    notes = []
+    if unmatched:
+        listed = ", ".join(unmatched)
+        notes.append(f"omitted, named neither {names.first} nor {names.second}: {listed}")
     for group in groups:
         # With the usual names, the files of a pair may differ in a direction in degrees.
         in_degrees = names == USUAL and len(group) == 2
@@ -333,12 +370,19 @@ class SuiteMotion:
 
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
-    """Return the components of ground motions in order; components of one file with the same name
-    are distinguished by their full ids."""
-    motions = [(part, records) for part in whole for records in [components(part)]]
-    names = iter(component_names([record for _, records in motions for record in records]))
+    """Return the components of ground motions in order, with their names in tables.
+
+    Components of one file with the same name are named by their full ids.
+
+    Parameters
+    ----------
+    whole : sequence of Record or Horizontals
+        Ground motions with one or two components.
+    """
+    records = [record for motion in whole for record in components(motion)]
+    names = iter(component_names(records))
     return tuple(
         SuiteMotion(record, record.source, next(names), motion, direction)
-        for motion, records in motions
-        for direction, record in enumerate(records, start=1)
+        for motion in whole
+        for direction, record in enumerate(components(motion), start=1)
     )
