@@ -95,7 +95,7 @@ def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
 @pytest.mark.parametrize(
     ("text", "options", "code", "message"),
     [
-        ("period_s,psa_g\n1,1\n", (), 4, "the table has fewer than 2 rows"),
+        ("period_s,psa_g\n1,1\n", (), 4, "the table must have at least 2 rows, got 1"),
         (
             "period,psa_g\n1,1\n2,1\n",
             (),

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.number_parsing import pluralize
 
-_WIDE = (b"\xff\xfe", b"\xfe\xff")
+_UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 """Byte-order marks of UTF-16 text, which some spreadsheets write."""
 
-_HEAD = 8192  # bytes; read to identify the format
+_HEAD = 8192  # bytes at the start of a file that are read to identify its format
 _LARGEST = 2**26  # bytes; maximum size of a file
 _LONGEST_LINE = 2**22  # characters; maximum length of a row of numbers
 _LONGEST_WORD = 1000  # characters; maximum length of a number
@@ -27,7 +27,7 @@ _HEADER_LINE = 1000
 """Characters; maximum part of a header line that is searched, because patterns are slow in very
 long lines."""
 
-_MIN_ROWS, _ROWS = 5, 50
+_MIN_ROWS, _MAX_ROWS = 5, 50
 """Minimum and maximum number of rows used to check the decimals of the last number in a file."""
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?"
@@ -39,8 +39,8 @@ COUNT = r"\d{1,12}"
 ROW = re.compile(r"[-+.,;\dEeDd\s]*\d[-+.,;\dEeDd\s]*")
 """Pattern of a line that contains only characters of numbers and separators."""
 
-_NUMBER = NUMBER.replace("Ee", "EeDd")
-_ONE = re.compile(_NUMBER)
+_NUMBER = NUMBER.replace("Ee", "EeDd")  # D is the exponent of double precision in Fortran
+_SINGLE_NUMBER = re.compile(_NUMBER)
 _GLUED = re.compile(rf"{_NUMBER}(?:(?=[-+]){_NUMBER})*")
 """Pattern of numbers separated only by signs, as in Fortran output that fills its columns."""
 
@@ -146,10 +146,10 @@ class Lines:
             No line is accepted.
         """
         start = self._next
-        for place in range(start, len(self._lines)):
-            if accept(_beginning(self._lines[place])):
-                self._next = place
-                return list(map(_beginning, self._lines[start:place]))
+        for index in range(start, len(self._lines)):
+            if accept(_beginning(self._lines[index])):
+                self._next = index
+                return list(map(_beginning, self._lines[start:index]))
         raise RecordError(f"the file is cut off or corrupt: no {expected} found after line {start}")
 
     def numbers(self, count: int, width: int | None = None) -> NDArray[np.float64]:
@@ -221,6 +221,11 @@ class Lines:
         ----------
         columns : int
             Number of values in each row.
+
+        Raises
+        ------
+        RecordError
+            A row has more or fewer numbers, or the last number is cut off.
         """
         values = array("d")
         first = self._next
@@ -237,7 +242,7 @@ class Lines:
             )
 
     def _row_of(self, columns: int) -> list[float]:
-        """Read a row, which must contain `columns` numbers."""
+        """Read the next line; raise RecordError unless it contains `columns` numbers."""
         row = self._row(None)
         if len(row) != columns:
             raise RecordError(
@@ -246,7 +251,13 @@ class Lines:
         return row
 
     def _row(self, width: int | None) -> list[float]:
-        """Read a row of numbers, with `width` characters per number if the columns are fixed."""
+        """Read the next line and return its numbers; raise RecordError if it has other text.
+
+        Parameters
+        ----------
+        width : int or None
+            Characters per number in a format with fixed columns; None for any other format.
+        """
         line = self._take()
         try:
             return row_of_numbers(line, width)
@@ -287,10 +298,10 @@ class Lines:
 
         # Compare with the decimals of the last numbers of the preceding rows. If the file has only
         # a few long rows, compare with the other numbers of the last row.
-        last = _places(self._lines[-1])
-        rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
+        last = _decimals(self._lines[-1])
+        rows = self._lines[max(first, len(self._lines) - _MAX_ROWS) : -1]
         before = (
-            [places[-1] for places in map(_places, rows) if places]
+            [decimals[-1] for decimals in map(_decimals, rows) if decimals]
             if len(rows) >= _MIN_ROWS
             else last[:-1]
         )
@@ -302,6 +313,14 @@ class Lines:
 def row_of_numbers(line: str, width: int | None = None) -> list[float]:
     """Return the numbers in a line, separated by blanks, signs or, if necessary, fixed columns.
 
+    Parameters
+    ----------
+    line : str
+        Line of a file.
+    width : int, optional
+        Characters per number, for lines without separators. Default: the numbers must be separated
+        by blanks or signs.
+
     Raises
     ------
     ValueError
@@ -312,18 +331,19 @@ def row_of_numbers(line: str, width: int | None = None) -> list[float]:
     words = line.split()
     if len(line) > _LONGEST_WORD and max(map(len, words), default=0) > _LONGEST_WORD:
         raise ValueError("no row of numbers")
+    # Most lines need only float(), which is fast.
     if _PLAIN.fullmatch(line):
         try:
             return list(map(float, words))
         except ValueError:
             pass
     if all(map(_GLUED.fullmatch, words)):
-        return [_to_float(part) for word in words for part in _ONE.findall(word)]
+        return [_to_float(number) for word in words for number in _SINGLE_NUMBER.findall(word)]
     if width is None:
         raise ValueError("no row of numbers")
     end = len(line.rstrip())  # end of the last field: numbers are right-aligned in their fields
     fields = [line[i : i + width].strip() for i in range(end % width, end, width)]
-    if line[: end % width].strip() or not all(map(_ONE.fullmatch, fields)):
+    if line[: end % width].strip() or not all(map(_SINGLE_NUMBER.fullmatch, fields)):
         raise ValueError("no row of numbers in fixed columns")
     return [_to_float(field) for field in fields]
 
@@ -387,7 +407,7 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
 
 def _is_binary(data: bytes) -> bool:
     """Return True if the data contain a zero byte and are not UTF-16 text."""
-    return b"\0" in data and data[:2] not in _WIDE
+    return b"\0" in data and data[:2] not in _UTF_16_MARKS
 
 
 def _beginning(line: str) -> str:
@@ -410,7 +430,7 @@ def _decode(data: bytes) -> str:
     """Return the text with LF line ends. Station names may have any encoding; numbers have the same
     bytes in all of them."""
     try:
-        text = data.decode("utf-16" if data[:2] in _WIDE else "utf-8-sig")
+        text = data.decode("utf-16" if data[:2] in _UTF_16_MARKS else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
     # DOS programs mark the end of a text with Ctrl-Z.
@@ -427,9 +447,9 @@ def _ends_with_zero(line: str) -> bool:
     return line.split()[-1:] == ["0"]
 
 
-def _places(line: str) -> list[int]:
+def _decimals(line: str) -> list[int]:
     """Return the number of characters after the decimal point of each number in a line."""
-    return [len(number.partition(".")[2]) for number in _ONE.findall(line)]
+    return [len(number.partition(".")[2]) for number in _SINGLE_NUMBER.findall(line)]
 
 
 def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, float]:
@@ -459,10 +479,10 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
         raise RecordError(f"times must be at most {_LATEST:g} s, got {np.max(np.abs(times)):g} s")
     intervals = np.diff(times)
     if not np.all(intervals > 0.0):
-        place = int(np.argmin(intervals > 0.0))
+        index = int(np.argmin(intervals > 0.0))
         raise RecordError(
-            f"times must increase, but do not after sample {place} (counted from 0) at "
-            f"{times[place]:g} s"
+            f"times must increase, but do not after sample {index} (counted from 0) at "
+            f"{times[index]:g} s"
         )
     duration = float(times[-1] - times[0])
     rounding = _rounding(times)
@@ -479,10 +499,10 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
         return dt, 0.0
     if departure <= slack * duration:
         return dt, departure
-    place = int(np.argmax(off_interval))
+    index = int(np.argmax(off_interval))
     raise RecordError(
-        f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[place]:g} s "
-        f"is {intervals[place]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
+        f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[index]:g} s "
+        f"is {intervals[index]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
         "resample the record to equal steps first"
     )
 

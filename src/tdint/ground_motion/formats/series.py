@@ -165,8 +165,15 @@ def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
 
 
 def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
-    """Decorate a function that reads one part of a file, for formats with several successive parts;
-    return the function `read_<format>(file, headonly=False)`."""
+    """Decorate a function that reads the next part of a file; return the function
+    `read_<format>(file, headonly=False)`, which reads all parts.
+
+    Parameters
+    ----------
+    read : callable
+        Function that returns the components of the next part from the lines of the file. It is
+        called until no line remains.
+    """
 
     def read_all(lines: Lines) -> list[Series]:
         """Read all parts of a file."""
@@ -218,10 +225,10 @@ def motion_units(text: str) -> str | None:
     text : str
         Units in the file header.
     """
-    words = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
-    tenth = re.fullmatch(r"(.*\S)\s*/\s*10", words)
+    stripped = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
+    tenth = re.fullmatch(r"(.*\S)\s*/\s*10", stripped)
     try:
-        units = parse_units(tenth[1] if tenth else words)
+        units = parse_units(tenth[1] if tenth else stripped)
     except UsageError:
         return None
     if tenth and (units.has_factor or units.quantity != "acceleration"):
@@ -256,8 +263,15 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
 
 
 def motion_scale(text: str, quantity: str) -> float | None:
-    """Return the value of a unit of velocity or displacement in SI units; None if the text is not a
-    unit of `quantity`."""
+    """Return the value of a unit in SI units; None if the text is not a unit of `quantity`.
+
+    Parameters
+    ----------
+    text : str
+        Unit in the header of a file, for example `CM/SEC`.
+    quantity : str
+        `acceleration`, `velocity` or `displacement`.
+    """
     motion = motion_units(text)
     units = parse_units(motion) if motion else None
     return units.scale if units and units.quantity == quantity else None
@@ -284,13 +298,15 @@ def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
 
 
 def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str] | None:
-    """Return the first match of a pattern in lines of text; None if no line matches."""
+    """Return the match of a pattern in the first matching line of text; None if no line matches."""
     return next(filter(None, map(pattern.search, texts)), None)
 
 
 def header_field(pattern: re.Pattern[str], texts: Sequence[str]) -> str:
-    """Return the first group of the first match of a pattern in lines of text; empty if no line
-    matches."""
+    """Return a value from the lines of a header: group 1 of a pattern in the first matching line.
+
+    The value is empty if no line matches.
+    """
     match = first_match(pattern, texts)
     return match[1] if match else ""
 

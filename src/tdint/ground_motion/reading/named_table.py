@@ -25,7 +25,7 @@ from tdint.units import parse_units
 SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
 """Units of times and periods in column names, and their values in s."""
 
-_FEWEST = 2  # rows; minimum, because a ground motion needs a sampling interval
+_MIN_ROWS = 2  # rows; a ground motion needs two times, whose difference is the sampling interval
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class NamedTable:
     rows : tuple of (int, tuple of str)
         Line number, counted from 1, and cells of each row.
     comma : bool
-        True if a comma is the decimal point.
+        True if the decimal separator is a comma.
     input : Input
         File with its SHA-256.
     """
@@ -56,9 +56,9 @@ class NamedTable:
         """Return the index of a column; raise RecordError unless exactly one has this name."""
         if self.names.count(name) == 1:
             return self.names.index(name)
-        how = "the file has several columns" if name in self.names else "the file has no column"
+        error = "the file has several columns" if name in self.names else "the file has no column"
         hint = did_you_mean(name, self.names) or f"; there are {', '.join(self.names[:12])[:200]}"
-        raise RecordError(f"{self.source}: {how} {name!r}{hint}")
+        raise RecordError(f"{self.source}: {error} {name!r}{hint}")
 
     def numbers(self, place: int) -> NDArray[np.float64]:
         """Return the values of a column, shape (rows,); raise RecordError for a cell that is not a
@@ -103,8 +103,10 @@ def read_named_table(source: str | Path) -> NamedTable:
                 f"{len(names)} columns"
             )
         rows.append((number, cells))
-    if len(rows) < _FEWEST:
-        raise RecordError(f"{source}: the table has fewer than {_FEWEST} rows")
+    if len(rows) < _MIN_ROWS:
+        raise RecordError(
+            f"{source}: the table must have at least {_MIN_ROWS} rows, got {len(rows)}"
+        )
     return NamedTable(
         str(source), names, tuple(rows), mark in (";", "\t"), register_input(data, source)
     )
@@ -140,7 +142,7 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
             f"{table.names[0][:40]!r}"
         )
     times = SECONDS[time_units or "s"] * table.numbers(0)
-    place = table.place(column)
+    index = table.place(column)
     try:
         stated = parse_units(units or name_and_units(column)[1])
     except UsageError:
@@ -155,7 +157,7 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from None
     return Signal(
-        samples=stated.scale * table.numbers(place),
+        samples=stated.scale * table.numbers(index),
         dt=dt,
         quantity=stated.quantity,
         label=f"{source}: {column}",
