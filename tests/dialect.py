@@ -36,6 +36,15 @@ MARKERS_FILE = Path(__file__).with_name("dialect_markers.csv")
 with MARKERS_FILE.open(encoding="utf-8", newline="") as table:
     COMPILED = {row["marker"]: re.compile(row["pattern"], re.I) for row in csv.DictReader(table)}
 
+# One pattern of all markers finds the few texts that contain a marker: at a position that is not a
+# word boundary it fails at once. Only these texts are searched for each marker.
+_AT_WORDS = [p.pattern for p in COMPILED.values() if p.pattern.startswith(r"\b")]
+_ELSEWHERE = [p.pattern for p in COMPILED.values() if not p.pattern.startswith(r"\b")]
+ANY_MARKER = (
+    re.compile(r"\b(?:" + "|".join(f"(?:{p[2:]})" for p in _AT_WORDS) + ")"),
+    *map(re.compile, _ELSEWHERE),
+)
+
 
 def _plain(text: str) -> str:
     """Return the prose of a text: no code, links, doctests, section headings, parameter types."""
@@ -100,15 +109,15 @@ def _paragraphs(source: str) -> Iterator[tuple[int, str]]:
 
 def _python_texts(source: str) -> Iterator[tuple[int, str]]:
     """Yield docstrings, strings of at least four words, and comments of Python source."""
-    tree = ast.parse(source)
+    nodes = list(ast.walk(ast.parse(source)))
     skipped = set()  # identities of docstrings and of the parts of f-strings
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, DOCUMENTED) and ast.get_docstring(node):
             skipped.add(id(node.body[0].value))
             yield node.body[0].lineno, ast.get_docstring(node) or ""
         if isinstance(node, ast.JoinedStr):
             skipped.update(id(part) for part in node.values)
-    for node in ast.walk(tree):
+    for node in nodes:
         text = "" if id(node) in skipped else _string_value(node)
         if len(re.findall(r"[A-Za-z]{2,}", text)) >= 4 and " " in text:
             yield node.lineno, text
@@ -164,6 +173,9 @@ def survey() -> Survey:
         for first_line, raw in pieces(path):
             text = _plain(raw)
             words[layer] += len(re.findall(r"[A-Za-z']+", text))
+            lower_case = text.lower()
+            if not any(pattern.search(lower_case) for pattern in ANY_MARKER):
+                continue
             for name, pattern in COMPILED.items():
                 for match in pattern.finditer(text):
                     line = first_line + text.count("\n", 0, match.start())

@@ -111,14 +111,26 @@ analysis: {method: newmark-average}
 """
 
 
+@pytest.fixture(scope="module")
+def matched_files():
+    """Return the files of the matched pairs by name, empty before the first test that uses them."""
+    return {}
+
+
 @pytest.fixture
-def suite(folder, tdint):
-    """Change to a directory with three matched pairs and a one-story building."""
+def suite(folder, tdint, matched_files):
+    """Change to a directory with three matched pairs and a one-story building. The pairs are
+    matched once, because this takes seconds."""
     (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
     (folder / "in").mkdir()
     for seed, (name, event) in enumerate((("A", "Loma Prieta"), ("B", "Kobe"), ("C", "Duzce"))):
         write_pair(folder / "in", name, event, seed, sizes=(1.0, 0.4))
-    tdint(*["match", "in", "--pairs", "rotd100", "-o", "m"], *TARGET.split(), code=0)
+    if not matched_files:
+        tdint(*["match", "in", "--pairs", "rotd100", "-o", "m"], *TARGET.split(), code=0)
+        matched_files.update({file.name: file.read_bytes() for file in (folder / "m").iterdir()})
+    (folder / "m").mkdir(exist_ok=True)
+    for name, data in matched_files.items():
+        (folder / "m" / name).write_bytes(data)
     return folder
 
 
