@@ -110,9 +110,12 @@ def at2_text(record: Record) -> str:
 
 def _matches(lines: list[str]) -> bool:
     """Return True if a line states NPTS and DT and the next non-blank line contains numbers."""
-    places = [i for i, line in enumerate(lines) if _count_and_step(line)]
-    after = [line for line in lines[places[-1] + 1 :] if line.strip()] if places else []
-    return bool(after) and is_row_of_numbers(after[0])
+    indices = [index for index, line in enumerate(lines) if _count_and_step(line)]
+    if not indices:
+        return False
+    # The last line with NPTS and DT is used, as when the file is read.
+    next_line = next((line for line in lines[indices[-1] + 1 :] if line.strip()), None)
+    return is_row_of_numbers(next_line)
 
 
 def _count_and_step(line: str) -> tuple[int, float] | None:

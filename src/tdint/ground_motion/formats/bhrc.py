@@ -50,7 +50,7 @@ _COUNT, _RATE = (1, 11), (1, 0)
 """Line and index of the number of points in the integers, and of the samples per second in the
 reals."""
 
-_END = "/&"
+_END = "/&"  # start of the line after the samples of a component
 
 
 def is_bhrc(file: Any, **_: Any) -> bool:
@@ -121,7 +121,20 @@ def read_bhrc(lines: Lines) -> list[Series]:
 
 
 def _header_number(lines: Lines, row: int, index: int) -> float:
-    """Read the next seven lines and return the number at index `index` of line `row`."""
+    """Read the seven lines of integers or of reals of a header and return one of the numbers.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file; the next line is the first of the seven lines.
+    row, index : int
+        Line and position of the number, both counted from 0.
+
+    Raises
+    ------
+    RecordError
+        A line contains text other than numbers, or the line has too few numbers.
+    """
     rows = [lines.take() for _ in range(_HEADER_LINES)]
     numbers = row_of_numbers(rows[row]) if all(map(is_row_of_numbers, rows)) else []
     if len(numbers) <= index:

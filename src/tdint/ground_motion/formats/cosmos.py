@@ -67,11 +67,14 @@ _UNITS = {
     "11": "0.001 g",
     "12": "1e-6 g",
 }
-_COUNTS = "50"
-_OTHERS = ("velocity", "displacement")
-_OTHER_UNITS = {"5": "cm/s", "6": "cm", "8": "in/s", "9": "in"}
+"""Units of acceleration by their numbers in table 2 of the format."""
 
-_APPROXIMATE = 0.05
+_COUNTS = "50"  # number of the unit of counts in table 2 of the format
+_OTHER_QUANTITIES = ("velocity", "displacement")
+_OTHER_UNITS = {"5": "cm/s", "6": "cm", "8": "in/s", "9": "in"}
+"""Units of velocity and displacement by their numbers in table 2 of the format."""
+
+_DURATION_TOLERANCE = 0.05
 """Fraction of the stated duration; permitted difference from the samples, in addition to 1 s."""
 
 
@@ -106,7 +109,7 @@ def read_cosmos(lines: Lines) -> list[Series]:
         samples = lines.numbers(int(block[1]), _width(line))
         if block[2].lower().startswith(("accel", "raw accel")):
             series.append(_series(samples, block, texts, integers, reals))
-        elif (quantity := block[2].lower().split()[0]) in _OTHERS and samples.size:
+        elif (quantity := block[2].lower().split()[0]) in _OTHER_QUANTITIES and samples.size:
             units = _OTHER_UNITS.get(block[5] or "") or block[4]
             others.append((samples, block))
             if scale := motion_scale(units, quantity):
@@ -122,7 +125,25 @@ def read_cosmos(lines: Lines) -> list[Series]:
 
 
 def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
-    """Match the next line, which states the number of values or lines that follow."""
+    """Read the next line, which states the number of values or lines that follow.
+
+    Parameters
+    ----------
+    pattern : re.Pattern
+        Pattern of the line; its first group is the number.
+    lines : Lines
+        Lines of the file.
+
+    Returns
+    -------
+    re.Match
+        Match of the line.
+
+    Raises
+    ------
+    RecordError
+        The line does not match.
+    """
     match = pattern.match(lines.take())
     if not match:
         raise RecordError(
@@ -132,7 +153,20 @@ def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
 
 
 def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
-    """Read the integers or the reals of the header."""
+    """Read the integers or the reals of the header of a channel.
+
+    Parameters
+    ----------
+    pattern : re.Pattern
+        Pattern of the line before the values; its first group is their number.
+    lines : Lines
+        Lines of the file.
+
+    Raises
+    ------
+    RecordError
+        The header has fewer than 62 values, and the 62nd real is the sampling interval.
+    """
     match = _announced(pattern, lines)
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
     if len(values) <= _STEP:
@@ -181,7 +215,9 @@ def _series(
     if reals[_STEP] == unknown:
         raise RecordError("its header does not state the sampling interval")
     dt = reals[_STEP] / 1000.0
-    if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _APPROXIMATE * int(block[3]):
+    if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _DURATION_TOLERANCE * int(
+        block[3]
+    ):
         raise RecordError(
             f"{samples.size} samples at the interval of {dt:g} s in its header contradict the "
             f"stated duration of {block[3]} s"
@@ -190,7 +226,7 @@ def _series(
     # The unit is stated by name or by its number in the table of the format. Counts of a recorder
     # have no units.
     stated_quantity = block[2].lower().split()[0]
-    quantity = stated_quantity if stated_quantity in _OTHERS else "acceleration"
+    quantity = stated_quantity if stated_quantity in _OTHER_QUANTITIES else "acceleration"
     units = motion_units(block[4]) or _UNITS.get(block[5] or "") or _OTHER_UNITS.get(block[5] or "")
     if units and parse_units(units).quantity != quantity:
         units = None

@@ -50,13 +50,21 @@ _POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b", re.IGNORECASE)
 _UNITS = re.compile(r"\bSEC AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
 _PAIR_WIDTH = 7  # characters of a time or an acceleration
 
-_SLACK = 2e-3
+_MAX_DEPARTURE = 2e-3
 """Fraction of the duration; permitted departure of times from equal steps, because the film drives
 of recorders were uneven."""
 
 
 def text_header(lines: Lines) -> list[str]:
-    """Read the lines of text of a channel and skip the integers after them, which are not used."""
+    """Read the lines of text at the start of a channel and skip the lines of integers after them.
+
+    The integers are not used.
+
+    Raises
+    ------
+    RecordError
+        No line of integers follows.
+    """
     texts = lines.take_until(_INTEGERS.fullmatch, "header of integers")
     while (line := lines.peek()) is not None and _LAST_INTEGERS.fullmatch(line):
         lines.take()
@@ -87,7 +95,7 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
     if not points:
         raise RecordError("its header does not state the number of points")
     pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
-    mean, departure = equal_steps(pairs[::2], _SLACK)
+    mean, departure = equal_steps(pairs[::2], _MAX_DEPARTURE)
     samples, dt = pairs[1::2].copy(), mean
     if departure:
         times = pairs[::2] - pairs[0]
@@ -125,7 +133,9 @@ _DATE = re.compile(
 )
 """Pattern of the date of the event, with its time if stated; used if the origin time is unknown."""
 _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
-_ERA = 50
+"""Offsets of time zones from UTC, hours."""
+
+_FIRST_YEAR_OF_1900S = 50
 """Two-digit years from this value on are years of the 20th century."""
 
 _EQUAL = re.compile(
@@ -147,12 +157,14 @@ _PEAK = (
 """Patterns of the peak in volume 1 and in volume 2, which also states the uncorrected peak."""
 
 _QUANTITIES = {"VELOC": "velocity", "DISPL": "displacement"}
+"""Quantities by the words in the lines before blocks of samples of volume 2."""
+
 _OTHER_PEAK = {
     kind: re.compile(rf"\bPEAK\s+{name}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE)
     for kind, name in _QUANTITIES.items()
 }
 _REALS_VOLUME_2 = 100  # number of real numbers in the header of volume 2
-_END = "/&"
+_END = "/&"  # start of the line after the last block of a channel
 
 
 def is_csmip(file: Any, **_: Any) -> bool:
@@ -188,7 +200,7 @@ def read_csmip(lines: Lines) -> list[Series]:
     if clock := first_match(_START, texts):
         month, day, year, hour, minute, second = map(float, clock.groups()[:6])
         if year < 100:
-            year += 1900 if year >= _ERA else 2000
+            year += 1900 if year >= _FIRST_YEAR_OF_1900S else 2000
         started = moment(year, month, day, hour, minute, second, _ZONES[clock[7].upper()])
     return [replace(series, **_codes(texts), peak=peak, start=started, event=_event(texts))]
 

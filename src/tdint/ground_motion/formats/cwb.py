@@ -50,7 +50,7 @@ _EXTREMES = re.compile(
     rf"^#\s*AmplitudeMAX\.\s*(\w)\s*:\s*({NUMBER})\s*~\s*({NUMBER})", re.IGNORECASE
 )
 _SEQUENCE = re.compile(r"^#\s*DataSequence\s*:\s*Time\s+(.*)", re.IGNORECASE)
-_MOST = 1e12
+_MAX_STATED_SAMPLES = 1e12
 """Maximum number of samples according to a header; a larger number is not compared."""
 
 _NAME = re.compile(r"(\w+)\s*\(\+\)")
@@ -89,7 +89,7 @@ def read_cwb(lines: Lines) -> list[Series]:
         Statement(STEP, 1.0 / float(rate[1]) if float(rate[1]) else np.inf, dt, 1e-3 * dt, "s")
     ]
     length = first_match(_LENGTH, texts)
-    if length and abs(float(length[1]) * float(rate[1])) < _MOST:
+    if length and abs(float(length[1]) * float(rate[1])) < _MAX_STATED_SAMPLES:
         # The length is the duration of all samples or, in some files, the time of the last sample.
         stated = round(float(length[1]) * float(rate[1]))
         statements.append(Statement(SAMPLES, stated, times.size - (times.size == stated + 1)))

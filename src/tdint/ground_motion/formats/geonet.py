@@ -27,6 +27,9 @@ from tdint.ground_motion.formats.series import (
 )
 
 _TEXTS, _INTEGERS, _REALS, _WIDTH = 16, 40, 60, 8
+"""Numbers of lines of text, of integers and of reals in the header of a component, and characters
+per number."""
+
 _TITLE = re.compile(r"\s*(?:un)?corrected accelerogram", re.IGNORECASE)
 _SITE = re.compile(r"^\s*Site\s+(\S+)", re.IGNORECASE)
 _COMPONENT = re.compile(r"^\s*Component\s+(\S+)", re.IGNORECASE)

@@ -30,33 +30,45 @@ from tdint.ground_motion.formats.series import (
 )
 
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
+"""Numbers of lines of text, of integers and of reals in the header of an SMC file."""
+
 _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
+"""Characters of an integer and of a real in the header, and of a sample."""
+
 _QUANTITY = re.compile(
     r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE "
     r"SPECTRA|FOURIER AMPLITUDE)"
 )
-_EIGHT = re.compile(r"\s*-*\d+(?:\s+-*\d+){7}\s*")
+_ROW_OF_INTEGERS = re.compile(r"\s*-*\d+(?:\s+-*\d+){7}\s*")
 _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
 """Units by type of series, for the types that are or may be a ground motion."""
 
 _YEAR, _DAY, _HOUR, _MILLISECOND = 1, 2, 3, 6
+"""Indices of the start time in the integers; minute and second are between hour and millisecond."""
+
 _DATE = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b")
 """Pattern of year, month and day of the earthquake in the text."""
 _EVENT = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\s+(\d{4})?\s*(.*)")
 """Pattern of date, time (UTC) and name of the earthquake in the text."""
-_NEAR = timedelta(days=1.5)
+_MAX_DATE_DIFFERENCE = timedelta(days=1.5)
+"""Maximum difference between the start time and noon on the date of the earthquake in the text."""
+
 _FROM_VERTICAL, _AZIMUTH, _COMMENTS, _SAMPLES = 12, 13, 15, 16
+"""Indices in the integers: angle from the vertical and azimuth of the component (degrees), number
+of comments, number of samples."""
+
 _ROUNDING = 1e-4
 """Fraction of a value; rounding error of five digits."""
 
 _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
+"""Indices in the reals: sampling rate (1/s), maximum and minimum sample."""
 
 
 def is_smc(file: Any, **_: Any) -> bool:
     """Return True if a file starts with a type of series of this format and has eight integers in
     line 12."""
     return recognizes(
-        file, lambda lines: _QUANTITY.match(lines[0]) and _EIGHT.fullmatch(lines[_TEXTS])
+        file, lambda lines: _QUANTITY.match(lines[0]) and _ROW_OF_INTEGERS.fullmatch(lines[_TEXTS])
     )
 
 
@@ -134,6 +146,13 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
 
     The format specifies the day of the year. Some programs write month and day instead, which
     shifts all following integers by one position.
+
+    Parameters
+    ----------
+    integers : list of float
+        Integers of the header; the first marks unknown values.
+    texts : list of str
+        Lines of text of the header.
     """
     year, day = integers[_YEAR], integers[_DAY]
     by_day = _moment(integers[0], year, 1.0, day, *integers[_HOUR : _MILLISECOND + 1])
@@ -144,7 +163,9 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
     event = moment(stated_year, stated_month, stated_day, 12, 0, 0)
     by_month = _moment(integers[0], year, day, *integers[_DAY + 1 : _MILLISECOND + 2])
     candidates = (
-        start for start in (by_day, by_month) if start and event and abs(start - event) <= _NEAR
+        start
+        for start in (by_day, by_month)
+        if start and event and abs(start - event) <= _MAX_DATE_DIFFERENCE
     )
     return next(candidates, None)
 
