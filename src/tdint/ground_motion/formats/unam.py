@@ -10,8 +10,11 @@ from __future__ import annotations
 
 import re
 import warnings
-from itertools import chain
+from datetime import datetime
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizes, row_of_numbers
@@ -47,7 +50,7 @@ _ORIGIN = re.compile(
 _FIRST = re.compile(
     r"^\s*HORA DE LA PRIMERA MUESTRA\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE
 )
-_GAL = "gal"
+_GAL = "gal"  # unit of the peaks in the header
 
 
 def is_unam(file: Any, **_: Any) -> bool:
@@ -66,12 +69,9 @@ def read_unam(lines: Lines) -> list[Series]:
     """
     texts = lines.take_until(_DATA.match, "start-of-data line")
     # Each key has one line for the first six channels and one line for the remaining channels.
-    of_channels = []
-    for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES):
-        matches = filter(None, map(pattern.search, texts))
-        values = chain.from_iterable(match[1].strip().lstrip("/").split("/") for match in matches)
-        of_channels.append([value.strip() for value in values if value.strip()])
-    steps, counts, peaks, names = of_channels
+    steps, counts, peaks, names = (
+        _values_of_channels(pattern, texts) for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES)
+    )
     if (
         not names
         or not len(names) == len(steps) == len(counts)
@@ -86,30 +86,7 @@ def read_unam(lines: Lines) -> list[Series]:
         lines.take_until(_RULER.fullmatch, "ruler before the samples")
         lines.take()
     columns = lines.table(int(counts[0]), len(names))
-    # Some files end with extra rows that repeat the last row stated in the header. Skip these rows.
-    last = [float(column[-1]) for column in columns]
-    repeated = 0
-    while (
-        (line := lines.peek()) is not None
-        and is_row_of_numbers(line)
-        and row_of_numbers(line) == last
-    ):
-        lines.take()
-        repeated += 1
-    lines.expect_end()
-    # If a row is missing, the last row stated in the header is already a repeated row.
-    if repeated and all(column.size > 1 and column[-2] == column[-1] for column in columns):
-        warnings.warn(
-            f"the last of the {counts[0]} rows stated in the header repeats the row before it, and "
-            f"{pluralize(repeated, 'extra row')} repeat it again: a row may be missing from the "
-            "file",
-            stacklevel=2,
-        )
-    if repeated:
-        warnings.warn(
-            f"{pluralize(repeated, 'row')} omitted that repeat the last row stated in the header",
-            stacklevel=2,
-        )
+    _skip_repeated_rows(lines, columns)
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
     unit = required_units(units[1]) if units else ""
 
@@ -122,21 +99,7 @@ def read_unam(lines: Lines) -> list[Series]:
                 f"the sampling interval must be a number, but its header states {step!r}"
             ) from None
 
-    # The date of the first sample is the date of the earthquake, or the next day if the record
-    # starts just after midnight.
-    started = None
-    date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
-    if date and first:
-        year, month, day = map(float, date.groups())
-        hour, minute, second = map(float, first.groups())
-        late = 24.0 if origin and int(origin[1]) - int(first[1]) > 12 else 0.0
-        started = moment(year, month, day, hour, minute, second, -late)
-
-    # The date and the origin time of the earthquake are in UTC. The date starts with the year.
-    event = "-".join(date.groups()) if date else ""
-    if date and origin:
-        event += f" {int(origin[1]):02d}:{int(origin[2]):02d}:{int(float(origin[3])):02d}"
-
+    started, event = _times(texts)
     # Directions are, for example, N90E, or V for vertical. Other text may precede a direction.
     return [
         Series(
@@ -153,3 +116,92 @@ def read_unam(lines: Lines) -> list[Series]:
         )
         for index, (name, column) in enumerate(zip(names, columns, strict=True))
     ]
+
+
+def _values_of_channels(pattern: re.Pattern[str], texts: list[str]) -> list[str]:
+    """Return the values of a header key, in the order of the channels.
+
+    Parameters
+    ----------
+    pattern : re.Pattern
+        Pattern of the lines of the key; its first group is a list of values between slashes.
+    texts : list of str
+        Lines of the header. A key has a second line if there are more than six channels.
+    """
+    values: list[str] = []
+    for match in filter(None, map(pattern.search, texts)):
+        values += match[1].strip().lstrip("/").split("/")
+    return [value.strip() for value in values if value.strip()]
+
+
+def _skip_repeated_rows(lines: Lines, columns: NDArray[np.float64]) -> None:
+    """Skip rows at the end of a file that repeat the last row stated in the header, with a warning.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file after the rows stated in the header.
+    columns : ndarray, shape (channels, rows)
+        Samples of each channel.
+
+    Raises
+    ------
+    RecordError
+        Another line follows.
+    """
+    last_row = [float(column[-1]) for column in columns]
+    repeated = 0
+    while (
+        (line := lines.peek()) is not None
+        and is_row_of_numbers(line)
+        and row_of_numbers(line) == last_row
+    ):
+        lines.take()
+        repeated += 1
+    lines.expect_end()
+    # If a row is missing, the last row stated in the header is already a repeated row.
+    if repeated and all(column.size > 1 and column[-2] == column[-1] for column in columns):
+        count = columns.shape[1]
+        warnings.warn(
+            f"the last of the {count} rows stated in the header repeats the row before it, and "
+            f"{pluralize(repeated, 'extra row')} repeat it again: a row may be missing from the "
+            "file",
+            stacklevel=3,
+        )
+    if repeated:
+        warnings.warn(
+            f"{pluralize(repeated, 'row')} omitted that repeat the last row stated in the header",
+            stacklevel=3,
+        )
+
+
+def _times(texts: list[str]) -> tuple[datetime | None, str]:
+    """Return the time of the first sample (UTC) and the date and origin time of the earthquake.
+
+    Parameters
+    ----------
+    texts : list of str
+        Lines of the header.
+
+    Returns
+    -------
+    start : datetime or None
+        Time of the first sample; None if the header does not state it.
+    event : str
+        Date and origin time of the earthquake; empty if the header states no date.
+    """
+    # The date of the first sample is the date of the earthquake, or the next day if the record
+    # starts just after midnight.
+    start = None
+    date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
+    if date and first:
+        year, month, day = map(float, date.groups())
+        hour, minute, second = map(float, first.groups())
+        added_hours = 24.0 if origin and int(origin[1]) - int(first[1]) > 12 else 0.0
+        start = moment(year, month, day, hour, minute, second, -added_hours)
+
+    # The date starts with the year.
+    event = "-".join(date.groups()) if date else ""
+    if date and origin:
+        event += f" {int(origin[1]):02d}:{int(origin[2]):02d}:{int(float(origin[3])):02d}"
+    return start, event
