@@ -32,9 +32,7 @@ class TestComparison:
 
     @pytest.mark.parametrize("stated", [1.1, -1.0, float("nan"), float("inf")])
     def test_another_number(self, stated):
-        with pytest.raises(
-            RecordError, match=r"states a peak of .* g, but the data that were read have 1 g"
-        ):
+        with pytest.raises(RecordError, match=r"peak of .* g, .* 1 g"):
             compare([Statement("peak", stated, 1.0, 0.01, "g")])
 
     def test_a_measured_value_may_be_off_by_a_hundredth_with_a_word(self):
@@ -162,7 +160,7 @@ class TestText:
             one.difference == 0.0
             for one in gse_statements([3, 2], [trace(counts(3)), trace(counts(2))])
         )
-        with pytest.raises(Damaged, match="it has 1 sections, but 2 could be read"):
+        with pytest.raises(Damaged, match=r"1 sections, .*2"):
             gse_statements([3], [trace(counts(3)), trace(counts(2))])
 
     def test_the_last_place_of_a_number(self):

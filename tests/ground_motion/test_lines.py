@@ -27,24 +27,22 @@ def test_lines_are_taken_blank_or_not():
     assert (lines.number, lines.at_numbers()) == (5, True)
     assert lines.numbers(2).tolist() == [3.0, 4.0]
     assert (lines.at_numbers(), lines.take()) == (False, "end")
-    with pytest.raises(RecordError, match="cut off: it ends with line 7"):
+    with pytest.raises(RecordError, match="ends with line 7"):
         lines.take()
 
 
 def test_messages_name_the_line():
     lines = Lines(TEXT)
-    with pytest.raises(RecordError, match="the file has 7 lines, fewer than the 8 to skip"):
+    with pytest.raises(RecordError, match=r"7 lines, .* 8"):
         lines.skip(8)
     lines.skip(4)
     with pytest.raises(RecordError, match="no trailer found after line 4"):
         lines.take_until(lambda line: line == "trailer", "trailer")
     with pytest.raises(RecordError, match="line 5 contains 2 numbers, not 3"):
         lines.table(1, 3)
-    with pytest.raises(
-        RecordError, match=r"more than the 1 values stated in the header follow line 5"
-    ):
+    with pytest.raises(RecordError, match=r"more than the 1 values .* line 5"):
         lines.numbers(1)
     with pytest.raises(RecordError, match="line 7 follows the last row"):
         lines.expect_end()
-    with pytest.raises(RecordError, match="line 7 must contain numbers, got 'end'"):
+    with pytest.raises(RecordError, match=r"line 7 .*got 'end'"):
         lines.numbers(1)

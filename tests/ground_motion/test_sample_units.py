@@ -80,7 +80,7 @@ def test_a_table(suite, tmp_path) -> None:
     assert read_record(suite["mseed"], units=str(table)).pga == pytest.approx(0.03)
     assert read_record(suite["stated"], units=str(table)).units_from == "file"
     table.write_text("record,units\na.sac,g\na.sac,gal\n")
-    with pytest.raises(UsageError, match=r"units\.csv:3: a\.sac has two units, g and gal"):
+    with pytest.raises(UsageError, match=r"units\.csv:3: a\.sac .*g and gal"):
         read_record(suite["sac"], units=str(table))
     table.write_text("record,units,component\na.sac,g,HNE\n")
     with pytest.raises(UsageError, match=r"unknown columns are ignored: component"):
@@ -122,7 +122,7 @@ def test_what_is_refused(suite, units, message) -> None:
 def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
     """Nothing is assumed of a file for which an entry was meant; what shows only in the file, in an
     archive, counts."""
-    with pytest.raises(UsageError, match="no entry of the units by file matches it: at2"):
+    with pytest.raises(UsageError, match=r"units by file .*: at2"):
         read_record(write(tmp_path / "assumed", trace(wave(peak=1.0))), units={"AT2": "g"})
     folder = str(suite["sac"].parent)
     for units, unfit in (("SAC=g,AT2=g", "'at2'"), ("*.sac=g,*.mseeed=g,b*=gal", r"'\*\.mseeed'")):

@@ -256,7 +256,7 @@ def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
 
 
 def test_a_file_that_is_no_inventory(tmp_path):
-    with pytest.raises(ModelError, match="no column NumberOfStories; rename the column"):
+    with pytest.raises(ModelError, match="no column NumberOfStories; rename"):
         inventory(tmp_path, header="id,NumberOfStorys,YearBuilt,StructureType,PlanArea")
 
 
@@ -269,7 +269,7 @@ def test_an_area_in_square_feet_is_the_same_building(tmp_path):
     assert made[0].mass == pytest.approx(3 * [600.0e3], rel=1e-12)
     assert made[1].mass == pytest.approx(made[0].mass, rel=1e-12)
     assert made[1].stiffness == pytest.approx(made[0].stiffness, rel=1e-12)
-    with pytest.raises(UsageError, match="unknown unit of length 'yd'; known: m,"):
+    with pytest.raises(UsageError, match="length 'yd'; known: m,"):
         tdint.inventory(str(file), units="yd")
 
 

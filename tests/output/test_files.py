@@ -83,7 +83,7 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
             {tmp_path / "b.csv": writes(b"x"), file: writes(b"x")}, overwrite=False
         ),
     ):
-        with pytest.raises(OutputError, match=r"a\.csv: the file exists; add --overwrite"):
+        with pytest.raises(OutputError, match=r"a\.csv: .*exists; .*--overwrite"):
             call()
     assert file.read_bytes() == b"old"
     assert names(tmp_path) == ["a.csv"]

@@ -357,9 +357,7 @@ def test_looks_are_said_as_on_the_command_line(results, tmp_path):
         figure = tdint.plot(results["modes"], style=style, width="90mm")
         assert 4.5 in [line.get_linewidth() for line in figure.axes[0].lines]
         assert figure.get_figwidth() == pytest.approx(90 / 25.4)
-    with pytest.raises(
-        UsageError, match="plot: style 'widht=90mm': unknown key; did you mean 'width'"
-    ):
+    with pytest.raises(UsageError, match=r"plot: .*'widht=90mm': .*'width'"):
         tdint.plot(results["stability"], style="widht=90mm")
     with pytest.raises(UsageError, match=r"style sheet none\.mplstyle: "):
         tdint.plot(results["stability"], style="none.mplstyle")
