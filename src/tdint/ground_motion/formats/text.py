@@ -93,8 +93,18 @@ def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
 
 
 def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
-    """Return the lines between the lines to skip and the first row of numbers, and the number of
-    values in each of the first two rows."""
+    """Return the header lines of a table, and the numbers of values in its first two rows.
+
+    The header lines are between the lines to skip and the first row of numbers. The list of the
+    numbers of values is shorter if the file ends, or if a row contains other text.
+
+    Parameters
+    ----------
+    file : str, Path or object open for reading bytes
+        File to read.
+    layout : TextLayout
+        Layout specified by the user, with the number of lines to skip.
+    """
     header_lines: list[str] = []
     widths: list[int] = []
     with suppress(RecordError):  # end of the file
@@ -178,14 +188,7 @@ def read_text(
     lines.skip(skipped)
     header_lines = lines.take_until(ROW.fullmatch, "row of numbers")
 
-    # If the first column has no name, the other names would be shifted by one column.
-    filled = [index for index, line in enumerate(header_lines) if line.strip()]
-    if filled and lacks_first_name(header_lines[filled[-1]]):
-        raise RecordError(
-            f"line {skipped + filled[-1] + 1}: {header_lines[filled[-1]].strip()[:60]!r} has no "
-            "name for the first column, as if pandas wrote its index; omit the index "
-            "(index=False), or name the column time if it contains times"
-        )
+    _check_first_name(header_lines, skipped)
     columns = _columns(lines, sum(map(_count_names, header_lines)))
     width, size = len(columns), columns[0].size
     if layout:
@@ -196,20 +199,8 @@ def read_text(
         dict.fromkeys(column_index(column, header.names, width) for column in layout.column)
     )
 
-    # The declarations and the times must state the same sampling interval.
     times = _times(columns, header.names, selected, layout)
-    intervals = header.intervals()
-    if times is not None:
-        intervals.append(equal_steps(times)[0])
-    if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
-        values = " s and as ".join(f"{dt:g}" for dt in intervals)
-        raise RecordError(f"its sampling interval is stated as {values} s")
-    dt = next(iter(intervals), None) or layout.step
-    if dt is None:
-        raise RecordError(
-            "the sampling interval of the column of numbers is required; declare it in a first "
-            "line `# dt = 0.01 s, units = g`, or specify it by `step`"
-        )
+    dt, is_stated = _sampling_interval(header, times, layout)
     if header.declared.get("samples", str(size)) != str(size):
         raise RecordError(f"its header states {header.get('samples')} samples, the file has {size}")
     compared = (
@@ -235,7 +226,7 @@ def read_text(
         warnings.warn(
             f"{pluralize(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
         )
-    if not intervals:
+    if not is_stated:
         warnings.warn(
             f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
         )
@@ -252,6 +243,62 @@ def read_text(
         [_series(common, columns, header, index, component_columns) for index in component_columns],
         headonly=headonly,
     )
+
+
+def _check_first_name(header_lines: list[str], skipped: int) -> None:
+    """Raise RecordError if the last header line names all columns except the first.
+
+    The other names would be shifted by one column.
+
+    Parameters
+    ----------
+    header_lines : list of str
+        Lines between the skipped lines and the first row of numbers.
+    skipped : int
+        Number of lines skipped before the header, for the line number in the message.
+    """
+    filled = [index for index, line in enumerate(header_lines) if line.strip()]
+    if filled and lacks_first_name(header_lines[filled[-1]]):
+        raise RecordError(
+            f"line {skipped + filled[-1] + 1}: {header_lines[filled[-1]].strip()[:60]!r} has no "
+            "name for the first column, as if pandas wrote its index; omit the index "
+            "(index=False), or name the column time if it contains times"
+        )
+
+
+def _sampling_interval(
+    header: TableHeader, times: NDArray[np.float64] | None, layout: TextLayout
+) -> tuple[float, bool]:
+    """Return the sampling interval, s, and True if the file states it, False if only the user does.
+
+    Parameters
+    ----------
+    header : TableHeader
+        Declarations of the header, which may include the interval or the sampling rate.
+    times : ndarray, shape (samples,), or None
+        Times in the table, s; None if the table has no column of times.
+    layout : TextLayout
+        Layout specified by the user, with the interval that is used if the file states none.
+
+    Raises
+    ------
+    RecordError
+        The declarations and the times state different intervals, the times are not in equal steps,
+        or the interval is unknown.
+    """
+    intervals = header.intervals()
+    if times is not None:
+        intervals.append(equal_steps(times)[0])
+    if intervals and max(intervals) - min(intervals) > SAME_STEP * max(intervals):
+        values = " s and as ".join(f"{dt:g}" for dt in intervals)
+        raise RecordError(f"its sampling interval is stated as {values} s")
+    dt = next(iter(intervals), None) or layout.step
+    if dt is None:
+        raise RecordError(
+            "the sampling interval of the column of numbers is required; declare it in a first "
+            "line `# dt = 0.01 s, units = g`, or specify it by `step`"
+        )
+    return dt, bool(intervals)
 
 
 def _count_names(line: str) -> int:
