@@ -11,11 +11,11 @@ from tdint.ground_motion.horizontals import (
     PairNames,
     SingleHorizontal,
     azimuth,
+    combine_single_components,
     files_of_motions,
     find_horizontals,
     is_vertical,
     motion_name,
-    told_once,
     with_component,
 )
 from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
@@ -258,16 +258,16 @@ def test_files_without_a_partner_are_told_once(files, names):
         with pytest.raises(RecordError) as caught:
             find_horizontals([record("", source=file)])
         failures.append(caught.value)
-    (told,) = told_once(failures)
+    (told,) = combine_single_components(failures)
     assert str(told).startswith(f"{len(files)} files contain a single horizontal component")
     assert f"--pairs '{names}'" in str(told)
     assert [len(motion) for motion in files_of_motions(files, PairNames.parse(names))[0]] == [2, 2]
-    assert told_once(failures[:1]) == failures[:1]
+    assert combine_single_components(failures[:1]) == failures[:1]
 
 
 def test_names_far_from_each_other_are_not_called_close():
     failures = [SingleHorizontal(file, "") for file in ("kobe.txt", "northridge.txt")]
-    assert "--pairs" not in str(told_once(failures)[0])
+    assert "--pairs" not in str(combine_single_components(failures)[0])
 
 
 @pytest.mark.parametrize(

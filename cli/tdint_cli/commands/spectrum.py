@@ -141,9 +141,9 @@ def make_tables(request: TablesRequest, table_type: TableType) -> None:
     warn(*warnings)
     note(*filter(None, (*notes, last_note)))
     if failures:
-        from tdint.ground_motion.horizontals import told_once
+        from tdint.ground_motion.horizontals import combine_single_components
 
-        raise Failures(told_once(failures))
+        raise Failures(combine_single_components(failures))
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:

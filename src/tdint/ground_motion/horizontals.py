@@ -23,26 +23,43 @@ _AZIMUTH = re.compile(r"\d{1,3}")
 _QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
 _NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)
 _EAST = re.compile(r"E-?W\d?|([A-Z]{2})?E", re.IGNORECASE)
-_LEAST_AZIMUTH = 4  # degrees; 1, 2 and 3 are channel numbers
-_AXES = {"1": "2", "2": "1", "X": "Y", "Y": "X", "R": "T", "T": "R", "N": "P", "P": "N"}
-"""Last letters of names of perpendicular components; FN and FP are fault-normal and
-fault-parallel."""
+_MIN_AZIMUTH = 4  # degrees; the component names 1, 2 and 3 are channel numbers
+_PERPENDICULAR_AXES = {
+    "1": "2",
+    "2": "1",
+    "X": "Y",
+    "Y": "X",
+    "R": "T",
+    "T": "R",
+    "N": "P",
+    "P": "N",
+}
+"""Last characters of the names of two perpendicular components, for example HN1 and HN2, radial and
+transverse (R, T), fault-normal and fault-parallel (FN, FP)."""
 
-_SKEW = 5.0
-"""Degrees; permitted deviation of the components from a right angle."""
+_ANGLE_TOLERANCE = 5.0
+"""Maximum deviation of the angle between two components from a right angle, degrees."""
 
-_LONGER = 0.05
+_MAX_TRIMMED = 0.05
 """Maximum fraction of the longer component that is removed to obtain equal lengths."""
 
 
 class SingleHorizontal(RecordError):
-    """Error for a file with only one horizontal component."""
+    """Error for a file with only one horizontal component.
+
+    Attributes
+    ----------
+    file : str
+        File name.
+    component : str
+        Name of the component; empty if the file does not state it.
+    """
 
     def __init__(self, file: str, component: str) -> None:
         self.file, self.component = file, component
-        whose = component or "one"
+        name = component or "without a name"
         super().__init__(
-            f"{file}: the file has only one horizontal component, {whose}; also specify the "
+            f"{file}: the file has only one horizontal component, {name}; also specify the "
             "file of the other component"
         )
 
@@ -67,23 +84,29 @@ class Horizontals:
 
     @property
     def source(self) -> str:
-        """File, or both files joined by +."""
+        """File name, or the names of both files joined by +."""
         return "+".join(dict.fromkeys((self.first.source, self.second.source)))
 
     @property
     def component(self) -> str:
-        """Names of the components joined by +."""
+        """Names of the components joined by +; an unknown name is a question mark."""
         return f"{self.first.component or '?'}+{self.second.component or '?'}"
 
 
 def find_horizontals(records: Sequence[Record]) -> Horizontals:
-    """Return the two horizontal components of one ground motion.
+    """Select and validate the two horizontal components of one ground motion.
 
     Parameters
     ----------
     records : sequence of Record
         All components of a file, or of the files of one ground motion; vertical components are
         omitted.
+
+    Returns
+    -------
+    Horizontals
+        Components of equal length. If both names state directions, the second component is
+        clockwise from the first.
 
     Raises
     ------
@@ -93,44 +116,85 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         samples); or their lengths differ by more than 5 %.
     """
     source = "+".join(dict.fromkeys(record.source for record in records))
-    matches = [record for record in records if not is_vertical(record.component)]
-    if len(matches) == 1:
-        raise SingleHorizontal(source, matches[0].component)
-    if len(matches) != 2:
+    horizontals = [record for record in records if not is_vertical(record.component)]
+    if len(horizontals) == 1:
+        raise SingleHorizontal(source, horizontals[0].component)
+    if len(horizontals) != 2:
         names = (
-            ", ".join(record.component or record.id or record.source for record in matches)
+            ", ".join(record.component or record.id or record.source for record in horizontals)
             or "none"
         )
         raise RecordError(
             f"{source}: two horizontal components are required, but the source contains "
-            f"{len(matches)}: {names}"
+            f"{len(horizontals)}: {names}"
         )
-    first, second = matches
-    notes = []
+    first, second = horizontals
+    direction_notes = _check_directions(first, second, source)
+    _check_same_recording(first, second, source)
+    first, second, length_notes = _trimmed_to_equal_length(first, second, source)
 
-    # The components must be perpendicular by their azimuths or names. Unknown names are accepted
-    # with a note.
-    ahead, behind = azimuth(first.component), azimuth(second.component)
-    if not at_right_angles(first.component, second.component):
-        names = f"{first.component or 'one'} and {second.component or 'the other'}"
-        if ahead is not None and behind is not None:
-            angle = abs((behind - ahead + 90.0) % 180.0 - 90.0)
-            raise RecordError(
-                f"{source}: two components at right angles are required, but the directions "
-                f"{names} differ by {angle:.4g} degrees; select two other components"
-            )
-        if (
-            first.component.strip()
-            and first.component.strip().upper() == second.component.strip().upper()
-        ):
-            raise RecordError(f"{source}: both components are called {first.component}")
-        notes.append(
-            f"the names do not state directions: {names} are assumed to be two perpendicular "
-            "horizontal components"
+    # The components are exchanged if the second is counterclockwise from the first.
+    first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
+    if first_azimuth is not None and second_azimuth is not None:
+        is_counterclockwise = (second_azimuth - first_azimuth) % 360.0 > 180.0
+        if is_counterclockwise:
+            first, second = second, first
+    return Horizontals(first, second, (*direction_notes, *length_notes))
+
+
+def _check_directions(first: Record, second: Record, source: str) -> list[str]:
+    """Raise RecordError if the names of two components state that they are not perpendicular.
+
+    Names without directions, such as A and B, are accepted with a note.
+
+    Parameters
+    ----------
+    first, second : Record
+        Horizontal components.
+    source : str
+        Names of the files, for messages.
+
+    Returns
+    -------
+    list of str
+        Note about the assumption that the components are perpendicular; empty if the names state
+        it.
+    """
+    if at_right_angles(first.component, second.component):
+        return []
+    names = f"{first.component or 'one'} and {second.component or 'the other'}"
+    first_azimuth, second_azimuth = azimuth(first.component), azimuth(second.component)
+    if first_azimuth is not None and second_azimuth is not None:
+        # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
+        angle = abs((second_azimuth - first_azimuth + 90.0) % 180.0 - 90.0)
+        raise RecordError(
+            f"{source}: two components at right angles are required, but the directions "
+            f"{names} differ by {angle:.4g} degrees; select two other components"
         )
+    first_name, second_name = first.component.strip().upper(), second.component.strip().upper()
+    if first_name and first_name == second_name:
+        raise RecordError(f"{source}: both components are called {first.component}")
+    return [
+        f"the names do not state directions: {names} are assumed to be two perpendicular "
+        "horizontal components"
+    ]
 
-    # The components must have the same time step, station, event and start, but different samples.
+
+def _check_same_recording(first: Record, second: Record, source: str) -> None:
+    """Raise RecordError if two components are not from the same recording, or if they are the same
+    component.
+
+    The sampling interval, station, event and start must agree. The samples must differ.
+
+    Parameters
+    ----------
+    first, second : Record
+        Horizontal components.
+    source : str
+        Names of the files, for messages.
+    """
     _refuse_steps(first, second, source)
+    # Network and station are the first two codes of the id NET.STA.LOC.CHA.
     stations = [".".join(record.id.split(".")[:2]).strip(".") for record in (first, second)]
     if all(stations) and stations[0] != stations[1]:
         raise RecordError(
@@ -138,12 +202,12 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         )
     _refuse_events(first, second, source)
     if first.start and second.start:
-        late = (
+        delay = (
             datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)
         ).total_seconds()
-        if abs(late) > 0.5 * first.dt:
+        if abs(delay) > 0.5 * first.dt:
             raise RecordError(
-                f"{source}: the components start {abs(late):.6g} s apart; trim both to the same "
+                f"{source}: the components start {abs(delay):.6g} s apart; trim both to the same "
                 "start first"
             )
     if (
@@ -154,15 +218,10 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
             f"{source}: both components are identical; select two different components"
         )
 
-    # Order the components so that the second is clockwise from the first.
-    first, second, cut = _of_equal_length(first, second, source)
-    if ahead is not None and behind is not None and (behind - ahead) % 360.0 > 180.0:
-        first, second = second, first
-    return Horizontals(first, second, (*notes, *cut))
-
 
 def check_components(first: Record, second: Record) -> None:
-    """Refuse two components that are one recording by their names, but not by their contents.
+    """Raise RecordError if two components, which are a pair by their file names, are not from the
+    same recording.
 
     Parameters
     ----------
@@ -181,7 +240,7 @@ def check_components(first: Record, second: Record) -> None:
 
 
 def _refuse_steps(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if the sampling intervals of two components are different.
+    """Raise RecordError if the sampling intervals of two components differ by more than rounding.
 
     Parameters
     ----------
@@ -198,7 +257,9 @@ def _refuse_steps(first: Record, second: Record, source: str) -> None:
 
 
 def _refuse_events(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if two components are of different events.
+    """Raise RecordError if the files of two components name different earthquakes.
+
+    A file without the name of an earthquake is accepted.
 
     Parameters
     ----------
@@ -215,7 +276,7 @@ def _refuse_events(first: Record, second: Record, source: str) -> None:
 
 
 def _refuse_lengths(first: Record, second: Record, source: str) -> None:
-    """Raise RecordError if two components differ in length by more than a few samples.
+    """Raise RecordError if the lengths of two components differ by more than 5 %.
 
     Parameters
     ----------
@@ -225,7 +286,7 @@ def _refuse_lengths(first: Record, second: Record, source: str) -> None:
         Names of the files, for messages.
     """
     sizes = first.acceleration.size, second.acceleration.size
-    if abs(sizes[0] - sizes[1]) > _LONGER * max(sizes):
+    if abs(sizes[0] - sizes[1]) > _MAX_TRIMMED * max(sizes):
         raise RecordError(
             f"{source}: the components have {sizes[0]} and {sizes[1]} samples; trim them to "
             "equal length"
@@ -238,15 +299,34 @@ def is_vertical(component: str) -> bool:
 
 
 def azimuth(component: str) -> float | None:
-    """Return the azimuth in a component name (067, N23E, EW, HNE), degrees clockwise from north;
-    None if the name states no direction."""
+    """Return the azimuth that a component name states, degrees clockwise from north.
+
+    Recognized are degrees (067), quadrants (N23E is 23, S10W is 190), and names of north and east
+    (NS, HNN, EW, HNE).
+
+    Parameters
+    ----------
+    component : str
+        Name of the component.
+
+    Returns
+    -------
+    float or None
+        Azimuth from 0 to 360; a number above 360 is returned unchanged. None if the name states no
+        direction.
+    """
     name = component.strip()
     if _AZIMUTH.fullmatch(name):
-        return float(name) if int(name) >= _LEAST_AZIMUTH or name in ("0", "00", "000") else None
+        # The numbers 1 to 3 are channel numbers, not directions.
+        is_direction = int(name) >= _MIN_AZIMUTH or name in ("0", "00", "000")
+        return float(name) if is_direction else None
     if match := _QUADRANT.fullmatch(name):
+        # The angle is measured from north or south towards east or west.
         angle = float(match[2]) * (1.0 if match[3].upper() == "E" else -1.0)
         return angle % 360.0 if match[1].upper() == "N" else (180.0 - angle) % 360.0
-    return 0.0 if _NORTH.fullmatch(name) else 90.0 if _EAST.fullmatch(name) else None
+    if _NORTH.fullmatch(name):
+        return 0.0
+    return 90.0 if _EAST.fullmatch(name) else None
 
 
 def at_right_angles(component: str, other: str) -> bool:
@@ -254,24 +334,40 @@ def at_right_angles(component: str, other: str) -> bool:
     a pair such as HN1 and HN2 or X and Y."""
     first, second = azimuth(component), azimuth(other)
     if first is not None and second is not None:
-        return abs(abs((second - first + 90.0) % 180.0 - 90.0) - 90.0) <= _SKEW
-    code, partner = component.strip().upper(), other.strip().upper()
+        # Opposite directions are parallel, so the angle is between 0 and 90 degrees.
+        angle = abs((second - first + 90.0) % 180.0 - 90.0)
+        return abs(angle - 90.0) <= _ANGLE_TOLERANCE
+    name, other_name = component.strip().upper(), other.strip().upper()
     return (
-        bool(code and partner) and code[:-1] == partner[:-1] and _AXES.get(code[-1]) == partner[-1]
+        bool(name and other_name)
+        and name[:-1] == other_name[:-1]
+        and _PERPENDICULAR_AXES.get(name[-1]) == other_name[-1]
     )
 
 
-def _of_equal_length(
+def _trimmed_to_equal_length(
     first: Record, second: Record, source: str
 ) -> tuple[Record, Record, list[str]]:
-    """Remove the excess samples at the end of the longer component; also return a note.
+    """Remove the excess samples at the end of the longer component.
 
     Parameters
     ----------
     first, second : Record
-        Components.
+        Components with the same sampling interval and start.
     source : str
         File names, for messages.
+
+    Returns
+    -------
+    first, second : Record
+        Components of equal length.
+    notes : list of str
+        Note with the number of removed samples; empty if the lengths were equal.
+
+    Raises
+    ------
+    RecordError
+        The lengths differ by more than 5 %.
     """
     sizes = first.acceleration.size, second.acceleration.size
     if sizes[0] == sizes[1]:
@@ -282,15 +378,12 @@ def _of_equal_length(
     first, second = (
         replace(record, acceleration=record.acceleration[:size]) for record in (first, second)
     )
-    lost = "last sample" if excess == 1 else f"last {excess} samples"
-    return (
-        first,
-        second,
-        [
-            f"{lost} of {longer.component or longer.source} omitted, because the other "
-            "component is shorter"
-        ],
+    removed_samples = "last sample" if excess == 1 else f"last {excess} samples"
+    note = (
+        f"{removed_samples} of {longer.component or longer.source} omitted, because the other "
+        "component is shorter"
     )
+    return first, second, [note]
 
 
 # ---- Grouping of files into pairs of horizontal components, by usual or user-specified names
@@ -312,15 +405,23 @@ component (R001.csv), so this pattern counts only for two files at right angles.
 
 Failure = TypeVar("Failure", bound=TdintError)
 
-_MARK = "{}"  # placeholder for the common part of two file names
-_LONGEST = 5  # characters; maximum different part of the names of two components
-_SHOWN = 4  # maximum number of files in a message
+_PLACEHOLDER = "{}"  # represents the common part of two file names in a pattern
+_MAX_DIFFERENCE = 5
+"""Maximum number of different characters in the file names of two components of a pair."""
+
+_MAX_LISTED_FILES = 4  # maximum number of files that a message lists
 
 
 @dataclass(frozen=True)
 class PairNames:
-    """File names of pairs: `first` and `second` with {} for the common part; if both are empty, the
-    usual names are recognized."""
+    """Patterns of the file names of the two components of a ground motion.
+
+    Attributes
+    ----------
+    first, second : str
+        Pattern of each component, with {} for the part that is common to both names. If both are
+        empty, usual names are recognized.
+    """
 
     first: str = ""
     second: str = ""
@@ -335,7 +436,8 @@ class PairNames:
             The text does not contain two different names with exactly one {} in each.
         """
         parts = [part.strip() for part in text.split(",")]
-        if len(parts) != 2 or parts[0] == parts[1] or any(part.count(_MARK) != 1 for part in parts):
+        are_patterns = all(part.count(_PLACEHOLDER) == 1 for part in parts)
+        if len(parts) != 2 or parts[0] == parts[1] or not are_patterns:
             raise UsageError(
                 f"{text!r}: must be two file name patterns with {{}} for the common part, such as "
                 f"{{}}_N.AT2,{{}}_E.AT2"
@@ -346,14 +448,15 @@ class PairNames:
         """Return the name of the ground motion of a file, with {} instead of the component; empty
         if the file matches neither name."""
         if self == ONE_MOTION:
-            return _MARK
+            return _PLACEHOLDER
         path = Path(file).as_posix()
-        for name in (self.first, self.second):
-            before, _, after = name.partition(_MARK)
-            if match := re.fullmatch(
-                f"((?:.*/)?){re.escape(before)}([^/]+){re.escape(after)}", path
-            ):
-                return f"{match[1]}{match[2]}{_MARK}"
+        for pattern in (self.first, self.second):
+            before, _, after = pattern.partition(_PLACEHOLDER)
+            # The first group is the directory, the second group the common part of the names.
+            expression = f"((?:.*/)?){re.escape(before)}([^/]+){re.escape(after)}"
+            if match := re.fullmatch(expression, path):
+                directory, common_part = match[1], match[2]
+                return f"{directory}{common_part}{_PLACEHOLDER}"
         return ""
 
 
@@ -365,52 +468,78 @@ ONE_MOTION = PairNames("{}", "{}")
 
 
 def motion_name(file: str) -> str:
-    """Return the name of a file without its component: equal for the files of one motion.
+    """Return the name of a file with a question mark instead of its component, which is equal for
+    the files of one ground motion.
 
     Recognized are the endings of K-NET (.EW, .NS2), of PEER AT2 files (067.AT2, -UP.AT2), channel
     codes (HNE), and before the suffix _N and _E, _NS and _EW, -H1 and -H2, _X and _Y, _FN and _FP,
     with the corresponding vertical components. `motion_names` also recognizes directions in degrees
     in other formats, for which it needs the names of all files.
     """
-    return _name_without(file, _component(Path(file).name))
+    return _replace_component(file, _find_component(Path(file).name))
 
 
 def motion_names(files: Sequence[str]) -> list[str]:
-    """Return the motion that each file belongs to: equal for the files of one motion.
+    """Return the name of the ground motion of each file, which is equal for the files of one ground
+    motion.
 
     Recognized are the names of `motion_name`, and two files that differ only in a direction at
     their end (GIL-067.mseed and GIL-337.mseed, x_S16W.csv and x_S74E.csv), if the two directions
     are at right angles and no third file is named in the same way.
+
+    Parameters
+    ----------
+    files : sequence of str
+        File names.
+
+    Returns
+    -------
+    list of str
+        Name for each file, with a question mark instead of the component; the file name itself if
+        no component was recognized.
     """
     names = [motion_name(file) for file in files]
 
-    # Files without a recognized component, by their names without the direction.
-    groups: dict[str, list[tuple[int, str]]] = {}
-    for place, (file, name) in enumerate(zip(files, names, strict=True)):
-        match = _DIRECTION.search(Path(file).name) if name == file else None
+    # Files without a recognized component are grouped by their names without the direction.
+    groups: dict[str, list[tuple[int, str]]] = {}  # (index in files, direction) of each file
+    for index, (file, name) in enumerate(zip(files, names, strict=True)):
+        has_component = name != file
+        match = None if has_component else _DIRECTION.search(Path(file).name)
         if match:
-            key = _name_without(file, match)
-            groups.setdefault(key, []).append((place, match["component"]))
+            group_name = _replace_component(file, match)
+            groups.setdefault(group_name, []).append((index, match["component"]))
 
-    # The same file may be listed more than once (a record with several rows in a table).
-    for key, members in groups.items():
+    # Directions are compared without repetition, because a file may be listed more than once (a
+    # record with several rows in a table).
+    for group_name, members in groups.items():
         directions = sorted({direction.upper() for _, direction in members})
         if len(directions) == 2 and at_right_angles(*directions):
-            for place, _ in members:
-                names[place] = key
+            for index, _ in members:
+                names[index] = group_name
     return names
 
 
-def _name_without(file: str, match: re.Match[str] | None) -> str:
-    """Return a file name in which a question mark replaces the component that was found."""
+def _replace_component(file: str, match: re.Match[str] | None) -> str:
+    """Return a file name in which a question mark replaces the component.
+
+    Parameters
+    ----------
+    file : str
+        File name, with or without directories.
+    match : re.Match or None
+        Match of one of the patterns of this module in the last part of the file name. Its group
+        `component` is replaced. None leaves the name unchanged.
+    """
     if not match:
         return file
     path = Path(file)
     start, end = match.span("component")
     before = path.name[:start]
+    # The separator before a direction is optional, so that it does not distinguish ground motions.
     name = before.rstrip("-_") if match.re in (_PEER, _DIRECTION) else before
-    channel = match["component"][:2] if match.re is _SEED else ""
-    return str(path.with_name(f"{name}{channel}?{path.name[end:]}"))
+    # The first two letters of a channel code (HN of HNE) identify the instrument, and are kept.
+    instrument = match["component"][:2] if match.re is _SEED else ""
+    return str(path.with_name(f"{name}{instrument}?{path.name[end:]}"))
 
 
 def files_of_motions(
@@ -439,14 +568,14 @@ def files_of_motions(
     """
     motions: dict[str, list[str]] = {}
     if names == USUAL:
-        named = motion_names(files)
+        motion_of_file = motion_names(files)
     else:
-        named = [file if file == STDIN else names.motion(file) for file in files]
-    for file, name in zip(files, named, strict=True):
-        motions.setdefault(name, []).append(file)
-    others = motions.pop("", [])
+        motion_of_file = [file if file == STDIN else names.motion(file) for file in files]
+    for file, motion in zip(files, motion_of_file, strict=True):
+        motions.setdefault(motion, []).append(file)
+    others = motions.pop("", [])  # the motion name of a file that matches no pattern is empty
     if files and not motions:
-        listed = abbreviate(others, _SHOWN)
+        listed = abbreviate(others, _MAX_LISTED_FILES)
         raise UsageError(
             f"no file name matches {names.first} or {names.second}; the files are {listed}"
         )
@@ -454,33 +583,51 @@ def files_of_motions(
 
 
 def with_component(record: Record, *, in_degrees: bool = False) -> Record:
-    """Return a record with the component in its file name, if its file states none.
+    """Return a record with the component that its file name states, if the record has no component.
 
-    `in_degrees` also accepts a direction in degrees at the end of the name, for files that
-    `motion_names` has recognized as a pair by their directions.
+    Parameters
+    ----------
+    record : Record
+        Ground motion record.
+    in_degrees : bool
+        True to accept also a direction in degrees at the end of the file name, for files that
+        `motion_names` has recognized as a pair by their directions. The default is False.
     """
     name = Path(record.source).name
-    match = None if record.component.strip() else _component(name)
+    match = None if record.component.strip() else _find_component(name)
     if in_degrees and not match and not record.component.strip():
         match = _DIRECTION.search(name)
     return replace(record, component=match["component"].upper()) if match else record
 
 
-def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
-    """Combine the errors of files with a single horizontal component into one error, which suggests
-    names of pairs."""
+def combine_single_components(failures: Sequence[Failure]) -> list[Failure | RecordError]:
+    """Combine the errors of all files with a single horizontal component into one error.
+
+    The combined error suggests file name patterns if the names of the files are similar.
+
+    Parameters
+    ----------
+    failures : sequence of TdintError
+        Errors of the files that could not be read as pairs.
+
+    Returns
+    -------
+    list of TdintError
+        Other errors in the same order, then the combined error. Fewer than two errors of single
+        components are not combined.
+    """
     single = [failure for failure in failures if isinstance(failure, SingleHorizontal)]
     if len(single) < 2:
         return list(failures)
     files = [failure.file for failure in single]
-    listed = abbreviate(files, _SHOWN)
+    listed = abbreviate(files, _MAX_LISTED_FILES)
     text = (
         f"{len(files)} files contain a single horizontal component without a matching second "
         f"component: {listed}"
     )
-    close = Counter(_nearly(files)).most_common(1)
-    if close:
-        first, second = close[0][0]
+    most_common = Counter(_suggested_patterns(files)).most_common(1)
+    if most_common:
+        (first, second), _count = most_common[0]
         text += (
             f"; if these are pairs, specify their file names: --pairs '{first},{second}' "
             "(`pairs` of a campaign)"
@@ -488,40 +635,56 @@ def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
     return [*(failure for failure in failures if failure not in single), RecordError(text)]
 
 
-def _component(name: str) -> re.Match[str] | None:
-    """Return the match of the component in a file name; None if no pattern matches."""
-    return next(
-        (match for kind in (_KNET, _PEER, _SEED, _ENDING) if (match := kind.search(name))), None
-    )
+def _find_component(name: str) -> re.Match[str] | None:
+    """Return the match of the component in a file name without directories, in its group
+    `component`; None if no pattern matches."""
+    patterns = (_KNET, _PEER, _SEED, _ENDING)
+    return next((match for pattern in patterns if (match := pattern.search(name))), None)
 
 
-def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:
-    """Return names of pairs, in the form of `PairNames`, that match two of the files each."""
-    names = sorted(Path(file).name for file in files)
+def _suggested_patterns(files: Sequence[str]) -> list[tuple[str, str]]:
+    """Return pairs of file name patterns that could identify the components of one ground motion.
+
+    Parameters
+    ----------
+    files : sequence of str
+        File names; directories are ignored.
+
+    Returns
+    -------
+    list of tuple of two str
+        Patterns in the form of `PairNames`. Each pair matches two files whose names differ in a few
+        characters. A pair is repeated for each two files that it matches.
+    """
+    # Names with a common start are neighbors in alphabetical order. Names with a common end are
+    # neighbors in the order of the reversed names.
+    by_start = sorted(Path(file).name for file in files)
+    by_end = sorted(by_start, key=lambda name: name[::-1])
     patterns: list[tuple[str, str]] = []
-    for first, other in map(
-        sorted, [*pairwise(names), *pairwise(sorted(names, key=lambda name: name[::-1]))]
-    ):
-        head = _shared(first, other)
-        tail = min(_shared(first[::-1], other[::-1]), len(first) - head, len(other) - head)
-        while head and all(text[head - 1 : head + 1].isdigit() for text in (first, other)):
-            head -= 1  # 000 and 090 are compared as numbers, not by digits
-        if max(len(first), len(other)) - head - tail > _LONGEST:
+    for first, other in map(sorted, [*pairwise(by_start), *pairwise(by_end)]):
+        # Lengths of the common start and of the common end, which must not overlap.
+        start = _common_start(first, other)
+        end = min(_common_start(first[::-1], other[::-1]), len(first) - start, len(other) - start)
+        # A number is not divided: 000 and 090 are different components, not {}00 and {}90.
+        while start and all(text[start - 1 : start + 1].isdigit() for text in (first, other)):
+            start -= 1
+        if max(len(first), len(other)) - start - end > _MAX_DIFFERENCE:
             continue
-        if head:
-            patterns.append((_MARK + first[head:], _MARK + other[head:]))
-        elif tail > len(suffix := Path(first).suffix):
+        suffix = Path(first).suffix
+        if start:
+            patterns.append((_PLACEHOLDER + first[start:], _PLACEHOLDER + other[start:]))
+        elif end > len(suffix):
             patterns.append(
                 (
-                    f"{first[: len(first) - tail]}{_MARK}{suffix}",
-                    f"{other[: len(other) - tail]}{_MARK}{suffix}",
+                    f"{first[: len(first) - end]}{_PLACEHOLDER}{suffix}",
+                    f"{other[: len(other) - end]}{_PLACEHOLDER}{suffix}",
                 )
             )
     return patterns
 
 
-def _shared(text: str, other: str) -> int:
-    """Return the length of the common start of two texts.
+def _common_start(text: str, other: str) -> int:
+    """Return the number of characters that two texts have in common at their start.
 
     Parameters
     ----------

@@ -40,9 +40,9 @@ CHECKSUM = "checksum"
 SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
 """Minimum and maximum sampling interval of recorders of ground motion, s."""
 
-_NEAR = 0.01
-"""Fraction of a stated peak; a smaller difference is a warning instead of an error, because it may
-result from rounding or from a different offset."""
+_WARNING_DIFFERENCE = 0.01
+"""Fraction of a stated peak. A difference up to this fraction is a warning instead of an error,
+because it may result from rounding or from a different offset of the samples."""
 
 
 class Damaged(RecordError):
@@ -51,7 +51,8 @@ class Damaged(RecordError):
 
 @dataclass(frozen=True)
 class Statement:
-    """Number stated in a file and the same number computed from the data that were read.
+    """Number stated in the header of a file, and the same number computed from the data that were
+    read.
 
     Attributes
     ----------
@@ -84,6 +85,7 @@ class Statement:
         return abs(self.stated - self.found) - self.rounding
 
     def __str__(self) -> str:
+        """Return a message that the stated number and the computed number are different."""
         prefix = f"{self.where}: " if self.where else ""
         unit = f" {self.unit}" if self.unit else ""
         return (
@@ -93,9 +95,15 @@ class Statement:
 
 
 def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
-    """Compare the numbers stated in a file with the data that were read.
+    """Compare the numbers stated in the headers of a file with the data that were read.
 
-    Small differences of measured values are reported as warnings.
+    A difference that is explained by the rounding of the stated number is accepted. A small
+    difference of a number computed from the values of samples is reported as a warning.
+
+    Parameters
+    ----------
+    statements : iterable of Statement
+        Pairs of a stated number and a computed number.
 
     Returns
     -------
@@ -109,9 +117,11 @@ def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
     """
     compared: dict[str, None] = {}  # used as an ordered set
     for statement in statements:
-        if not statement.difference <= 0.0:
-            near = _NEAR * max(abs(statement.stated), abs(statement.found))
-            if not (statement.measured and isfinite(near) and statement.difference <= near):
+        is_equal = statement.difference <= 0.0  # False for nan
+        if not is_equal:
+            tolerance = _WARNING_DIFFERENCE * max(abs(statement.stated), abs(statement.found))
+            is_small = isfinite(tolerance) and statement.difference <= tolerance
+            if not (statement.measured and is_small):
                 raise RecordError(f"the file is corrupt, or its header is wrong: {statement}")
             warnings.warn(str(statement), stacklevel=2)
         compared[statement.what] = None
@@ -128,91 +138,114 @@ def check_step(dt: float) -> None:
 
 
 def last_place(number: str) -> float:
-    """Return the value of the last digit of a number in text form."""
+    """Return the unit of the last digit of a number in text form: 0.01 for 1.50, 100 for 1.2E3."""
     mantissa, _, exponent = number.upper().partition("E")
-    return float(f"1e{int(exponent or 0) - len(mantissa.partition('.')[2])}")
+    decimals = len(mantissa.partition(".")[2])
+    return float(f"1e{int(exponent or 0) - decimals}")
 
 
-# ---- Mseed
+# ---- MiniSEED
 
-_WORDS = 16
+_WORDS_PER_FRAME = 16  # words of 4 bytes in a frame of Steim compression
 _DIFFERENCES: dict[int, dict[tuple[int, int | None], int]] = {
     1: {(1, None): 4, (2, None): 2, (3, None): 1},
     2: {(1, None): 4, (2, 1): 1, (2, 2): 2, (2, 3): 3, (3, 0): 5, (3, 1): 6, (3, 2): 7},
 }
-"""Number of differences in a word for each version, by the code of the word and, if defined, the
-code in its first two bits."""
+"""Number of differences in a word of Steim compression (SEED manual, appendix B), by version (1 or
+2). The key is the code of the word, and the second code in the first two bits of the word; None if
+the word has no second code."""
 
 
 def most_samples(frames: bytes, version: int, order: str = ">") -> int:
-    """Return the number of differences in complete frames, according to the codes of their words.
+    """Return the number of samples that Steim frames contain, according to their codes.
+
+    Each sample is stored as the difference from the preceding sample. The number is the maximum
+    that a header can state, because the last words may be partly unused.
 
     Parameters
     ----------
     frames : bytes
-        Frames; an incomplete last frame is ignored.
+        Frames of 64 bytes; an incomplete last frame is ignored.
     version : int
         Version of the compression, 1 or 2.
     order : str
-        Byte order, > or <. Default >.
+        Byte order, > (big-endian, the default) or <.
     """
-    # Number of words in complete frames.
-    word_count = len(frames) // (4 * _WORDS) * _WORDS
+    frame_bytes = 4 * _WORDS_PER_FRAME
+    word_count = len(frames) // frame_bytes * _WORDS_PER_FRAME  # words in complete frames
     words = np.frombuffer(frames, f"{order}u4", word_count).astype(np.uint32)
-    # The codes of all words are in the first word of a frame. This word, the first sample and the
-    # last sample have no code.
-    codes = ((words[::_WORDS, None] >> np.arange(30, -2, -2, dtype=np.uint32)) & 3).astype(np.int64)
+    # The first word of a frame contains a code of two bits for each of the 16 words.
+    shifts = np.arange(30, -2, -2, dtype=np.uint32)
+    codes = ((words[::_WORDS_PER_FRAME, None] >> shifts) & 3).astype(np.int64)
+    # The word of the codes contains no differences, nor do the words of the first and the last
+    # sample, which follow it in the first frame.
     codes[:, 0] = 0
     codes = codes.reshape(-1)
     codes[1:3] = 0
-    inner = (words >> np.uint32(30)).astype(np.int64)
-    return sum(
-        count * int(np.sum((codes == code) & (inner == second if second is not None else True)))
-        for (code, second), count in _DIFFERENCES[version].items()
-    )
+    second_codes = (words >> np.uint32(30)).astype(np.int64)
+    total = 0
+    for (code, second_code), differences in _DIFFERENCES[version].items():
+        matches = codes == code
+        if second_code is not None:
+            matches &= second_codes == second_code
+        total += differences * int(np.sum(matches))
+    return total
 
 
-_FIXED_HEADER = 48
-_SHORTEST_RECORD = 128
-_LENGTH_EXPONENTS = range(7, 21)
-_YEARS = range(1900, 2101)
-_FILLED = re.compile(rb"[^ \0]")
-_TEXT, _STEIM = 0, {10: 1, 11: 2, 19: 1, 20: 2}
+_FIXED_HEADER = 48  # bytes of the fixed section of a data header
+_SHORTEST_RECORD = 128  # bytes
+_LENGTH_EXPONENTS = range(7, 21)  # exponents n of the permitted record lengths, 2^n bytes
+_YEARS = range(1900, 2101)  # plausible years, by which the byte order is determined
+_NOT_BLANK = re.compile(rb"[^ \0]")
+_TEXT = 0  # code of the encoding of records that contain text instead of samples
+_STEIM = {10: 1, 11: 2, 19: 1, 20: 2}
+"""Version of Steim compression by the code of the encoding."""
+
 _WIDTHS = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 12: 3, 13: 2, 14: 2, 16: 2, 30: 2, 32: 2, 33: 2}
 """Bytes per sample by the code of the encoding (SEED manual, blockette 1000), for encodings with a
 fixed width."""
 
 _HEADER = "6scc5s2s3s2sHHBBBxHHhhBBBBiHH"
+"""Fields of the fixed section of a data header, in the notation of the module `struct`."""
+
 _ACTUAL_RATE, _DATA_ONLY = 100, 1000
-_MISSPELT = 3
-"""Maximum number of different characters of two names that may be one corrupt name."""
+"""Types of blockettes: actual sampling rate; length, encoding and byte order of the record."""
 
-_SLIP, _JOINED = 0.1 * (1.0 - 1e-6), 0.5
-"""Fractions of a sampling interval: minimum break between two records that is reported, and maximum
-break at which libmseed joins the records."""
+_MAX_WRONG_CHARACTERS = 3
+"""Number of different characters up to which two channel codes may be the same code, one of them
+corrupt."""
 
-_TICK = 1.01e-4
-"""s; minimum break that is detectable, because header times are rounded to 0.1 ms."""
+_REPORTED_BREAK, _JOINED_BREAK = 0.1 * (1.0 - 1e-6), 0.5
+"""Fractions of a sampling interval: minimum gap or overlap of two records that is reported, and
+maximum gap or overlap at which libmseed joins the records."""
 
-_RATE_SLACK = 0.01
+_TIME_RESOLUTION = 1.01e-4
+"""Minimum detectable gap or overlap, s, because header times are rounded to 0.1 ms."""
+
+_MAX_RATE_CORRECTION = 0.01
 """Maximum relative correction of the nominal sampling rate by blockette 100."""
 
 
 @dataclass(frozen=True)
 class DataRecord:
-    """Header of a data record.
+    """Header of a data record of a MiniSEED file.
 
     Attributes
     ----------
     number : int
-        Position in the file, counted from 1.
+        Number of the record in the file, counted from 1.
     id : str
         Network, station, location and channel joined by dots.
     codes : bytes
         Station, location, channel and network as in the header, padded to fixed widths.
-    samples, encoding, length, data : int
-        Number of samples, code of their encoding, length of the record in bytes, and position of
-        the data in the record.
+    samples : int
+        Number of samples.
+    encoding : int
+        Code of the encoding of the samples (SEED manual, blockette 1000).
+    length : int
+        Length of the record, bytes.
+    data : int
+        Position of the samples in the record, bytes from its start.
     rate : float
         Samples per second; 0 for text.
     start : float
@@ -240,14 +273,26 @@ class DataRecord:
 
 
 def look_at_mseed(data: bytes) -> list[DataRecord]:
-    """Check all records of a file and return the data records.
+    """Check all records of a MiniSEED or SEED file, and return the headers of its data records.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+
+    Returns
+    -------
+    list of DataRecord
+        Headers in the order of the file.
 
     Raises
     ------
     Damaged
         A header contradicts itself, its record or the other records of its channel.
+    RecordError
+        A record has no blockette 1000.
     """
-    records = list(_walk(data))
+    records = list(_data_records(data))
     channels: dict[str, list[DataRecord]] = {}
     for record in records:
         if record.samples:
@@ -261,9 +306,8 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
     for name, members in channels.items():
         for other, others in channels.items():
             before, after = members[-1], others[0]
-            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) not in range(
-                1, _MISSPELT + 1
-            ):
+            wrong_characters = sum(a != b for a, b in zip(before.codes, after.codes, strict=True))
+            if not 1 <= wrong_characters <= _MAX_WRONG_CHARACTERS:
                 continue
             if (
                 before.rate
@@ -271,50 +315,48 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
                 and abs(after.start - before.end) < 0.5 / before.rate
             ):
                 raise Damaged(
-                    f"record {after.number} of {other} continues record {before.number} of {name}"
+                    f"record {after.number} of {other} continues record {before.number} of {name}: "
+                    "a channel code may be wrong"
                 )
     return records
 
 
 def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[Statement]:
-    """Return statements of the number of samples of each channel: the sum of the header counts and
-    the number that was read.
+    """Return the stated and the read number of samples of each channel of a MiniSEED file, and warn
+    about samples that may be missing.
 
-    A warning is given for records that libmseed joins although their times do not follow one
-    another by one sampling interval, and for data after the last sample.
+    A warning is given for small gaps and overlaps between records, which libmseed ignores, and for
+    data after the last sample of a channel.
+
+    Parameters
+    ----------
+    records : list of DataRecord
+        Headers of the data records of the file.
+    traces : list of obspy.Trace
+        Traces that were read from the file.
+
+    Returns
+    -------
+    list of Statement
+        For each channel, the sum of the sample counts in its headers and the number of samples in
+        its traces.
     """
     stated: Counter[str] = Counter()
     for record in records:
         if record.encoding != _TEXT and record.rate:
             stated[record.id] += record.samples
-    for record in {record.id: record for record in records if record.samples}.values():
-        if record.rest:  # In an earlier record, missing samples would cause a gap.
+    # Only the last record of a channel is checked for data after its samples: in an earlier record,
+    # missing samples would cause a gap.
+    last_records = {record.id: record for record in records if record.samples}
+    for record in last_records.values():
+        if record.rest:
             warnings.warn(
                 f"the last record of {record.id} states {record.samples} samples, but "
                 f"{record.rest} nonzero bytes follow them: samples may be missing",
                 stacklevel=2,
             )
     for name in stated:
-        members = sorted(
-            (block for block in records if block.id == name and block.rate),
-            key=lambda block: block.start,
-        )
-        slips = [
-            (after.start - before.end, after.number)
-            for before, after in pairwise(members)
-            if max(_SLIP / after.rate, _TICK)
-            <= abs(after.start - before.end)
-            <= _JOINED / after.rate + _TICK
-        ]
-        if slips:
-            worst, number = max(slips, key=lambda slip: abs(slip[0]))
-            gaps = "gap or overlap" if len(slips) == 1 else "gaps or overlaps"
-            warnings.warn(
-                f"{len(slips)} time {gaps} between the records of {name}, each at most half a "
-                f"sampling interval (largest: {1e3 * worst:+.3g} ms before record {number}, "
-                "negative for an overlap); the samples are joined at equal intervals",
-                stacklevel=2,
-            )
+        _warn_about_breaks(name, [record for record in records if record.id == name])
     counts: Counter[str] = Counter()
     for trace in traces:
         if trace.data.dtype.kind in "iuf":
@@ -324,17 +366,61 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
     ]
 
 
-def _walk(data: bytes) -> Iterator[DataRecord]:
-    """Yield the data records of a file and skip blank blocks and control headers."""
+def _warn_about_breaks(name: str, records: list[DataRecord]) -> None:
+    """Warn about small gaps and overlaps between the records of a channel, at which libmseed joins
+    the samples as if their times were continuous.
+
+    Parameters
+    ----------
+    name : str
+        Id of the channel, for the warning.
+    records : list of DataRecord
+        Records of the channel in any order; records without a sampling rate are ignored.
+    """
+    ordered = sorted((record for record in records if record.rate), key=lambda record: record.start)
+    breaks = []  # (length in s, negative for an overlap; number of the record after the break)
+    for before, after in pairwise(ordered):
+        length = after.start - before.end
+        min_reported = max(_REPORTED_BREAK / after.rate, _TIME_RESOLUTION)
+        max_joined = _JOINED_BREAK / after.rate + _TIME_RESOLUTION
+        if min_reported <= abs(length) <= max_joined:
+            breaks.append((length, after.number))
+    if breaks:
+        longest, number = max(breaks, key=lambda item: abs(item[0]))
+        gaps = "gap or overlap" if len(breaks) == 1 else "gaps or overlaps"
+        warnings.warn(
+            f"{len(breaks)} time {gaps} between the records of {name}, each at most half a "
+            f"sampling interval (largest: {1e3 * longest:+.3g} ms before record {number}, "
+            "negative for an overlap); the samples are joined at equal intervals",
+            stacklevel=3,
+        )
+
+
+def _data_records(data: bytes) -> Iterator[DataRecord]:
+    """Yield the headers of the data records of a MiniSEED or SEED file, in the order of the file.
+
+    Blank blocks and the control headers of a full SEED volume are skipped.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+
+    Raises
+    ------
+    Damaged
+        A record is incomplete, or a header contradicts itself or its record.
+    """
     offset, number, control_length = 0, 0, None
+    # A full SEED volume starts with a volume control header, which has the type V in its byte 6.
     is_volume = data[6:7] == b"V"
     while offset < len(data):
         header = data[offset : offset + _FIXED_HEADER]
         if not header.strip(b" \0"):
             # Continue with the next non-blank block in one step, because long parts may be blank.
-            filled = _FILLED.search(data, offset)
-            blank = (filled.start() if filled else len(data)) - offset
-            offset += max(blank // _SHORTEST_RECORD, 1) * _SHORTEST_RECORD
+            filled = _NOT_BLANK.search(data, offset)
+            blank_bytes = (filled.start() if filled else len(data)) - offset
+            offset += max(blank_bytes // _SHORTEST_RECORD, 1) * _SHORTEST_RECORD
             continue
         number += 1
         if len(header) < _FIXED_HEADER:
@@ -358,8 +444,22 @@ def _walk(data: bytes) -> Iterator[DataRecord]:
 
 
 def _control_length(data: bytes) -> int | None:
-    """Return the record length of a full SEED volume, bytes, from its first blockette, otherwise
-    from the position of the next header; None if unknown."""
+    """Return the record length of a full SEED volume, bytes.
+
+    It is stated in the first blockette of the volume. Otherwise, it is the position of the next
+    header.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file, which starts with a volume control header.
+
+    Returns
+    -------
+    int or None
+        Length; None if neither the blockette nor a second header is found.
+    """
+    # Blockettes 5, 8 and 10 state the length as an exponent of 2 in two digits.
     if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():
         exponent = int(data[19:21])
         return 2**exponent if exponent in _LENGTH_EXPONENTS else None
@@ -368,7 +468,8 @@ def _control_length(data: bytes) -> int | None:
 
 
 def _begins_record(header: bytes) -> bool:
-    """Return True if eight bytes are the start of a record."""
+    """Return True if eight bytes are the start of a record: six digits (the sequence number), a
+    letter for the type of the record, and a blank or a continuation mark."""
     return (
         len(header) == 8
         and header[:6].isdigit()
@@ -378,24 +479,31 @@ def _begins_record(header: bytes) -> bool:
 
 
 def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
-    """Read the header of a data record.
+    """Read the header of a data record, and check it against the bytes of the record.
 
     Parameters
     ----------
     data : bytes
         Content of the file.
     offset : int
-        Position of the record in the file.
+        Position of the record in the file, bytes.
     number : int
         Number of the record, counted from 1.
+
+    Returns
+    -------
+    DataRecord
+        Header of the record.
 
     Raises
     ------
     Damaged
-        The bytes are not a header, or the header contradicts itself.
+        The bytes are not a header, or the header contradicts itself or the record.
+    RecordError
+        The record has no blockette 1000.
     """
-    # The byte order is stated only in blockette 1000. Before that, it is chosen so that the year is
-    # valid.
+    # The byte order is stated only in blockette 1000, which cannot be found without the byte order.
+    # The order in which the year is valid is therefore used.
     order = ">" if int.from_bytes(data[offset + 20 : offset + 22], "big") in _YEARS else "<"
     fields = struct.unpack_from(order + _HEADER, data, offset)
     sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = (
@@ -422,15 +530,10 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     if samples and encoding != _TEXT and (order == ">") != (big == 1):
         raise Damaged(f"{where}: its header and its blockette 1000 have different byte orders")
 
-    # The sampling rate is the product of two numbers; a negative number is a divisor (SEED manual,
-    # fields 10 and 11).
-    rate = 0.0
-    if factor and multiplier:
-        rate = float(factor) if factor > 0 else -1.0 / factor
-        rate = rate * multiplier if multiplier > 0 else -rate / multiplier
+    rate = _nominal_rate(factor, multiplier)
     if _ACTUAL_RATE in chain:
         (actual,) = struct.unpack_from(order + "f", data, chain[_ACTUAL_RATE] + 4)
-        if not abs(actual - rate) <= _RATE_SLACK * rate:
+        if not abs(actual - rate) <= _MAX_RATE_CORRECTION * rate:
             raise Damaged(f"{where}: its header states {rate:g} and {actual:g} samples a second")
         rate = float(actual)
     names = (part.decode("latin-1").strip(" \0") for part in (network, station, location, channel))
@@ -446,16 +549,52 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
             f"{where}: its header states {record.length} bytes, but another record begins after "
             f"{inner}"
         )
-    ends = max(chain.values()) - offset + 8
+    headers_end = max(chain.values()) - offset + 8  # bytes; a blockette has at least 8
     content = data[offset : offset + record.length]
-    _check_room(record, content, ends, big == 1)
-    used = record.data + record.samples * _WIDTHS.get(record.encoding, record.length)
-    return replace(record, rest=len(content[used:].rstrip(b"\0")) if record.samples else 0)
+    _check_space(record, content, headers_end, big == 1)
+    # For an encoding without a fixed width, the end of the samples is unknown, and the end of the
+    # record is used instead.
+    samples_end = record.data + record.samples * _WIDTHS.get(record.encoding, record.length)
+    bytes_after_samples = len(content[samples_end:].rstrip(b"\0")) if record.samples else 0
+    return replace(record, rest=bytes_after_samples)
+
+
+def _nominal_rate(factor: int, multiplier: int) -> float:
+    """Return the sampling rate that the fixed section of a header states, samples per second.
+
+    The rate is the product of two numbers. A negative number is a divisor (SEED manual, fields 10
+    and 11). The rate is 0 if a number is 0, as in records that contain text.
+
+    Parameters
+    ----------
+    factor, multiplier : int
+        Sampling rate factor and sampling rate multiplier.
+    """
+    if not (factor and multiplier):
+        return 0.0
+    rate = float(factor) if factor > 0 else -1.0 / factor
+    return rate * multiplier if multiplier > 0 else -rate / multiplier
 
 
 def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
-    """Return the position in a record at which another record of the same channel starts, which
-    shows that the length is wrong; None if there is no such position."""
+    """Return the position in a record at which another record of the same channel starts, bytes.
+
+    Such a position shows that the stated length of the record is too large.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    record : DataRecord
+        Header of the record.
+    offset : int
+        Position of the record in the file, bytes.
+
+    Returns
+    -------
+    int or None
+        Position, a power of 2; None if there is no inner record.
+    """
     for exponent in range(_LENGTH_EXPONENTS.start, record.length.bit_length() - 1):
         position = offset + 2**exponent
         if (
@@ -467,7 +606,7 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
 
 
 def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) -> dict[int, int]:
-    """Return the positions in the file of the blockettes of a record, by type.
+    """Find the blockettes (additional headers) of a record, which form a linked list.
 
     Parameters
     ----------
@@ -481,6 +620,16 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
         Byte order, > or <.
     where : str
         Name of the record in error messages.
+
+    Returns
+    -------
+    dict of int to int
+        Position of each blockette in the file, bytes, by its type (such as 1000).
+
+    Raises
+    ------
+    Damaged
+        A position is outside the file or not after the preceding blockette.
     """
     chain: dict[int, int] = {}
     position, last_position = first, _FIXED_HEADER - 1
@@ -495,8 +644,8 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
     return chain
 
 
-def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool) -> None:
-    """Raise Damaged if a record has not enough space for its samples after its headers.
+def _check_space(record: DataRecord, content: bytes, headers_end: int, is_big_endian: bool) -> None:
+    """Raise Damaged if a record does not have enough space for its samples after its headers.
 
     Parameters
     ----------
@@ -505,8 +654,8 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
     content : bytes
         Bytes of the record.
     headers_end : int
-        End of the last blockette in the record.
-    big : bool
+        Minimum position of the end of the last blockette, bytes from the start of the record.
+    is_big_endian : bool
         True if the data have big-endian byte order.
     """
     if not record.samples or record.encoding == _TEXT:
@@ -517,25 +666,26 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
             f"{where}: its header places the data at byte {record.data}; its blockettes end at "
             f"{headers_end}, and the record at {record.length}"
         )
-    room = record.length - record.data
     if record.encoding in _STEIM:
         if record.data % 64:
             raise Damaged(
                 f"{where}: compressed data must start at a multiple of 64 bytes, but its header "
                 f"states byte {record.data}"
             )
-        most = most_samples(content[record.data :], _STEIM[record.encoding], ">" if big else "<")
+        byte_order = ">" if is_big_endian else "<"
+        version = _STEIM[record.encoding]
+        max_samples = most_samples(content[record.data :], version, byte_order)
     elif record.encoding in _WIDTHS:
         if _WIDTHS[record.encoding] % 4 == 0 and record.data % 4:
             raise Damaged(
                 f"{where}: data must start at a multiple of 4 bytes, but its header states byte "
                 f"{record.data}"
             )
-        most = room // _WIDTHS[record.encoding]
+        max_samples = (record.length - record.data) // _WIDTHS[record.encoding]
     else:
-        return
-    if record.samples > most:
+        return  # The number of samples of an unknown encoding cannot be checked.
+    if record.samples > max_samples:
         raise Damaged(
             f"{where}: its header states {record.samples} samples, but the record has space for "
-            f"{most}"
+            f"{max_samples}"
         )

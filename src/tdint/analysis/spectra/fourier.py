@@ -20,8 +20,11 @@ BANDWIDTH = 40.0
 """Default bandwidth of the window, as in Geopsy and ObsPy. The weight is one half at a distance of
 6 % of the frequency, and zero at 20 %."""
 
-_BOUNDS = (1.0, 1000.0)  # allowed bandwidths; smaller ones average over more than a decade
-_FREQUENCIES = 300
+_BANDWIDTH_RANGE = (1.0, 1000.0)
+"""Allowed bandwidths, dimensionless. Smaller bandwidths average over more than a decade of
+frequencies."""
+
+_MAX_FREQUENCIES = 300
 """Maximum number of frequencies of a smoothed spectrum. Over four decades they are 3 % apart, which
 is half the distance to half the weight for b = 40."""
 
@@ -35,12 +38,13 @@ class FourierSpectrum(Tabular):
     record : Record
         The ground motion.
     frequencies : ndarray, shape (k,)
-        Frequencies of the transform without zero, Hz. A smoothed spectrum contains only those
-        nearest to a geometric sequence.
+        Frequencies of the discrete Fourier transform without zero, Hz. A smoothed spectrum contains
+        only the frequencies that are nearest to a geometric sequence.
     amplitude : ndarray, shape (k,)
-        dt |sum of a_j exp(-2 pi i f j dt)|, m/s, of the samples without taper or zero padding.
+        Amplitudes dt |sum of a_j exp(-2 pi i f j dt)|, m/s, of the samples a_j without taper or
+        zero padding; smoothed if `bandwidth` is not nan.
     bandwidth : float
-        Bandwidth of the smoothing; nan without smoothing.
+        Bandwidth b of the smoothing, dimensionless; nan without smoothing.
     """
 
     record: Record
@@ -80,6 +84,8 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     Returns
     -------
     FourierSpectrum
+        Amplitudes from the frequency interval 1 / (samples dt) to the Nyquist frequency. With
+        smoothing, there are at most 300 frequencies.
 
     Raises
     ------
@@ -87,11 +93,13 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
         The bandwidth is not between 1 and 1000.
     """
     record = record_of(record)
-    if smoothing is not None and not _BOUNDS[0] <= smoothing <= _BOUNDS[1]:
+    min_bandwidth, max_bandwidth = _BANDWIDTH_RANGE
+    if smoothing is not None and not min_bandwidth <= smoothing <= max_bandwidth:
         raise UsageError(
-            f"smoothing: the bandwidth must be from {_BOUNDS[0]:g} to {_BOUNDS[1]:g}, got "
+            f"smoothing: the bandwidth must be from {min_bandwidth:g} to {max_bandwidth:g}, got "
             f"{smoothing!r:.40}"
         )
+    # The amplitude at frequency zero is omitted, because it has no place on a logarithmic axis.
     amplitude = record.dt * np.abs(np.fft.rfft(record.acceleration))[1:]
     size = record.acceleration.size
     frequencies: Array = np.arange(1, size // 2 + 1) / (size * record.dt)
@@ -100,10 +108,13 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     # ObsPy's smoothing is not used, because it evaluates the window at every frequency of the
     # transform, which takes much more time or a large matrix, and because its window is not
     # normalized by default.
-    centers = np.unique(np.rint(np.geomspace(1, frequencies.size, _FREQUENCIES)).astype(int)) - 1
-    logarithms = smoothing * np.log10(frequencies)
-    smooth = np.empty(centers.size)
+    sequence = np.geomspace(1, frequencies.size, _MAX_FREQUENCIES)
+    centers = np.unique(np.rint(sequence).astype(int)) - 1  # indices of frequencies, from 0
+    scaled_logarithms = smoothing * np.log10(frequencies)
+    smoothed = np.empty(centers.size)
     for i, center in enumerate(centers):
-        weights = np.sinc((logarithms - logarithms[center]) / math.pi) ** 4
-        smooth[i] = weights @ amplitude / np.sum(weights)
-    return FourierSpectrum(record, smoothing, frequencies[centers], smooth)
+        x = scaled_logarithms - scaled_logarithms[center]
+        # np.sinc contains the factor pi, so that this is (sin x / x)^4.
+        weights = np.sinc(x / math.pi) ** 4
+        smoothed[i] = weights @ amplitude / np.sum(weights)
+    return FourierSpectrum(record, smoothing, frequencies[centers], smoothed)

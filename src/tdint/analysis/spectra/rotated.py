@@ -40,16 +40,19 @@ class RotatedSpectrum(Tabular):
     periods : ndarray, shape (k,)
         Periods, s.
     percentiles : tuple of int
-        The percentiles that were asked for.
+        Requested percentiles.
     psa : ndarray, shape (len(percentiles), k)
         RotDnn: percentiles of the pseudo-accelerations (m/s^2) in 180 directions one degree apart.
     geometric_mean : ndarray, shape (k,)
-        Geometric mean of the pseudo-accelerations of the two components as they are, m/s^2.
+        Geometric mean of the pseudo-accelerations of the two components without rotation, m/s^2.
     angle : ndarray, shape (k,)
-        Direction of the largest pseudo-acceleration, degrees from the first component towards the
-        second, below 180.
-    maxima, interpolation : str
-        As for `tdint.analysis.spectra.elastic.Spectrum`.
+        Direction of the maximum pseudo-acceleration, degrees from the first component towards the
+        second component, less than 180.
+    maxima : str
+        Method by which the maximum of each oscillator was determined, as in
+        `tdint.analysis.spectra.elastic.Spectrum`.
+    interpolation : str
+        Interpolation of the acceleration between samples, as in `Spectrum`.
     """
 
     motion: Horizontals
@@ -90,10 +93,16 @@ def rotated_spectrum(
     ----------
     motion : Horizontals or sequence of two Records
         Two components at right angles.
+    periods : ndarray, shape (k,)
+        Periods, s; 0 gives the peak ground acceleration.
+    damping : float or str, default 0.05
+        Damping ratio.
     percentiles : sequence of int
-        From 0 to 100.
-    periods, damping, maxima, interpolation
-        As for `tdint.analysis.spectra.elastic.spectrum`.
+        Percentiles over the directions, from 0 to 100. The default is the minimum, the median and
+        the maximum.
+    maxima, interpolation : str, optional
+        Determination of the maximum of each oscillator, and interpolation of the acceleration
+        between samples, with the values and defaults of `tdint.analysis.spectra.elastic.spectrum`.
 
     Returns
     -------
@@ -103,9 +112,9 @@ def rotated_spectrum(
     Raises
     ------
     UsageError
-        As there; percentiles out of range.
+        A parameter is invalid, for example a percentile below 0 or above 100.
     AnalysisError
-        A period is too short for the record.
+        A period is too short for the sampling interval of the record.
     """
     if not percentiles or not all(0 <= percentile <= 100 for percentile in percentiles):
         raise UsageError(
@@ -115,19 +124,22 @@ def rotated_spectrum(
     damping = damping_of(damping)
     periods = checked_periods(periods)
     settings = choose_settings(None, maxima, interpolation)
-    positive = periods > 0.0
+    is_positive = periods > 0.0
     psa = np.empty((periods.size, rotation.ANGLES))
-    if np.any(positive):
+    if np.any(is_positive):
         check_shortest(periods, motion.first.dt, SHORTEST, OR_ZERO)
-        omega = 2.0 * math.pi / periods[positive]
-        psa[positive] = omega[:, None] ** 2 * _displacements(motion, omega, damping, settings)
-    if not np.all(positive):
-        # A rigid oscillator has the peak ground acceleration in each direction.
+        omega = 2.0 * math.pi / periods[is_positive]
+        displacements = _directional_displacements(motion, omega, damping, settings)
+        psa[is_positive] = omega[:, None] ** 2 * displacements
+    if not np.all(is_positive):
+        # The pseudo-acceleration of a rigid oscillator (period 0) is the peak ground acceleration
+        # in each direction.
         first, second = motion.first.acceleration, motion.second.acceleration
-        rotated = (
-            replace(motion.first, acceleration=c * first + s * second) for c, s in _directions().T
+        rotated_records = (
+            replace(motion.first, acceleration=cosine * first + sine * second)
+            for cosine, sine in _directions().T
         )
-        psa[~positive] = [settings.interpolation.peak(record) for record in rotated]
+        psa[~is_positive] = [settings.interpolation.peak(record) for record in rotated_records]
     return RotatedSpectrum(
         motion=motion,
         damping=damping,
@@ -141,32 +153,62 @@ def rotated_spectrum(
     )
 
 
-def _displacements(
+def _directional_displacements(
     motion: Horizontals, omega: Array, damping: float, settings: SpectrumSettings
 ) -> Array:
-    """Return the maximum displacement (m) of each oscillator in each direction, shape
-    (k, ANGLES)."""
-    shortest = 2.0 * math.pi / float(np.max(omega))
+    """Compute the maximum displacements of linear oscillators in all directions.
+
+    Parameters
+    ----------
+    motion : Horizontals
+        The two components of the ground motion.
+    omega : ndarray, shape (k,)
+        Natural circular frequencies of the oscillators, rad/s.
+    damping : float
+        Damping ratio of all oscillators.
+    settings : SpectrumSettings
+        Interpolation of the acceleration between samples, and determination of the maxima.
+
+    Returns
+    -------
+    ndarray, shape (k, ANGLES)
+        Maximum absolute relative displacements, m.
+    """
+    shortest_period = 2.0 * math.pi / float(np.max(omega))
     components = (
-        settings.interpolation.resample(record, shortest)
+        settings.interpolation.resample(record, shortest_period)
         for record in (motion.first, motion.second)
     )
     (first, dt), (second, _) = components
-    result, between = np.empty((omega.size, rotation.ANGLES)), int(settings.maxima.between)
-    for chosen, parts, table in groups(
+    result = np.empty((omega.size, rotation.ANGLES))
+    includes_interstep_maxima = int(settings.maxima.between)
+    # Each group contains oscillators with the same number of parts of a sampling interval. The
+    # compiled kernel computes one group at a time.
+    for indices, parts, table in groups(
         omega, damping, dt, settings.maxima, lambda count: rotation.LANES
     ):
-        peaks = np.empty((chosen.size, rotation.ANGLES))
+        peaks = np.empty((indices.size, rotation.ANGLES))
         scratch = rotation.scratch(first.size, parts)
         rotation.rotated_peaks.compiled(
-            first, second, dt, parts, table, _directions(), between, peaks, *scratch
+            first,
+            second,
+            dt,
+            parts,
+            table,
+            _directions(),
+            includes_interstep_maxima,
+            peaks,
+            *scratch,
         )
-        result[chosen] = peaks
+        result[indices] = peaks
     return result
 
 
 def _directions() -> Array:
-    """Return cosine and sine of each direction, shape (2, ANGLES); exact along both components."""
+    """Return the cosine and sine of each direction, measured from the first component, shape
+    (2, ANGLES)."""
     angles = np.arange(rotation.ANGLES) * (math.pi / rotation.ANGLES)
+    # The cosine of 90 degrees is set to 0 exactly, because np.cos(pi / 2) is 6e-17. The direction
+    # is then exactly the second component.
     cosine = np.where(np.arange(rotation.ANGLES) == rotation.ANGLES // 2, 0.0, np.cos(angles))
     return np.array([cosine, np.sin(angles)])

@@ -17,10 +17,10 @@ from tdint.ground_motion.horizontals import (
     USUAL,
     Horizontals,
     PairNames,
+    combine_single_components,
     files_of_motions,
     find_horizontals,
     is_vertical,
-    told_once,
     with_component,
 )
 from tdint.ground_motion.processing_steps import processed
@@ -343,7 +343,7 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
             continue
         notes += [f"{pair.source}: {note}" for note in pair.notes]
         pairs.append(pair)
-    return Suite(tuple(pairs), tuple(told_once(failures)), tuple(notes))
+    return Suite(tuple(pairs), tuple(combine_single_components(failures)), tuple(notes))
 
 
 @dataclass(frozen=True)
