@@ -37,14 +37,14 @@ FINER = 64
 
 @dataclass(frozen=True)
 class Fault:
-    """Criterion of failure: a measure outside its bounds.
+    """Criterion by which a method fails a problem: the judged quantity is outside its bounds.
 
     Attributes
     ----------
     name : str
-        Name of the fault in the verdict.
+        Name of the failure in the verdict, such as `gains energy`.
     low, high : float
-        Inclusive bounds of acceptable values.
+        Inclusive bounds of acceptable values, in the unit of the judged quantity.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class HardProblem:
-    """Problem with a known answer.
+    """Problem with a known solution, which some methods fail to solve.
 
     Attributes
     ----------
@@ -97,18 +97,35 @@ class HardProblem:
 
 
 def _energy_bounds(tolerance: float) -> tuple[Fault, Fault]:
-    """Return the failure criteria of an energy that must be constant within a relative
-    tolerance."""
+    """Return the failure criteria of a free vibration without damping, in which the energy must be
+    constant within the relative tolerance `tolerance`."""
     return Fault("gains energy", high=1.0 + tolerance), Fault("loses energy", low=1.0 - tolerance)
 
 
 def _second_half(history: History, values: Array) -> float:
-    """Return the maximum absolute value over the second half of the time steps."""
-    return float(np.max(np.abs(values[(len(history.time) - 1) // 2 + 1 :])))
+    """Return the maximum absolute value over the second half of the time steps.
+
+    Parameters
+    ----------
+    history : History
+        Response history, for the number of time steps.
+    values : ndarray, shape (steps + 1,)
+        Values at the initial time and at the end of each time step.
+    """
+    steps = len(history.time) - 1
+    return float(np.max(np.abs(values[steps // 2 + 1 :])))
 
 
 def _kinetic(history: History, masses: tuple[float, ...]) -> Array:
-    """Return the kinetic energy of the floors at each time step, J."""
+    """Return the kinetic energy of all floors at each time, J, shape (steps + 1,).
+
+    Parameters
+    ----------
+    history : History
+        Response history of the building.
+    masses : tuple of float
+        Mass of each floor, kg.
+    """
     return np.asarray(0.5 * history.velocity**2 @ np.array(masses))
 
 
@@ -119,29 +136,37 @@ _HARDENING_AMPLITUDE = 1.5  # m; initial displacement
 
 
 def hardening_motion(time: Array) -> Array:
-    """Return the displacement of Duffing's oscillator in closed form: u = U cn(w t | m) with
-    w^2 = a + b U^2 and m = b U^2 / (2 w^2)."""
+    """Return the exact displacement of the hardening oscillator, m, shape (k,).
+
+    The oscillator has unit mass and the restoring force a u + b u^3 (Duffing's equation). Released
+    at u = U, its displacement is u = U cn(w t | m) with w^2 = a + b U^2 and m = b U^2 / (2 w^2).
+
+    Parameters
+    ----------
+    time : ndarray, shape (k,)
+        Times after the release, s.
+    """
     from scipy.special import ellipj
 
-    square = _SPRING + _CUBIC * _HARDENING_AMPLITUDE**2
-    return np.asarray(
-        _HARDENING_AMPLITUDE
-        * ellipj(math.sqrt(square) * time, _CUBIC * _HARDENING_AMPLITUDE**2 / (2.0 * square))[1]
-    )
+    squared_frequency = _SPRING + _CUBIC * _HARDENING_AMPLITUDE**2
+    parameter = _CUBIC * _HARDENING_AMPLITUDE**2 / (2.0 * squared_frequency)
+    _, cn, _, _ = ellipj(math.sqrt(squared_frequency) * time, parameter)
+    return np.asarray(_HARDENING_AMPLITUDE * cn)
 
 
 def _hardening() -> HardProblem:
-    """Define the problem of the hardening oscillator, for which the exact motion is known."""
+    """Define the problem of the hardening oscillator, which judges whether a method conserves its
+    energy. The exact motion is known."""
 
     def energy(history: History) -> Array:
+        """Return the kinetic energy and the energy of the spring at each time, J."""
         u = history.displacement[:, 0]
         return _kinetic(history, (1.0,)) + 0.5 * _SPRING * u**2 + 0.25 * _CUBIC * u**4
 
     def error(history: History) -> float:
-        return (
-            float(np.max(np.abs(history.displacement[:, 0] - hardening_motion(history.time))))
-            / _HARDENING_AMPLITUDE
-        )
+        """Return the maximum displacement error divided by the amplitude."""
+        errors = history.displacement[:, 0] - hardening_motion(history.time)
+        return float(np.max(np.abs(errors))) / _HARDENING_AMPLITUDE
 
     return HardProblem(
         name="hardening",
@@ -183,8 +208,21 @@ def _softening_model() -> Model:
 
 @cache
 def softening_motion(dt: float, steps: int) -> Array:
-    """Compute the displacement of the softening oscillator at the ends of the time steps, m, by
-    gauss4 with time steps that are 64 times smaller."""
+    """Compute the reference displacement of the softening oscillator by the method gauss4 with time
+    steps that are 64 times smaller.
+
+    Parameters
+    ----------
+    dt : float
+        Time step of the solution that is compared with the reference, s.
+    steps : int
+        Number of these time steps.
+
+    Returns
+    -------
+    ndarray, shape (steps + 1,)
+        Displacement at the initial time and at the end of each time step, m.
+    """
     fine = run(
         _softening_model(),
         method="gauss4",
@@ -198,14 +236,18 @@ def softening_motion(dt: float, steps: int) -> Array:
 
 
 def _softening() -> HardProblem:
-    """Define the problem of the softening oscillator, for which the exact energy is known."""
+    """Define the problem of the softening oscillator, which judges whether a method conserves its
+    energy. The exact energy is known."""
 
     def energy(history: History) -> Array:
+        """Return the kinetic energy and the energy of the spring at each time, J."""
         return _kinetic(history, (1.0,)) + _STRENGTH * _log_cosh(history.displacement[:, 0])
 
     def error(history: History) -> float:
-        exact = softening_motion(float(history.time[1]), len(history.time) - 1)
-        return float(np.max(np.abs(history.displacement[:, 0] - exact))) / _SOFTENING_AMPLITUDE
+        """Return the maximum displacement error divided by the amplitude."""
+        dt, steps = float(history.time[1]), len(history.time) - 1
+        reference = softening_motion(dt, steps)
+        return float(np.max(np.abs(history.displacement[:, 0] - reference))) / _SOFTENING_AMPLITUDE
 
     return HardProblem(
         name="softening",
@@ -234,16 +276,29 @@ _NATURAL_AMPLITUDE, _DRIVEN_AMPLITUDE = 1.0 / (1.0 - _DRIVE**2) * -_DRIVE, 1.0 /
 
 
 def soft_node_motion(time: Array) -> Array:
-    """Return the displacement of the soft node for infinite stiffness of the stiff spring:
-    u'' + u = sin 1.2 t from rest."""
+    """Return the displacement of the soft node for infinite stiffness of the stiff spring, m.
+
+    It is the solution of u'' + u = sin 1.2 t from rest, shape (k,).
+
+    Parameters
+    ----------
+    time : ndarray, shape (k,)
+        Times, s.
+    """
     return np.asarray(_NATURAL_AMPLITUDE * np.sin(time) + _DRIVEN_AMPLITUDE * np.sin(_DRIVE * time))
 
 
 def _bathe_noh() -> tuple[HardProblem, HardProblem]:
-    """Return two problems with the same building: the first judges the stiff node, the second the
-    soft node."""
+    """Define the two problems of Bathe and Noh, in which a stiff spring transmits a harmonic base
+    motion to a building of two floors.
+
+    The first problem judges the acceleration of floor 1 (the stiff node), in which a method without
+    numerical damping oscillates. The second problem judges the displacement of floor 2 (the soft
+    node).
+    """
 
     def energy(history: History) -> Array:
+        """Return the kinetic energy and the energy of both springs at each time, J."""
         stretch = history.displacement[:, 0] - np.sin(_DRIVE * history.time)
         return (
             _kinetic(history, (1.0, 1.0))
@@ -252,10 +307,12 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
         )
 
     def acceleration_error(history: History) -> float:
+        """Return the maximum error in the second half of the acceleration of floor 1, m/s^2."""
         exact = -(_DRIVE**2) * np.sin(_DRIVE * history.time)
         return _second_half(history, history.acceleration[:, 0] - exact)
 
     def displacement_error(history: History) -> float:
+        """Return the maximum error of the displacement of floor 2, m."""
         return float(np.max(np.abs(history.displacement[:, 1] - soft_node_motion(history.time))))
 
     # The exact energy is the energy for infinite stiffness. Its maximum is computed from a dense
@@ -305,16 +362,18 @@ _PENDULUM_STIFFNESS, _HALF_MASS, _JOINT_STIFFNESS = 9.81, 0.5, 2.5e7  # N/m, kg,
 def _stiff_pair() -> HardProblem:
     """Define the problem of two masses connected by a stiff spring, in which methods without
     numerical damping may oscillate at the frequency of the spring."""
-    release = (
-        _HALF_MASS * _PENDULUM_STIFFNESS
-    )  # N; force in the joint at u = 1 if both masses move together
+    # If both masses move together, the force in the joint is proportional to their displacement.
+    joint_force = _HALF_MASS * _PENDULUM_STIFFNESS  # N, at a displacement of 1 m
 
     def energy(history: History) -> Array:
+        """Return the kinetic energy and the energy of both springs at each time, J."""
         springs = history.drift**2 @ np.array([_PENDULUM_STIFFNESS, _JOINT_STIFFNESS])
         return np.asarray(_kinetic(history, (_HALF_MASS, _HALF_MASS)) + 0.5 * springs)
 
     def error(history: History) -> float:
-        return _second_half(history, history.shear[:, 1] / release - history.displacement[:, 0])
+        """Return the maximum error in the second half of the force in the joint, divided by its
+        amplitude."""
+        return _second_half(history, history.shear[:, 1] / joint_force - history.displacement[:, 0])
 
     return HardProblem(
         name="stiff-pair",
@@ -345,8 +404,12 @@ def _stiff_pair() -> HardProblem:
 
 
 def _relative_amplitudes(history: History) -> Array:
-    """Return the larger of displacement and velocity / omega, divided by the exact amplitude, at
-    each time step."""
+    """Return the amplitude of an oscillator with omega = 1 rad/s at each time, divided by the exact
+    amplitude, shape (steps + 1,).
+
+    The amplitude is the larger of the absolute displacement and the absolute velocity / omega. The
+    exact amplitude follows from the initial displacement and velocity.
+    """
     sizes = np.maximum(np.abs(history.displacement[:, 0]), np.abs(history.velocity[:, 0]))
     return np.asarray(sizes / math.hypot(history.displacement[0, 0], history.velocity[0, 0]))
 
@@ -357,7 +420,13 @@ def _oscillator_energy(history: History) -> Array:
 
 
 def _oscillator(start: tuple[float, float]) -> Model:
-    """Return an oscillator of unit mass and stiffness with an initial displacement and velocity."""
+    """Return an oscillator of unit mass and stiffness, which has omega = 1 rad/s.
+
+    Parameters
+    ----------
+    start : tuple of two floats
+        Initial displacement (m) and initial velocity (m/s).
+    """
     story = simple_story(1.0, stiffness=1.0)
     return simple_model("oscillator", [story], displacement=start[:1], velocity=start[1:])
 
@@ -374,9 +443,15 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
     """
 
     def growth(history: History) -> float:
-        sizes = _relative_amplitudes(history)
-        half = sizes.size // 2
-        return max(0.0, float(np.max(sizes[half + 1 :]) / np.max(sizes[: half + 1])) - 1.0)
+        """Return the relative growth of the amplitude from the first half of the time steps to the
+        second half; 0 if it does not grow."""
+        amplitudes = _relative_amplitudes(history)
+        half = amplitudes.size // 2
+        first_maximum, second_maximum = (
+            np.max(amplitudes[: half + 1]),
+            np.max(amplitudes[half + 1 :]),
+        )
+        return max(0.0, float(second_maximum / first_maximum) - 1.0)
 
     return HardProblem(
         name=name,
@@ -395,7 +470,16 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
 
 def _overshoot(name: str, start: tuple[float, float]) -> HardProblem:
     """Define a problem in which a method fails if its first ten large time steps exceed the exact
-    amplitude. `start` is the initial displacement and velocity."""
+    amplitude by more than 1 %.
+
+    Parameters
+    ----------
+    name : str
+        Quantity with the initial value 1, `displacement` or `velocity`, for the name of the problem
+        and its description.
+    start : tuple of two floats
+        Initial displacement (m) and initial velocity (m/s).
+    """
     return HardProblem(
         name=f"overshoot-{name}",
         about="oscillator of 1 rad/s, the first ten steps with dt/T = 10, from an initial "
@@ -592,10 +676,21 @@ def failures(
 
 
 def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) -> None:
-    """Load the time loops of all trials; compile missing loops together, with a single report."""
+    """Load the compiled time loops of all trials, and compile those that are not in the cache.
+
+    They are compiled together, so that progress is reported once.
+
+    Parameters
+    ----------
+    integrators : sequence of Integrator
+        Methods that will be tested.
+    hard : iterable of HardProblem
+        Problems on which they will be tested.
+    """
     needed: list[tuple[Kernel, Variant]] = []
     for problem in hard:
         prepared = PreparedBuilding.of(problem.model)
+        # gauss4 computes the reference solution of the softening oscillator.
         reference = [] if prepared.building.linear else [parse("gauss4")]
         for integrator in [*integrators, *reference]:
             if not integrator.family.linear_only or prepared.building.linear:
@@ -607,12 +702,38 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
 
 
 def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:
-    """Integrate a problem with each of its time steps, and judge the results."""
+    """Integrate a problem by a method with each of the time steps of the problem.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Method to be tested.
+    problem : HardProblem
+        Problem to be integrated.
+
+    Returns
+    -------
+    list of Trial
+        Result and verdict for each time step of the problem.
+    """
     return [_attempt(integrator, problem, dt, steps) for dt, steps in problem.steps]
 
 
 def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int) -> Trial:
-    """Integrate a problem over `count` time steps of dt (s), and judge the result."""
+    """Integrate a problem by a method with one time step, and judge the result.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Method to be tested.
+    problem : HardProblem
+        Problem to be integrated.
+    dt : float
+        Time step, s.
+    count : int
+        Number of time steps.
+    """
+    # A method for linear buildings cannot integrate a nonlinear problem, and is not run.
     trial = Trial(problem.name, integrator.label, dt, REFUSED, REFUSED, problem.error_of)
     case = Case(problem.model, PreparedBuilding.of(problem.model), None, integrator)
     if integrator.family.linear_only and not case.building.linear:
@@ -634,17 +755,17 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
         return replace(trial, outcome=outcome, verdict=verdict, time=ended.time, steps=completed)
     history = ended.history
     assert history is not None
-    ratio = problem.energy(history) / problem.energy_scale
-    least, largest = float(np.min(ratio)), float(np.max(ratio))
+    ratios = problem.energy(history) / problem.energy_scale
+    min_ratio, max_ratio = float(np.min(ratios)), float(np.max(ratios))
     error = problem.error(history)
     # The worse of the two energy ratios is farther from 1 on a logarithmic scale.
-    worst_ratio = least if least * largest < 1.0 else largest
+    worst_ratio = min_ratio if min_ratio * max_ratio < 1.0 else max_ratio
     measure = worst_ratio if problem.by_energy else error
     return replace(
         trial,
         outcome=outcome,
-        energy_ratio_min=least if ratio[0] > 0.0 else math.nan,
-        energy_ratio_max=largest,
+        energy_ratio_min=min_ratio if ratios[0] > 0.0 else math.nan,
+        energy_ratio_max=max_ratio,
         error=error,
         verdict=next((fault.name for fault in problem.faults if fault.found(measure)), PASS),
         time=float(history.time[-1]),

@@ -26,12 +26,16 @@ from tdint.model.building import assemble, oscillators
 from tdint.number_parsing import pluralize
 from tdint.tabular import ResultList, Tabular, map_over_first
 
-_MOST_STEPS = 1e6  # maximum number of steps of an overshoot, which occurs in the first ten
-_FIRST_STEP = 1e-3  # dt/T at which the principal root is identified with certainty
-_REAL = 1e-9  # maximum imaginary part of a root that is real except for rounding
-_MAX_STEP_RATIO = (
-    1.08  # ratio of neighboring time steps for which roots are tracked without confusion
-)
+_MOST_STEPS = 1e6
+"""Maximum number of time steps for the measurement of overshoot, which occurs in the first ten."""
+
+_FIRST_STEP = 1e-3
+"""Ratio dt/T at which the principal root is close to the exact root, so that it is identified with
+certainty."""
+
+_REAL = 1e-9  # maximum imaginary part of a root that is real except for rounding errors
+_MAX_STEP_RATIO = 1.08
+"""Maximum ratio of neighboring time steps at which roots are tracked without confusion."""
 LARGEST = 1e4
 """Dimensionless. Maximum omega dt of the search for a critical time step."""
 
@@ -128,38 +132,30 @@ def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
     AnalysisError
         A step of the oscillator fails.
     """
-    method = _checked(method, damping)
+    method = _validated_method(method, damping)
     dt_over_t = numbers_of(dt_over_t, "dt_over_t")
     rises = dt_over_t.size and dt_over_t[0] > 0.0 and np.all(np.diff(dt_over_t) >= 0.0)
     if not (rises and np.isfinite(dt_over_t).all()):
         raise UsageError(
             f"dt_over_t must be positive and increasing, got {' '.join(str(dt_over_t).split()):.60}"
         )
-    # Roots are tracked from a small time step. Intermediate steps are added if the requested steps
-    # are far from each other.
-    ends = [min(_FIRST_STEP, dt_over_t[0]), *dt_over_t]
-    counts = [
-        2 + int(math.log(high / low) / math.log(_MAX_STEP_RATIO)) for low, high in pairwise(ends)
-    ]
-    grids = [
-        np.geomspace(low, high, count)[:-1]
-        for (low, high), count in zip(pairwise(ends), counts, strict=True)
-    ]
-    requested = np.cumsum([grid.size for grid in grids])  # indices of the requested steps
-    ratios = np.concatenate([*grids, dt_over_t[-1:]])
-    ratios[requested] = dt_over_t  # the requested values without the rounding errors of geomspace
+    ratios, requested = _refined_steps(dt_over_t)
     roots = _roots(method, 2.0 * math.pi * ratios, damping)
-    principal, spurious = _tracked(roots, 2.0 * math.pi * ratios[0], damping)
+    principal, spurious = _track_principal_root(roots, 2.0 * math.pi * ratios[0], damping)
     roots, principal, spurious = roots[requested], principal[requested], spurious[requested]
     # Above critical damping there is no period, and the results are nan.
-    damped = math.sqrt(max(1.0 - damping**2, 0.0))  # damped divided by undamped frequency
-    exact_phase = 2.0 * math.pi * dt_over_t * damped
-    has_period = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi) & (damped > 0.0)
+    frequency_ratio = math.sqrt(max(1.0 - damping**2, 0.0))  # damped divided by undamped frequency
+    exact_phase = 2.0 * math.pi * dt_over_t * frequency_ratio
+    has_period = (
+        (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi) & (frequency_ratio > 0.0)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
+        # The principal root of one time step is exp(-decay + i phase).
         decay, phase = -np.log(np.abs(principal)), np.angle(principal)
         period_error = np.where(has_period, exact_phase / phase - 1.0, math.nan)
         numerical = np.where(has_period, decay / np.hypot(decay, phase) - damping, math.nan)
-        excess_decay = np.where(has_period, decay / phase - np.divide(damping, damped), math.nan)
+        exact_decay = np.divide(damping, frequency_ratio)  # per radian, as decay / phase
+        excess_decay = np.where(has_period, decay / phase - exact_decay, math.nan)
     return StabilityCurve(
         method=method.label,
         damping=damping,
@@ -172,23 +168,66 @@ def stability(method: Integrator | str, dt_over_t: Numbers, damping: float = 0.0
     )
 
 
-def _checked(method: Integrator | str, damping: float) -> Integrator:
-    """Return the method; raise UsageError for an unknown method or an invalid damping ratio."""
+def _validated_method(method: Integrator | str, damping: float) -> Integrator:
+    """Return a method from its specification, and validate a damping ratio.
+
+    Parameters
+    ----------
+    method : Integrator or str
+        Method or its specification.
+    damping : float
+        Damping ratio.
+
+    Raises
+    ------
+    UsageError
+        The method is unknown, or the damping ratio is negative or not finite.
+    """
     between(damping, "a damping ratio")
     return method if isinstance(method, Integrator) else parse(method)
 
 
-def _tracked(
+def _refined_steps(dt_over_t: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Add time steps to the requested time steps, so that roots can be tracked.
+
+    The sequence starts at a small time step, at which the roots are identified, and neighboring
+    time steps differ by a small ratio.
+
+    Parameters
+    ----------
+    dt_over_t : ndarray, shape (k,)
+        Requested time steps divided by the period, positive and increasing.
+
+    Returns
+    -------
+    ratios : ndarray
+        All time steps divided by the period, increasing.
+    requested : ndarray, shape (k,)
+        Indices of the requested time steps in `ratios`.
+    """
+    endpoints = [min(_FIRST_STEP, dt_over_t[0]), *dt_over_t]
+    grids = []
+    for low, high in pairwise(endpoints):
+        count = 2 + int(math.log(high / low) / math.log(_MAX_STEP_RATIO))
+        grids.append(np.geomspace(low, high, count)[:-1])  # the next grid starts at `high`
+    requested = np.cumsum([grid.size for grid in grids])
+    ratios = np.concatenate([*grids, dt_over_t[-1:]])
+    ratios[requested] = dt_over_t  # removes the rounding errors of geomspace
+    return ratios, requested
+
+
+def _track_principal_root(
     roots: NDArray[np.complex128], first: float, damping: float
 ) -> tuple[NDArray[np.complex128], Array]:
-    """Track the principal root from the first time step, and return it with the spurious radius.
+    """Identify the principal root at each time step as the root nearest to that of the preceding
+    time step. At the first time step, it is the root nearest to the exact root.
 
     Parameters
     ----------
     roots : ndarray, shape (k, m)
-        Eigenvalues at increasing time steps.
+        Eigenvalues of the amplification matrix at k increasing time steps.
     first : float
-        First time step omega h.
+        Product of the circular frequency and the first time step, rad.
     damping : float
         Damping ratio.
 
@@ -215,8 +254,21 @@ def _tracked(
 
 
 def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.complex128]:
-    """Return the eigenvalues of the amplification matrices at steps omega h, shape (k, m), for h =
-    1 s.
+    """Return the eigenvalues of the amplification matrices of a method.
+
+    Parameters
+    ----------
+    method : Integrator
+        Method with m eigenvalues.
+    omega_h : ndarray, shape (k,)
+        Products of the circular frequency and the time step, rad. The time step is 1 s.
+    damping : float
+        Damping ratio.
+
+    Returns
+    -------
+    ndarray, shape (k, m)
+        Complex eigenvalues, in no specified order.
     """
     matrices = amplification(method, omega_h, np.full_like(omega_h, damping), 1.0)
     return np.asarray(np.linalg.eigvals(matrices), dtype=np.complex128)
@@ -224,37 +276,61 @@ def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.com
 
 @cache
 def critical_step(method: Integrator, damping: float = 0.0) -> float:
-    """Return the minimum omega dt above which the spectral radius exceeds 1, bisected to rounding.
+    """Return the stability limit of a method: the minimum omega dt above which the spectral radius
+    exceeds 1.
 
-    The result is inf if the method is stable for all steps. The search uses 4000 points up to
-    `LARGEST` and points just above the declared limit of the method. An unstable interval elsewhere
-    that is narrower than 0.5 % of omega dt can be missed.
+    The search uses 4000 points up to `LARGEST` and points just above the declared limit of the
+    method, then bisection. An unstable interval elsewhere that is narrower than 0.5 % of omega dt
+    can be missed.
+
+    Parameters
+    ----------
+    method : Integrator
+        Method whose limit is measured.
+    damping : float
+        Damping ratio. The default is 0.
+
+    Returns
+    -------
+    float
+        Limit of omega dt, rad, without further error than rounding; inf if no instability is found.
     """
     grid = np.geomspace(1e-3, LARGEST, 4000)
     declared = method.stability_limit
     if 0.0 < declared < LARGEST:
         grid = np.sort(np.concatenate([grid, declared * (1.0 + np.geomspace(1e-6, 1e-2, 40))]))
-    unstable = np.flatnonzero(_grows(method, grid, damping))
+    unstable = np.flatnonzero(_is_unstable(method, grid, damping))
     if not unstable.size:
         return math.inf
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
     # 50 bisections reach rounding, because neighboring points differ by 0.5 %.
     low, _ = bisect_interval(
-        lambda middle: not _grows(method, np.array([middle]), damping)[0], low, high, 50
+        lambda middle: not _is_unstable(method, np.array([middle]), damping)[0], low, high, 50
     )
     return float(low)
 
 
 def false_limit(method: Integrator, measured: float) -> str:
-    """Return a message if the declared stability limit differs from the measured limit.
+    """Return a message if the stability limit that a method declares differs from the measured
+    limit.
 
-    The measured limit is `critical_step` without damping. The message is empty if the limits agree
-    or no limit is declared (nan).
+    Parameters
+    ----------
+    method : Integrator
+        Method with the declared limit; nan if it declares none.
+    measured : float
+        Result of `critical_step` without damping.
+
+    Returns
+    -------
+    str
+        Message; empty if the limits agree within 0.1 % or if no limit is declared.
     """
     declared = method.stability_limit
-    unlimited = declared > LARGEST and measured == math.inf
-    if math.isnan(declared) or unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
+    # A limit above the range of the search cannot be measured.
+    is_unlimited = declared > LARGEST and measured == math.inf
+    if math.isnan(declared) or is_unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
         return ""
     limit = f"{measured:.6g}" if math.isfinite(measured) else f"no limit up to {LARGEST:g}"
     return (
@@ -264,8 +340,18 @@ def false_limit(method: Integrator, measured: float) -> str:
     )
 
 
-def _grows(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
-    """Return True if the spectral radius exceeds 1 by more than rounding."""
+def _is_unstable(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
+    """Return True for each time step at which the spectral radius exceeds 1 by more than rounding.
+
+    Parameters
+    ----------
+    method : Integrator
+        Method to be tested.
+    omega_h : ndarray, shape (k,)
+        Products of the circular frequency and the time step, rad.
+    damping : float
+        Damping ratio.
+    """
     radius = np.max(np.abs(_roots(method, omega_h, damping)), axis=1)
     return np.asarray(radius > 1.0 + np.maximum(STABLE, _ROUNDING * omega_h**2))
 
@@ -280,7 +366,12 @@ EXACT_POWERS = {"displacement": (0.0, 1.0), "velocity": (-1.0, 0.0)}
 """Powers of omega h in the amplitudes of u and h v of the exact motion, by initial condition."""
 
 _LEVELS = 10.0 ** np.arange(2.0, 8.0)
-_SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0  # prevents samples only at zeros of a sine
+"""Values of omega h from which the power of the growth in one step is determined."""
+
+_SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0
+"""Factors from 1 to 2 on each level of omega h, spread by the golden ratio. With one value alone,
+the response of the step might be zero by chance, because it may contain a sine of omega h."""
+
 _LARGER = 0.25  # minimum difference of powers that are considered different
 _NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
 """Rounding error of a step divided by the initial value. The initial acceleration is omega^2 u(0)
@@ -341,9 +432,8 @@ class Overshoot(Tabular):
 
     @property
     def largest(self) -> tuple[float, float]:
-        """Maximum displacement and velocity divided by those of the exact motion.
-
-        Both are infinite after a response that grew without bound.
+        """Maximum displacement and maximum velocity, each divided by the maximum of the exact
+        motion. Both are infinite if the response grew without bound.
         """
         u, v = (float(np.max(np.abs(values))) for values in (self.displacement, self.velocity))
         return (math.inf, math.inf) if math.isnan(u + v) else (u, v)
@@ -425,7 +515,7 @@ def overshoot(
         The method, initial condition, law or damping ratio is invalid, or the method supports only
         linear buildings and the law is nonlinear.
     """
-    method = _checked(method, damping)
+    method = _validated_method(method, damping)
     if start not in STARTS:
         raise UsageError(f"start must be one of {', '.join(STARTS)}, got {start!r:.60}")
     if law not in LAWS:
@@ -439,32 +529,62 @@ def overshoot(
     omega_h = 2.0 * math.pi * dt_over_t
     u, hv = _first_steps(method, start, np.array([omega_h]), steps, damping)[:, :, 0]
     amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
-    # Powers of u and h v after one step: slopes over the last decade of omega h that is not
-    # affected by rounding
-    largest = np.array(
+    motion = u / amplitude, hv / (omega_h * amplitude)
+    powers = _growth_powers(method, start, damping)
+    return Overshoot(method.label, dt_over_t, damping, start, *motion, powers[0], powers[1])
+
+
+def _growth_powers(method: Integrator, start: str, damping: float) -> list[float]:
+    """Determine how the response after one time step grows with omega h for omega h to infinity.
+
+    Parameters
+    ----------
+    method : Integrator
+        Method to be measured.
+    start : str
+        Initial condition, a key of `STARTS`.
+    damping : float
+        Damping ratio.
+
+    Returns
+    -------
+    list of two floats
+        Powers of omega h in the displacement u and in h v, where v is the velocity; -inf if the
+        response is 0 except for rounding.
+    """
+    maxima = np.array(
         [
             np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)
             for level in _LEVELS
         ]
     )
     powers = []
-    for values in largest.T:
+    for values in maxima.T:
+        # The power is the slope over the last decade of omega h that is not affected by rounding.
         above_noise = np.flatnonzero(values > _NOISE[start])
         power = -math.inf
         if above_noise.size >= 2:
             low, high = above_noise[-2:]
             power = math.log(values[high] / values[low]) / math.log(_LEVELS[high] / _LEVELS[low])
         powers.append(power)
-    motion = u / amplitude, hv / (omega_h * amplitude)
-    return Overshoot(method.label, dt_over_t, damping, start, *motion, powers[0], powers[1])
+    return powers
 
 
 def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
-    """Return the quantities that overshoot in the first step.
+    """Return the names of the quantities that overshoot in the first step.
 
-    `both` contains the responses to an initial displacement and to an initial velocity. The
-    result is `none`, `displacement`, `velocity`, both, or `unstable` if the method grows
-    without bound.
+    Parameters
+    ----------
+    method : Integrator
+        Method that was measured.
+    both : sequence of two Overshoots
+        Responses of the method to an initial displacement and to an initial velocity.
+
+    Returns
+    -------
+    str
+        `none`, `displacement`, `velocity`, `displacement and velocity`, or `unstable` if the
+        response of the method to large time steps grows without bound.
     """
     damping = np.array([both[0].damping])
     if spectral_radius(method, np.array([_FAR]), damping, 1.0)[0] > 1.0 + STABLE:
@@ -476,11 +596,28 @@ def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
 def _first_steps(
     method: Integrator, start: str, omega_h: Array, steps: int, damping: float
 ) -> Array:
-    """Return u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), for h
-    = 1 s.
+    """Integrate undriven linear oscillators over a few time steps of h = 1 s.
 
-    Values are nan after a response that grew without bound.
+    Parameters
+    ----------
+    method : Integrator
+        Method of time integration.
+    start : str
+        Initial condition, a key of `STARTS`.
+    omega_h : ndarray, shape (k,)
+        Products of the circular frequency of each oscillator and the time step, rad.
+    steps : int
+        Number of time steps.
+    damping : float
+        Damping ratio.
+
+    Returns
+    -------
+    ndarray, shape (2, steps + 1, k)
+        Displacement u and h v, where v is the velocity, m, at the initial time and after each time
+        step; nan after the response has grown without bound.
     """
+    # The motion is linear in the start. A tiny start prevents overflow, and is divided out again.
     displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
     prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)
@@ -490,9 +627,30 @@ def _first_steps(
 def _nonlinear_overshoot(
     method: Integrator, start: str, dt_over_t: float, steps: int, damping: float, law: str
 ) -> Overshoot:
-    """Return the steps of the oscillator of a problem.
+    """Integrate the hardening or the softening oscillator of `tdint.analysis.assessment.failures`
+    over a few large time steps.
 
-    The initial condition is the displacement of the problem, or the velocity with the same energy.
+    The initial condition is the displacement of that problem, or the velocity with the same energy.
+
+    Parameters
+    ----------
+    method : Integrator
+        Method of time integration.
+    start : str
+        Initial condition, a key of `STARTS`.
+    dt_over_t : float
+        Time step divided by the period of small vibrations.
+    steps : int
+        Number of time steps.
+    damping : float
+        Damping ratio of small vibrations.
+    law : str
+        `hardening` or `softening`.
+
+    Raises
+    ------
+    UsageError
+        The method supports only linear buildings.
     """
     if method.family.linear_only:
         raise UsageError(
@@ -517,9 +675,22 @@ def _nonlinear_overshoot(
 
 
 def _integrate(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
-    """Return displacements and velocities of the floors, shape (2, steps + 1, n).
+    """Integrate a building from its initial state, and return the motion of its floors.
 
-    Values are nan after a response that grew without bound.
+    Parameters
+    ----------
+    prepared : PreparedBuilding
+        Building of n stories, with its initial state.
+    method : Integrator
+        Method of time integration.
+    steps : Steps
+        Time step and number of time steps.
+
+    Returns
+    -------
+    ndarray, shape (2, steps + 1, n)
+        Displacements (m) and velocities (m/s) at the initial time and after each time step; nan
+        after the response has grown without bound.
     """
     result = prepared.integrate(method, steps, history_rows=steps.count)
     n = prepared.building.stories
