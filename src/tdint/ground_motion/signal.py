@@ -11,16 +11,17 @@ from tdint.arrays import Array
 from tdint.ground_motion.choice import DEFAULT_FILTER_ORDER
 from tdint.ground_motion.record import Input
 
-_QUIET = 1e-6
-"""Fraction of the sum of squared velocities of a displacement that belongs to the time before the
-shaking."""
+_PRE_EVENT_FRACTION = 1e-6
+"""Fraction of the sum of squared increments of a displacement. The shaking starts when the sum from
+the first sample reaches this fraction of the total."""
 
 _MAX_STANDARD_ERRORS = 3.0
-"""Standard errors; an offset is reported above this value, which chance exceeds once in 370
-cases."""
+"""Ratio of the mean sign of samples to its standard error above which an offset is reported. Chance
+exceeds it once in 370 cases."""
 
-_SAME = 1e-9
-"""Relative difference up to which two sampling intervals are considered equal."""
+_INTERVAL_TOLERANCE = 1e-9
+"""Relative difference up to which two sampling intervals are considered equal; it exceeds rounding
+errors."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +59,25 @@ class Signal:
     input: Input
 
     def with_samples(self, samples: Array, quantity: str | None = None) -> Signal:
-        """Return the channel with other samples and, if specified, another quantity."""
+        """Return a copy of the channel with other samples.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (samples,)
+            Samples in SI units.
+        quantity : str, optional
+            Quantity of these samples, `acceleration`, `velocity` or `displacement`. The default is
+            the quantity of the channel.
+        """
         return replace(self, samples=samples, quantity=quantity or self.quantity)
 
     def centered(self) -> Signal:
-        """Return the channel without the offset of the sensor."""
+        """Return a copy of the channel from which the offset of the sensor, its value at rest, is
+        subtracted."""
         return self.with_samples(without_offset(self.samples, self.quantity))
 
     def times(self, factor: float) -> Signal:
-        """Return the channel multiplied by a factor."""
+        """Return a copy of the channel with the samples multiplied by a factor."""
         return self.with_samples(factor * self.samples)
 
 
@@ -82,26 +93,43 @@ def without_offset(samples: Array, quantity: str) -> Array:
         Samples of the quantity.
     quantity : str
         `acceleration`, `velocity` or `displacement`.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Samples without the value at rest.
     """
     if quantity != "displacement":
         return np.asarray(samples - np.median(samples))
-    moved = np.cumsum(np.diff(samples) ** 2)
-    before = int(np.searchsorted(moved, _QUIET * moved[-1])) + 1 if moved.size else samples.size
-    return np.asarray(samples - np.median(samples[:before]))
+    # The sum of squared increments stays small until the shaking starts.
+    sums = np.cumsum(np.diff(samples) ** 2)
+    if sums.size:
+        quiet_samples = int(np.searchsorted(sums, _PRE_EVENT_FRACTION * sums[-1])) + 1
+    else:
+        quiet_samples = samples.size
+    return np.asarray(samples - np.median(samples[:quiet_samples]))
 
 
 def has_offset(acceleration: Array) -> bool:
-    """Return True if samples have an offset: they are on one side of zero more often than explained
-    by chance.
+    """Return True if an acceleration has an offset: it is on one side of zero more often
+    than chance explains.
 
-    The sign test is used: the mean of the signs exceeds three times its standard error,
-    1 / sqrt(stays). A stay is an interval on one side of the median and counts as one sample. The
-    median of a motion without an offset is not exactly zero. Subtracting it would add a step to the
-    ground acceleration, which would excite the building.
+    The offset must be tested before it is subtracted. The median of a motion without an offset is
+    not exactly zero, and subtracting it would add a step to the ground acceleration, which would
+    excite the building.
+
+    Parameters
+    ----------
+    acceleration : ndarray, shape (samples,)
+        Acceleration in any unit.
     """
+    # This is a sign test. Neighboring samples are not independent, so that each interval in which
+    # the acceleration stays on one side of its median counts as one independent sample.
     centered = acceleration - np.median(acceleration)
-    stays = 1 + np.count_nonzero(np.diff(np.sign(centered)))
-    return bool(abs(np.mean(np.sign(acceleration))) > _MAX_STANDARD_ERRORS / math.sqrt(stays))
+    independent_samples = 1 + np.count_nonzero(np.diff(np.sign(centered)))
+    mean_sign = abs(np.mean(np.sign(acceleration)))
+    limit = _MAX_STANDARD_ERRORS / math.sqrt(independent_samples)
+    return bool(mean_sign > limit)
 
 
 def in_band(
@@ -124,8 +152,13 @@ def in_band(
     label : str
         Name of the samples in error messages.
     quantity : str
-        A `displacement` keeps its last value after the end; other quantities are zero after the
-        end. Default `acceleration`.
+        Quantity of the samples, which determines the motion after the end: a `displacement` keeps
+        its last value; other quantities are zero. The default is `acceleration`.
+
+    Returns
+    -------
+    ndarray
+        Filtered samples with the shape of `samples`.
 
     Raises
     ------
@@ -134,11 +167,13 @@ def in_band(
     """
     if band is None:
         return samples
-    held = quantity == "displacement"
+    is_held = quantity == "displacement"
     from tdint.ground_motion.processing_steps import zero_phase
 
-    lower = zero_phase(samples, dt, "highpass", band[0], DEFAULT_FILTER_ORDER, label, held=held)
-    return zero_phase(lower, dt, "lowpass", band[1], DEFAULT_FILTER_ORDER, label)
+    lower, upper = band
+    order = DEFAULT_FILTER_ORDER
+    above_lower = zero_phase(samples, dt, "highpass", lower, order, label, held=is_held)
+    return zero_phase(above_lower, dt, "lowpass", upper, order, label)
 
 
 def at_times(samples: Array, dt: float, first: float, interval: float, count: int) -> Array:
@@ -163,20 +198,21 @@ def at_times(samples: Array, dt: float, first: float, interval: float, count: in
     ndarray, shape (count,)
         Values of the motion; nan before the first and after the last sample.
     """
-    if not math.isclose(dt, interval, rel_tol=_SAME):
+    if not math.isclose(dt, interval, rel_tol=_INTERVAL_TOLERANCE):
         from tdint.ground_motion.processing_steps import resampled
 
         samples, _ = resampled(samples, dt, interval)
-    whole = math.floor(first / interval + 0.5)
-    fraction = first / interval - whole
-    if abs(fraction) > _SAME * max(1, count):
-        # Shift the band-limited motion, which is zero outside its samples, by a fraction of the
-        # sampling interval.
+    # The time of the first sample is an integer number of intervals and a fraction.
+    offset = math.floor(first / interval + 0.5)
+    fraction = first / interval - offset
+    if abs(fraction) > _INTERVAL_TOLERANCE * max(1, count):
+        # The samples are shifted by the fraction through a change of phase of their Fourier
+        # transform. The added zeros prevent that the end of the motion appears at its start.
         size = 2 * samples.size
         phase = np.exp(-2j * math.pi * fraction * np.fft.rfftfreq(size))
         samples = np.fft.irfft(np.fft.rfft(samples, size) * phase, size)[: samples.size]
     result = np.full(count, np.nan)
-    begin, end = max(0, whole), min(count, whole + samples.size)
+    begin, end = max(0, offset), min(count, offset + samples.size)
     if begin < end:
-        result[begin:end] = samples[begin - whole : end - whole]
+        result[begin:end] = samples[begin - offset : end - offset]
     return result

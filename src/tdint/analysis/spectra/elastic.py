@@ -201,39 +201,62 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
         Maxima.
     """
     result = np.empty((spectra.PEAKS, omega.size))
-    for chosen, parts, table in groups(omega, damping, dt, maxima, _lanes):
-        lanes = _lanes(chosen.size)
-        peaks = np.empty((spectra.PEAKS, chosen.size))
+    for indices, parts, table in groups(omega, damping, dt, maxima, _lanes):
+        lanes = _lanes(indices.size)
+        peaks = np.empty((spectra.PEAKS, indices.size))
         scratch = spectra.scratch(ground.size, parts, lanes)
         spectra.peaks.compiled(
             ground, dt, parts, table, lanes, int(maxima.between), peaks, *scratch
         )
-        result[:, chosen] = peaks
+        result[:, indices] = peaks
     return result
 
 
 def groups(
     omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
 ) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
-    """Yield groups of oscillators with the same number of parts of the sampling interval.
+    """Yield groups of oscillators whose time step is the same part of the sampling interval.
 
-    Each group consists of the indices of the oscillators, the number of parts, and the table for
-    the kernel. The last oscillator is repeated until the number of columns is a multiple of
-    `lanes(count)`, the number of oscillators that are integrated together.
+    Parameters
+    ----------
+    omega : ndarray, shape (k,)
+        Natural circular frequencies, rad/s.
+    damping : float
+        Damping ratio of all oscillators.
+    dt : float
+        Sampling interval, s.
+    maxima : Maxima
+        Times at which maxima are evaluated, which determine the time step of each oscillator.
+    lanes : callable
+        Function of the number of oscillators in a group. It returns the number of oscillators that
+        the kernel integrates together.
+
+    Yields
+    ------
+    indices : ndarray
+        Indices of the oscillators of the group in `omega`.
+    count : int
+        Number of time steps in a sampling interval.
+    table : ndarray
+        Coefficients for the kernel, one column for each oscillator. The last column is repeated
+        until the number of columns is a multiple of the number of oscillators integrated together.
     """
     parts = maxima.parts(omega, dt)
     table = recursion_table(omega, dt / parts, damping, more=2)
     table[spectra.BY_DISPLACEMENT] = omega**2
     table[spectra.BY_VELOCITY] = 2.0 * damping * omega
     for count in np.unique(parts).tolist():
-        chosen = np.flatnonzero(parts == count)
-        columns = np.append(chosen, np.full(-chosen.size % lanes(chosen.size), chosen[-1]))
-        yield chosen, count, table.take(columns, axis=1)
+        indices = np.flatnonzero(parts == count)
+        missing_columns = -indices.size % lanes(indices.size)
+        columns = np.append(indices, np.full(missing_columns, indices[-1]))
+        yield indices, count, table.take(columns, axis=1)
 
 
 def _lanes(count: int) -> int:
-    """Return the number of oscillators that are integrated together: complete registers, in equal
-    groups.
+    """Return the number of oscillators that the kernel integrates together.
+
+    It is a multiple of the number of values in a vector register of the processor. Several groups
+    of equal size are used if `count` oscillators exceed the maximum for one group.
     """
     group_count = -(-count // _MAX_LANES)  # rounded up
     return -(-count // (group_count * _REGISTER)) * _REGISTER

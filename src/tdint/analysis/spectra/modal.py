@@ -40,21 +40,29 @@ class ModalResponse(Tabular):
         The building, with the initial stiffness of its stories.
     target : TargetSpectrum
         The design spectrum.
-    period, spectral_acceleration, mass_ratio : ndarray, shape (n,)
-        Period of each mode, s; spectral acceleration, m/s^2 (0 for an omitted mode); ratio of
-        effective modal mass to total mass.
+    period : ndarray, shape (n,)
+        Period of each mode, s.
+    spectral_acceleration : ndarray, shape (n,)
+        Spectral acceleration of each mode, m/s^2; 0 for an omitted mode.
+    mass_ratio : ndarray, shape (n,)
+        Effective modal mass of each mode divided by the total mass.
     rigid, left_out : int
         Number of modes with periods below the shortest period of the target, if the target has a
         value at period 0 (`rigid`) or has no such value (`left_out`).
     base_shear : ndarray, shape (n,)
         Base shear of each mode, N.
-    drift_srss, drift_cqc, shear_srss, shear_cqc, displacement_srss, displacement_cqc : ndarray
-        Drifts, m; shears of the stories, which the masses above give, N; displacements of the
-        floors, m.
-    force_cqc, acceleration_cqc, moment_cqc : ndarray
-        Forces on the floors, N, and these over the masses: absolute accelerations, m/s^2;
-        overturning moments at the foot of each story, N m; the latter nan where a story at or above
-        has no height.
+    drift_srss, drift_cqc : ndarray, shape (n,)
+        Story drifts, m, combined by the square root of the sum of squares (SRSS) or by the complete
+        quadratic combination (CQC).
+    shear_srss, shear_cqc : ndarray, shape (n,)
+        Story shears, N, which are the sums of the forces on the floors above.
+    displacement_srss, displacement_cqc : ndarray, shape (n,)
+        Floor displacements relative to the ground, m.
+    force_cqc, acceleration_cqc : ndarray, shape (n,)
+        Forces on the floors, N, and forces divided by masses: absolute accelerations, m/s^2.
+    moment_cqc : ndarray, shape (n,)
+        Overturning moment at the base of each story, N m; nan if the height of this story or of a
+        story above is not specified.
     """
 
     model: Model
@@ -94,24 +102,26 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes.
+        Model, model file or its content, as for `tdint.run`.
     target : TargetSpectrum or str
-        The design spectrum: a code's name with parameters, or a file. It is taken as it is for all
-        modes, with the damping that it is for.
+        Design spectrum, or its text: the name of a code with parameters, or a file. The spectrum is
+        used for all modes without conversion to another damping ratio.
 
     Returns
     -------
     ModalResponse
-        Peaks of drifts, shears and displacements of the stories, by SRSS and by CQC.
+        Peak drifts, shears, displacements, forces and overturning moments.
 
     Raises
     ------
     ModelError
-        The model is none; P-delta larger than a story's stiffness.
+        The model is invalid, or P-delta effects exceed the stiffness of a story.
     UsageError
-        A mode is longer than the target's longest period.
+        The first period of the building is longer than the maximum period of the spectrum.
     """
-    model, demand = model_of(model), read_target(target) if isinstance(target, str) else target
+    model = model_of(model)
+    demand = read_target(target) if isinstance(target, str) else target
+    # The damping of the model is not used: that of the design spectrum applies to all modes.
     building = assemble(replace(model, damping=None))
     modes = building.modes()
     period = 2.0 * math.pi / modes.omega
@@ -125,8 +135,8 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         )
     acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
     acceleration[~is_rigid] = demand.at(period[~is_rigid])
-    # Peaks of the modes; one row for each mode.
-    factor = modes.mass @ modes.shapes
+    # The arrays of modal peaks have one row for each mode and one column for each story.
+    factor = modes.mass @ modes.shapes  # modal participation factors
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
     peaks = {
@@ -137,11 +147,10 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
         "force": forces,
         "acceleration": forces / modes.mass,
     }
-    # Moments at the bottom of the stories, from the shears of the stories above. Bearings have no
-    # height, so that they do not contribute.
-    peaks["moment"] = np.cumsum((peaks["shear"] * building.height_contributions)[:, ::-1], axis=1)[
-        :, ::-1
-    ]
+    # The overturning moment at the base of a story is the sum of shear times height over this story
+    # and the stories above. Bearings do not contribute, because they have no height.
+    contributions = peaks["shear"] * building.height_contributions
+    peaks["moment"] = np.cumsum(contributions[:, ::-1], axis=1)[:, ::-1]
     correlation = correlations(modes.omega, demand.damping or _DEFAULT_DAMPING)
     srss_names = ("drift", "shear", "displacement")
     combined = {f"{name}_srss": np.sqrt(np.sum(peaks[name] ** 2, axis=0)) for name in srss_names}
@@ -162,8 +171,21 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
 
 
 def correlations(omega: Array, damping: float) -> Array:
-    """Return the coefficients of the complete quadratic combination (Der Kiureghian 1981), shape
-    (n, n), for modes with circular frequencies, shape (n,), and a common damping ratio."""
+    """Return the correlation coefficients of the complete quadratic combination (Der Kiureghian
+    1981).
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Circular frequencies of the modes, rad/s.
+    damping : float
+        Damping ratio of all modes.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Coefficient of each pair of modes, from 0 to 1.
+    """
     r = omega[None, :] / omega[:, None]
     numerator = 8.0 * damping**2 * (1.0 + r) * r**1.5
     return np.asarray(numerator / ((1.0 - r**2) ** 2 + 4.0 * damping**2 * r * (1.0 + r) ** 2))
