@@ -29,7 +29,7 @@ SAME_DATE = timedelta(days=1)
 
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ZONES = {"PST": -8.0, "PDT": -7.0}  # hours; all other zones that are recognized are UTC
-_CENTURY = 50  # a year of two digits is 19yy from this value on, otherwise 20yy
+_FIRST_YEAR_OF_1900S = 50  # a year of two digits is 19yy from this value on, otherwise 20yy
 
 _CLOCK = (
     r"(?:[T\s,;-]+(?:(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:\.\d*)?)?"
@@ -92,6 +92,11 @@ def parse_event(text: str) -> Earthquake:
     text : str
         For example `Loma Prieta 10/18/1989`, `IMPERIAL VALLEY 10/15/79 2316` or
         `2018/02/06 23:50:42`. The name is the text before the date.
+
+    Returns
+    -------
+    Earthquake
+        Event with the name and the time that the text states; a text without a date is the name.
     """
     for pattern in _DATES:
         match = pattern.search(text)
@@ -103,7 +108,21 @@ def parse_event(text: str) -> Earthquake:
 
 
 def event_of(record: Record) -> Earthquake:
-    """Return the event of a record from its header or from the time of the first sample."""
+    """Return the earthquake of a record from its header.
+
+    If the header of the file does not state a time of day, the time of the first sample is used
+    instead.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion record.
+
+    Returns
+    -------
+    Earthquake
+        Earthquake with the known name and time; its attributes are empty if both are unknown.
+    """
     event = parse_event(record.event)
     if event.has_clock or record.start <= _UNKNOWN_UNTIL:
         return event
@@ -116,8 +135,13 @@ def event_of(record: Record) -> Earthquake:
 def is_same_event(event: Earthquake, other: Earthquake) -> bool:
     """Return True if two files belong to one event according to their headers.
 
-    Times of day decide if both are known. Otherwise the names and the dates must not contradict
-    each other, and one of them must be known in both files.
+    If both files state the time of day, the times are compared. Otherwise the names and the dates
+    must not contradict each other, and one of them must be known in both files.
+
+    Parameters
+    ----------
+    event, other : Earthquake
+        Earthquakes identified by the two files.
     """
     if event.time and other.time and event.has_clock and other.has_clock:
         are_origins = not (event.is_start or other.is_start)
@@ -133,25 +157,38 @@ def is_same_event(event: Earthquake, other: Earthquake) -> bool:
 
 
 def _time_of(match: re.Match[str]) -> datetime | None:
-    """Return the time that a date in a header states, in UTC; None if there is no such date."""
-    year, month = int(match["year"]), match["month"]
+    """Return the date and time of day in a header, converted to UTC.
+
+    Parameters
+    ----------
+    match : re.Match
+        Match of one of the patterns in `_DATES`.
+
+    Returns
+    -------
+    datetime or None
+        Time without a time zone; midnight if the header states only a date. None if the date or the
+        time does not exist, such as 31 February.
+    """
+    year, month_text = int(match["year"]), match["month"]
     if len(match["year"]) == 2:
-        year += 1900 if year >= _CENTURY else 2000
-    number = int(month) if month.isdecimal() else _MONTHS.index(month[:3].lower()) + 1
+        year += 1900 if year >= _FIRST_YEAR_OF_1900S else 2000
+    is_number = month_text.isdecimal()
+    month = int(month_text) if is_number else _MONTHS.index(month_text[:3].lower()) + 1
+    # The time of day is written with colons, or as four digits: 2316 is 23:16.
     digits = match["digits"] or ""
     hour, minute = match["hour"] or digits[:2] or 0, match["minute"] or digits[2:] or 0
+    second = match["second"] or 0
     try:
-        time = datetime(
-            year, number, int(match["day"]), int(hour), int(minute), int(match["second"] or 0)
-        )
+        time = datetime(year, month, int(match["day"]), int(hour), int(minute), int(second))
     except ValueError:
         return None
-    zone = _ZONES.get((match["zone"] or "").upper(), 0.0)
-    return time - timedelta(hours=zone)
+    zone_offset = _ZONES.get((match["zone"] or "").upper(), 0.0)
+    return time - timedelta(hours=zone_offset)
 
 
 def _clean_name(name: str) -> str:
-    """Return the name of an event on one line, without the signs at its ends."""
+    """Return the name of an event on one line, without punctuation at its ends."""
     return " ".join(name.split()).strip(" ,;:-(")
 
 
@@ -160,13 +197,27 @@ def _names_agree(name: str, other: str) -> bool:
 
     Numbers must be equal (Imperial Valley-06 is not Imperial Valley-07). The longer name may have
     additional words at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).
+
+    Parameters
+    ----------
+    name, other : str
+        Names of events without dates.
     """
-    words = [
-        re.findall(r"[^\W\d_]+|\d+", _IGNORED_WORDS.sub(" ", text.lower()))
-        for text in (name, other)
-    ]
-    numbers = [[int(word) for word in name_words if word.isdecimal()] for name_words in words]
-    letters = [[word for word in name_words if not word.isdecimal()] for name_words in words]
-    size = min(map(len, letters))
-    is_empty = not size and not numbers[0]
-    return numbers[0] == numbers[1] and not is_empty and letters[0][:size] == letters[1][:size]
+    first_words, first_numbers = _words_and_numbers(name)
+    other_words, other_numbers = _words_and_numbers(other)
+    common_length = min(len(first_words), len(other_words))
+    has_content = bool(common_length or first_numbers)
+    return (
+        first_numbers == other_numbers
+        and has_content
+        and first_words[:common_length] == other_words[:common_length]
+    )
+
+
+def _words_and_numbers(name: str) -> tuple[list[str], list[int]]:
+    """Return the words of a name in lower case and its numbers, without words that do not identify
+    an event, such as "earthquake"."""
+    parts = re.findall(r"[^\W\d_]+|\d+", _IGNORED_WORDS.sub(" ", name.lower()))
+    words = [part for part in parts if not part.isdecimal()]
+    numbers = [int(part) for part in parts if part.isdecimal()]
+    return words, numbers
