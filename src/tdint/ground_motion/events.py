@@ -136,7 +136,7 @@ def is_same_event(event: Earthquake, other: Earthquake) -> bool:
     """Return True if two files belong to one event according to their headers.
 
     If both files state the time of day, the times are compared. Otherwise the names and the dates
-    must not contradict each other, and one of them must be known in both files.
+    must not contradict each other, and the names or the dates must be known in both files.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def _time_of(match: re.Match[str]) -> datetime | None:
     Parameters
     ----------
     match : re.Match
-        Match of one of the patterns in `_DATES`.
+        Match of a pattern in `_DATES`.
 
     Returns
     -------

@@ -433,7 +433,7 @@ class PairNames:
         Raises
         ------
         UsageError
-            The text does not contain two different names with exactly one {} in each.
+            The text does not contain two different names with exactly one {} per name.
         """
         parts = [part.strip() for part in text.split(",")]
         are_patterns = all(part.count(_PLACEHOLDER) == 1 for part in parts)
@@ -520,15 +520,15 @@ def motion_names(files: Sequence[str]) -> list[str]:
 
 
 def _replace_component(file: str, match: re.Match[str] | None) -> str:
-    """Return a file name in which a question mark replaces the component.
+    """Replace the component in a file name by a question mark.
 
     Parameters
     ----------
     file : str
         File name, with or without directories.
     match : re.Match or None
-        Match of one of the patterns of this module in the last part of the file name. Its group
-        `component` is replaced. None leaves the name unchanged.
+        Match of a pattern of this module in the last part of the file name. Its group
+        `component` is replaced. With None, the name is unchanged.
     """
     if not match:
         return file

@@ -90,14 +90,14 @@ class Measures:
     ----------
     pga, pgv, pgd : float
         Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground. The peaks of
-        velocity and displacement are those in the file; if the file has none, they are computed by
-        integration from rest at the first sample.
+        velocity and displacement are read from the file; if the file does not state them, they are
+        computed by integration from rest at the first sample.
     arias : float
         Arias intensity, pi / (2 g) times the integral of the squared acceleration, m/s.
     cav : float
         Cumulative absolute velocity, the integral of the absolute acceleration, m/s.
     cav5 : float
-        Integral of the absolute acceleration over the times at which it is at least 0.05 m/s^2
+        Integral of the absolute acceleration while it is at least 0.05 m/s^2
         (Kramer and Mitchell 2006), m/s.
     d5_75, d5_95 : float
         Time between 5 and 75 or 95 % of the Arias intensity, s; nan if all samples are zero.
@@ -364,8 +364,8 @@ def cumulative_absolute_velocity(record: Record) -> float:
 
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
-    """Return the integral over time of the absolute acceleration, restricted to the times at which
-    it is at least a threshold.
+    """Return the integral over time of the absolute acceleration, while it is at least
+    a threshold.
 
     Parameters
     ----------
@@ -404,8 +404,8 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
 
 
 def significant_duration(record: Record, fraction: float) -> float:
-    """Return the time, s, from 5 % of the Arias intensity to the fraction `fraction` of it, such as
-    0.95 (Trifunac and Brady 1975); nan if all samples are zero."""
+    """Return the time, s, from 5 % of the Arias intensity to the fraction `fraction` of the
+    intensity, such as 0.95 (Trifunac and Brady 1975); nan if all samples are zero."""
     energy = cumulative_energy(record)
     return time_of_energy(record, energy, fraction) - time_of_energy(record, energy, 0.05)
 
@@ -448,8 +448,8 @@ def a95(record: Record) -> float:
 
 
 def bracketed_duration(record: Record, threshold: float) -> float:
-    """Return the time between the first and the last time at which the absolute acceleration is
-    equal to a threshold (Bolt 1969).
+    """Return the time from the first to the last crossing of a threshold by the absolute
+    acceleration (Bolt 1969).
 
     Parameters
     ----------
@@ -469,7 +469,7 @@ def bracketed_duration(record: Record, threshold: float) -> float:
         return 0.0
 
     def crossing(outside: int, inside: int) -> float:
-        """Return the time, in sampling intervals, at which the acceleration crosses the threshold.
+        """Return the time, in sampling intervals, when the acceleration crosses the threshold.
 
         The acceleration is linear between two neighboring samples: `outside` is the index of the
         sample below the threshold, `inside` that of the sample at or above the threshold.
@@ -604,7 +604,7 @@ MEASURES = {
 """Intensity measures of ground motions by name: the measures of tdint, then the measures of
 plug-ins (`tdint.load_plugin`)."""
 
-# Plug-ins add measures to MEASURES later; the class `Measures` has only those of tdint.
+# Plug-ins add measures to MEASURES later; the class `Measures` has only the measures of tdint.
 _BUILTIN_MEASURES = tuple(MEASURES)
 
 
@@ -671,7 +671,7 @@ def _plausibility_notes(
     Returns
     -------
     tuple of str
-        One note for each such property; empty if there are none.
+        One note for each such property; otherwise empty.
     """
     samples, size = record.acceleration, record.acceleration.size
     first_sample = float(samples[0])

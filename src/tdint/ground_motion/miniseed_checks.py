@@ -177,8 +177,8 @@ def most_samples(frames: bytes, version: int, order: str = ">") -> int:
     # The first word of a frame contains a code of two bits for each of the 16 words.
     shifts = np.arange(30, -2, -2, dtype=np.uint32)
     codes = ((words[::_WORDS_PER_FRAME, None] >> shifts) & 3).astype(np.int64)
-    # The word of the codes contains no differences, nor do the words of the first and the last
-    # sample, which follow it in the first frame.
+    # The word of the codes contains no differences. The first frame also contains the first and
+    # the last sample in the next two words.
     codes[:, 0] = 0
     codes = codes.reshape(-1)
     codes[1:3] = 0
@@ -195,7 +195,7 @@ def most_samples(frames: bytes, version: int, order: str = ">") -> int:
 _FIXED_HEADER = 48  # bytes of the fixed section of a data header
 _SHORTEST_RECORD = 128  # bytes
 _LENGTH_EXPONENTS = range(7, 21)  # exponents n of the permitted record lengths, 2^n bytes
-_YEARS = range(1900, 2101)  # plausible years, by which the byte order is determined
+_YEARS = range(1900, 2101)  # plausible years; they determine the byte order
 _NOT_BLANK = re.compile(rb"[^ \0]")
 _TEXT = 0  # code of the encoding of records that contain text instead of samples
 _STEIM = {10: 1, 11: 2, 19: 1, 20: 2}
@@ -212,12 +212,11 @@ _ACTUAL_RATE, _DATA_ONLY = 100, 1000
 """Types of blockettes: actual sampling rate; length, encoding and byte order of the record."""
 
 _MAX_WRONG_CHARACTERS = 3
-"""Number of different characters up to which two channel codes may be the same code, one of them
-corrupt."""
+"""Maximum number of wrong characters in a corrupt channel code."""
 
 _REPORTED_BREAK, _JOINED_BREAK = 0.1 * (1.0 - 1e-6), 0.5
 """Fractions of a sampling interval: minimum gap or overlap of two records that is reported, and
-maximum gap or overlap at which libmseed joins the records."""
+maximum gap or overlap that libmseed ignores when it joins records."""
 
 _TIME_RESOLUTION = 1.01e-4
 """Minimum detectable gap or overlap, s, because header times are rounded to 0.1 ms."""
@@ -367,7 +366,7 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
 
 
 def _warn_about_breaks(name: str, records: list[DataRecord]) -> None:
-    """Warn about small gaps and overlaps between the records of a channel, at which libmseed joins
+    """Warn about small gaps and overlaps between the records of a channel, where libmseed joins
     the samples as if their times were continuous.
 
     Parameters
@@ -457,7 +456,7 @@ def _control_length(data: bytes) -> int | None:
     Returns
     -------
     int or None
-        Length; None if neither the blockette nor a second header is found.
+        Length; None if the blockette and a second header are missing.
     """
     # Blockettes 5, 8 and 10 state the length as an exponent of 2 in two digits.
     if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():
@@ -503,7 +502,7 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
         The record has no blockette 1000.
     """
     # The byte order is stated only in blockette 1000, which cannot be found without the byte order.
-    # The order in which the year is valid is therefore used.
+    # The order that gives a valid year is therefore used.
     order = ">" if int.from_bytes(data[offset + 20 : offset + 22], "big") in _YEARS else "<"
     fields = struct.unpack_from(order + _HEADER, data, offset)
     sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = (
@@ -615,7 +614,7 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
     offset : int
         Position of the record in the file.
     first : int
-        Position of the first blockette in the record; 0 if there is none.
+        Position of the first blockette in the record; 0 if the record has no blockettes.
     order : str
         Byte order, > or <.
     where : str

@@ -103,7 +103,7 @@ class Record(Tabular):
         them, or if the record was processed after reading.
     header_checks : tuple of str
         Header values (number of samples, peak, checksum) that were compared with the samples; empty
-        if the header states none of them.
+        if the header states no such value.
     scale : float
         Total factor applied to the acceleration since reading.
     event : str
@@ -158,8 +158,8 @@ class Record(Tabular):
             )
         # The dataclass is frozen, so its attributes can only be replaced by object.__setattr__.
         object.__setattr__(self, "dt", float(dt))
-        # An array that shares memory with an array of the caller is copied, because it must neither
-        # become read-only for the caller nor be changed by the caller.
+        # An array that shares memory with an array of the caller is copied, because it must not
+        # become read-only for the caller, and the caller must not change it.
         shares_memory = samples is self.acceleration or samples.base is not None
         if shares_memory:
             samples = samples.copy()
@@ -267,7 +267,7 @@ def component_names(records: Sequence[Record]) -> list[str]:
     """Return a name for each record that distinguishes it from the other records of its file.
 
     The name is the component. If several channels of a file have the same component, the name is
-    the id NET.STA.LOC.CHA, or the station code alone for motions exported by tdint, in which the
+    the id NET.STA.LOC.CHA, or the station code alone for motions exported by tdint, where the
     station is the floor (F04).
     """
     channels = {(record.source, record.id, record.component) for record in records}
@@ -477,8 +477,8 @@ class JoinedRecord(Record):
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
     def scaled(self, factor: float) -> Self:
-        """Return a copy of the sequence in which the accelerations of all events except the first
-        `fixed` events are multiplied by `factor`.
+        """Return a copy of the sequence, with the accelerations of all events except the first
+        `fixed` events multiplied by `factor`.
 
         Parameters
         ----------

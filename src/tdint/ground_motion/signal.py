@@ -72,8 +72,7 @@ class Signal:
         return replace(self, samples=samples, quantity=quantity or self.quantity)
 
     def centered(self) -> Signal:
-        """Return a copy of the channel from which the offset of the sensor, its value at rest, is
-        subtracted."""
+        """Return a copy of the channel without the offset of the sensor, its value at rest."""
         return self.with_samples(without_offset(self.samples, self.quantity))
 
     def times(self, factor: float) -> Signal:
@@ -123,8 +122,8 @@ def has_offset(acceleration: Array) -> bool:
     acceleration : ndarray, shape (samples,)
         Acceleration in any unit.
     """
-    # This is a sign test. Neighboring samples are not independent, so that each interval in which
-    # the acceleration stays on one side of its median counts as one independent sample.
+    # This is a sign test. Neighboring samples are not independent, so that each interval between
+    # crossings of the median counts as a single independent sample.
     centered = acceleration - np.median(acceleration)
     independent_samples = 1 + np.count_nonzero(np.diff(np.sign(centered)))
     mean_sign = abs(np.mean(np.sign(acceleration)))
