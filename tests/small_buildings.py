@@ -157,6 +157,15 @@ BUILDINGS = {
         "damping": 0.02,
         "collapse_drift": 0.9,
     },
+    "curved-power-dashpots": {
+        "stories": _stories(
+            LAWS["bouc-wen"],
+            LAWS["bouc-wen-sharp"],
+            dashpot={"coefficient": 1.5e5, "exponent": 0.3, "linear_below": 0.02},
+        ),
+        "damping": {"modal": 0.02},
+        "collapse_drift": 0.9,
+    },
     "collapse": {
         "stories": _stories(LAWS["bilinear"], LAWS["peak-oriented"]),
         "collapse_drift": 0.01,
