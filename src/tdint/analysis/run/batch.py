@@ -20,7 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.analysis.arguments import numbers_of
-from tdint.analysis.run.case import Case, energy_errors, needs_review, peaks_of, until_rest, windows
+from tdint.analysis.run.case import (
+    Case,
+    energy_errors,
+    extend_to_rest,
+    named_peaks,
+    needs_review,
+    rest_criterion,
+)
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
 from tdint.analysis.run.prepared import NO_FREE_VIBRATION, BatchResult, Motions, PreparedBuilding
@@ -127,7 +134,7 @@ class Outcomes:
             batch.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(batch.ends)
         )
         return cls(
-            peaks_of(building, batch.peaks, batch.drifts),
+            named_peaks(building, batch.peaks, batch.drifts),
             energy_errors(batch.totals),
             batch.ends[:, STEPS_COMPLETED].astype(int),
             at_rest,
@@ -247,7 +254,7 @@ def run_batch(
         batch = integrate()
     else:
         specs = [motions.run_spec(*run) for run in runs]
-        criterion = windows(prepared, h) if to_rest else NO_FREE_VIBRATION
+        criterion = rest_criterion(prepared, h) if to_rest else NO_FREE_VIBRATION
         batch = prepared.integrate_batch(subject.integrator, h, motions.samples, specs, criterion)
     outcomes = Outcomes.of(prepared.building, batch, to_rest)
     # Evaluate the runs that collapsed or failed individually. A failed run is integrated again only
@@ -308,7 +315,7 @@ def _evaluate(
 ) -> RunResult:
     """Return the result of run `i` of a batch as evaluated by its own case."""
     at_rest = int(batch.ends[i, AT_REST]) if to_rest else None
-    return case.settle(steps, batch, i, history), at_rest
+    return case.review_batch_run(steps, batch, i, history), at_rest
 
 
 def _integrate_individually(
@@ -317,7 +324,7 @@ def _integrate_individually(
     """Integrate a run individually."""
     at_rest = None
     if to_rest:
-        steps, reached_rest = until_rest(case, steps)
+        steps, reached_rest = extend_to_rest(case, steps)
         at_rest = int(reached_rest)
         # The run ends at the requested time, so that no drift change after this time is estimated.
         steps = case.steps(steps.h, steps.count * steps.h)

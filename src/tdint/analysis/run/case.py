@@ -1,7 +1,7 @@
-"""A building under a ground motion, integrated with one time step, and the evaluation of its end.
+"""Run one building under one ground motion with a fixed time step, and determine how the run ends.
 
-The run is done, collapsed, diverged, not converged, or rejected. This module also contains runs
-that continue with the ground at rest until free vibration has decayed.
+A run ends as done, collapsed, diverged or not converged; an unstable time step is rejected before
+the run. A run can continue with the ground at rest until free vibration has decayed.
 """
 
 from __future__ import annotations
@@ -61,20 +61,50 @@ from tdint.number_parsing import pluralize
 # ---- Results of a time integration, computed from its arrays
 
 FieldFunction = Callable[[Building, Array, Array, Array], Array]
-"""Function that computes a field of the history from the building, the forces on its floors
-(`force_table`), the times of the rows, and the rows of the history table.
+"""Function that computes one quantity of the response history for all floors or stories.
+
+Its arguments are the building, the table of the forces on its floors (`force_table`), the times of
+the rows of the history table (s), and the history table. It returns an array, shape (rows, n).
 """
 
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
-    """Return the peaks of all stories."""
-    return peaks_of(
+    """Return the peaks of all stories at the end of a time integration.
+
+    Parameters
+    ----------
+    building : Building
+        Building.
+    space : Workspace
+        Arrays of the time integration.
+
+    Returns
+    -------
+    StoryPeaks
+        Copies of the peaks, and the present drifts as residual drifts.
+    """
+    return named_peaks(
         building, space.peaks.copy(), space.law_state[rows.DRIFT, : building.stories].copy()
     )
 
 
-def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
-    """Return the peaks of all stories from rows of `Workspace.peaks` and the drifts at the end."""
+def named_peaks(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
+    """Return the peaks of all stories with the names of their quantities.
+
+    Parameters
+    ----------
+    building : Building
+        Building; its heights are used for drift ratios.
+    peaks : ndarray
+        Peaks in the rows of `Workspace.peaks`.
+    residual_drift : ndarray, shape (n,)
+        Drifts at the end of the run, m.
+
+    Returns
+    -------
+    StoryPeaks
+        Peaks of the stories.
+    """
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
@@ -83,9 +113,16 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     run.
 
     At rest, no story has a force. The distance of a story from this position is its force divided
-    by its present stiffness. The amplitude of the velocity part is the drift rate times the ratio
-    of the maximum displacement to the maximum velocity of the run (s), and increases with the
-    square root of initial to present stiffness.
+    by its present stiffness. The drift rate adds the rate times the ratio of the maximum
+    displacement to the maximum velocity of the run (s), times the square root of the ratio of
+    initial to present stiffness. The amplitude is the square root of the sum of the squares.
+
+    Parameters
+    ----------
+    building : Building
+        Building.
+    space : Workspace
+        Arrays at the end of the time integration.
 
     Returns
     -------
@@ -95,21 +132,37 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     drift, force, slope = (
         space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
     )
-    stiffness = building.initial_stiffness
-    # A stiffness that is not positive, or exceeds the initial stiffness, is replaced by the initial
-    # stiffness.
-    present = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
-    distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present
+    initial_stiffness = building.initial_stiffness
+    # The present stiffness is the slope of the hysteretic law. A slope that is not positive or
+    # exceeds the initial stiffness does not lead to the position of rest: use the initial
+    # stiffness instead.
+    is_usable = (slope > 0.0) & (slope < initial_stiffness)
+    present_stiffness = np.where(is_usable, slope, initial_stiffness)
+    distance = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / present_stiffness
     rate = _drift_rates(building, space.state[rows.VELOCITY])
     displacement, velocity = (
         float(space.peaks[row].max()) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
     )
     seconds = displacement / velocity if velocity > 0.0 else 0.0
-    return np.asarray(np.hypot(distance, rate * seconds * np.sqrt(stiffness / present)))
+    softening = np.sqrt(initial_stiffness / present_stiffness)
+    return np.asarray(np.hypot(distance, rate * seconds * softening))
 
 
 def _drift_rates(building: Building, floors: Array) -> Array:
-    """Return the rates of the drifts from the rates of the floors (one row of a table)."""
+    """Return the differences of a rate between the ends of each story.
+
+    Parameters
+    ----------
+    building : Building
+        Building; its row `LINK` is 1 for a story on the floor below it, 0 for one on the ground.
+    floors : ndarray, shape (n + 1,)
+        Velocities or accelerations of the floors; the last entry is the ground.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Rate of the floor above each story minus the rate of the floor below it.
+    """
     rates: Array = floors[:-1].copy()
     rates[1:] -= building.linear_terms[rows.LINK, 1:-1] * floors[:-2]
     return rates
@@ -118,9 +171,11 @@ def _drift_rates(building: Building, floors: Array) -> Array:
 def interstep_peak_errors(
     building: Building, space: Workspace, late: float, stories: StoryPeaks
 ) -> StoryErrors:
-    """Return the possible excess of the peaks between time steps that do not resolve the motion.
+    """Return bounds of the errors that arise because peaks are read at time steps only.
 
-    For residual drifts, return the approximate change of the drifts since the requested time.
+    If the time step does not resolve the highest modes, peaks between time steps may exceed the
+    peaks at time steps. Residual drifts are read at the end of the last time step, which may be
+    later than the requested end; their error is the change of the drifts in this interval.
 
     Parameters
     ----------
@@ -132,6 +187,11 @@ def interstep_peak_errors(
         Time from the requested end to the end of the last step, s.
     stories : StoryPeaks
         Peaks of the run.
+
+    Returns
+    -------
+    StoryErrors
+        Possible excess of each peak, and the approximate change of each residual drift.
     """
     drift_change = np.zeros(building.stories)
     if late > 0.0:
@@ -144,10 +204,13 @@ def interstep_peak_errors(
         )
         drift_change = late * velocity + 0.5 * late**2 * acceleration
     reported, bounds = vars(stories), vars(stories)
-    # The possible peaks are 0 if the time steps resolve the motion.
-    peaks, possible = space.peaks[: rows.PEAK_ROWS], space.peaks[rows.PEAK_ROWS :]
-    if possible.any():
-        bounds = story_values(building, np.maximum(possible, peaks), drift_change)
+    peaks_at_steps = space.peaks[: rows.PEAK_ROWS]
+    peaks_between_steps = space.peaks[rows.PEAK_ROWS :]
+    # All peaks between time steps are 0 if the time steps resolve the motion. The bounds are then
+    # the reported peaks.
+    if peaks_between_steps.any():
+        largest_peaks = np.maximum(peaks_between_steps, peaks_at_steps)
+        bounds = story_values(building, largest_peaks, drift_change)
     # The difference is nan for quantities that do not exist, such as ratios without a height.
     differences = {
         quantity.name: bounds[quantity.name] - reported[quantity.name] for quantity in STORY
@@ -156,27 +219,54 @@ def interstep_peak_errors(
 
 
 def energy_errors(totals: Array) -> Array:
-    """Return `Energy.error` of each run, shape (runs,), from rows of `Workspace.totals`."""
+    """Return the energy imbalance of each run relative to its reference energy (`Energy.error`).
+
+    Parameters
+    ----------
+    totals : ndarray, shape (runs, TOTALS_SIZE)
+        Energies of each run, in the order of `Workspace.totals`.
+
+    Returns
+    -------
+    ndarray, shape (runs,)
+        Initial and input energy minus all other terms, divided by the reference energy
+        (dimensionless); positive if the method dissipates energy, 0 without a reference energy.
+    """
     terms = dict(zip(ENERGY_TERMS, totals.T[: rows.ENERGY_TERMS], strict=True))
-    spent = reduce(add, [term for name, term in terms.items() if name != "input"])
-    largest = totals[:, rows.ENERGY_REFERENCE]
-    imbalance = totals[:, rows.ENERGY_INITIAL] + terms["input"] - spent
+    stored_or_dissipated = reduce(add, [term for name, term in terms.items() if name != "input"])
+    reference = totals[:, rows.ENERGY_REFERENCE]
+    imbalance = totals[:, rows.ENERGY_INITIAL] + terms["input"] - stored_or_dissipated
     return np.asarray(
-        np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0)
+        np.divide(imbalance, reference, out=np.zeros_like(reference), where=reference > 0.0)
     )
 
 
-def energy_of(numbers: Array) -> Energy:
-    """Return the energies at the start of an array in the order of `Workspace.totals`."""
-    terms = dict(zip(ENERGY_TERMS, numbers[: rows.ENERGY_TERMS].tolist(), strict=True))
-    initial, reference = numbers[rows.ENERGY_INITIAL], numbers[rows.ENERGY_REFERENCE]
+def named_energies(totals: Array) -> Energy:
+    """Return the energies of one run with the names of their terms.
+
+    Parameters
+    ----------
+    totals : ndarray
+        Array that begins with the energies (J) in the order of `Workspace.totals`.
+
+    Returns
+    -------
+    Energy
+        Energies, J.
+    """
+    terms = dict(zip(ENERGY_TERMS, totals[: rows.ENERGY_TERMS].tolist(), strict=True))
+    initial, reference = totals[rows.ENERGY_INITIAL], totals[rows.ENERGY_REFERENCE]
     return Energy(**terms, initial=float(initial), reference=float(reference))
 
 
-def history_of(
-    building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None
+def named_history(
+    building: Building,
+    forces: Array,
+    space: Workspace,
+    h: float,
+    max_input_energy: float | None = None,
 ) -> History:
-    """Return the response history of a time integration.
+    """Return the response history that a time integration stored in its workspace.
 
     Parameters
     ----------
@@ -188,9 +278,14 @@ def history_of(
         Arrays after the time integration.
     h : float
         Time step, s.
-    largest : float, optional
-        Maximum input energy, J; required for a chunk of a history, because it applies to the
-        complete run.
+    max_input_energy : float, optional
+        Maximum input energy of the complete run, J, to which the energy imbalance is related. By
+        default that of the workspace; required if the workspace has only a chunk of the run.
+
+    Returns
+    -------
+    History
+        Times, ground acceleration, responses of floors and stories, and energies.
     """
     n = building.stories
     table = space.history
@@ -198,14 +293,17 @@ def history_of(
         space.steps_per_row
         * np.arange(space.rows_before, space.rows_before + len(table), dtype=np.float64)
     )
-    # In each row, the energies are stored after the motion. The first term is the input energy; the
-    # imbalance is the part of the input and the initial energy that no other term contains.
+    # A row contains the ground acceleration, the fields of the floors, and the energies. The first
+    # energy is the input energy; the imbalance is the part of the input and the initial energy that
+    # no other term contains.
     first_energy = 1 + rows.HISTORY_FIELDS * n
     terms = list(table[:, first_energy : first_energy + rows.ENERGY_TERMS].T)
     initial = space.totals[rows.ENERGY_INITIAL]
-    largest = space.totals[rows.ENERGY_REFERENCE] if largest is None else largest
+    if max_input_energy is None:
+        max_input_energy = space.totals[rows.ENERGY_REFERENCE]
     imbalance = reduce(sub, terms[1:], initial + terms[0])
-    relative = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
+    has_input = max_input_energy > 0.0
+    relative = imbalance / max_input_energy if has_input else np.zeros_like(imbalance)
     return History(
         time=time,
         ground_acceleration=table[:, 0],
@@ -214,31 +312,60 @@ def history_of(
     )
 
 
-def _field(index: int) -> FieldFunction:
-    """Return the function that reads the field with an index from the rows of the history table."""
+# Positions of the fields in a row of the history table, in units of n columns, after the first
+# column with the ground acceleration.
+_DISPLACEMENT_FIELD, _VELOCITY_FIELD, _ACCELERATION_FIELD, _SHEAR_FIELD = range(4)
+
+
+def _stored_field(field: int) -> FieldFunction:
+    """Return the function that reads a field, given by its position, from the history table."""
     return lambda building, forces, time, table: table[
-        :, 1 + index * building.stories : 1 + (index + 1) * building.stories
+        :, 1 + field * building.stories : 1 + (field + 1) * building.stories
     ]
 
 
-def _floor_difference(index: int) -> FieldFunction:
-    """Return the function that computes the difference of a field between the floors above and
-    below.
+def _floor_difference(field: int) -> FieldFunction:
+    """Return the function that subtracts a field of the floor below each story from the field of
+    the floor above it.
+
+    Parameters
+    ----------
+    field : int
+        Position of the field in the history table, such as `_VELOCITY_FIELD`.
     """
 
-    def compute(building: Building, forces: Array, time: Array, table: Array) -> Array:
-        """Return the differences, shape (rows, n); the ground below the first story is fixed."""
-        floors = _field(index)(building, forces, time, table)
-        stories = floors.copy()
-        stories[:, 1:] -= floors[:, :-1]
-        return stories
+    def subtract_floor_below(building: Building, forces: Array, time: Array, table: Array) -> Array:
+        """Return the differences, shape (rows, n); the arguments are those of `FieldFunction`."""
+        floors = _stored_field(field)(building, forces, time, table)
+        differences = floors.copy()
+        # The values are relative to the ground, which is below the first story: it keeps its value.
+        differences[:, 1:] -= floors[:, :-1]
+        return differences
 
-    return compute
+    return subtract_floor_below
 
 
 def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
-    """Return the sum over the floors above each story: forces on floors minus mass times
-    acceleration.
+    """Return the shear in each story that balances the forces on all floors above the story.
+
+    This shear contains the forces of springs, dampers and P-delta. It is the sum of applied force
+    minus mass times acceleration over these floors.
+
+    Parameters
+    ----------
+    building : Building
+        Building; its masses are used (kg).
+    forces : ndarray, shape (forces, FORCE_COLUMNS)
+        Harmonic forces on floors (`force_table`), N.
+    time : ndarray, shape (rows,)
+        Times of the rows of the history table, s.
+    table : ndarray
+        History table.
+
+    Returns
+    -------
+    ndarray, shape (rows, n)
+        Total shear, N.
     """
     floor_forces = -building.linear_terms[rows.MASS, :-1] * _ACCELERATION(
         building, forces, time, table
@@ -248,18 +375,19 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
         floor_forces[:, int(force[rows.FLOOR])] += force[rows.COSINE] * np.cos(angle) + force[
             rows.SINE
         ] * np.sin(angle)
+    # Sum from the roof down: reverse the floors, sum, and reverse the sums.
     return np.asarray(np.cumsum(floor_forces[:, ::-1], axis=1)[:, ::-1])
 
 
-_ACCELERATION = _field(2)
-_DRIFT_RATE = _floor_difference(1)
+_ACCELERATION = _stored_field(_ACCELERATION_FIELD)
+_DRIFT_RATE = _floor_difference(_VELOCITY_FIELD)
 
 HISTORIES: dict[str, FieldFunction] = {
-    "displacement": _field(0),
-    "velocity": _field(1),
+    "displacement": _stored_field(_DISPLACEMENT_FIELD),
+    "velocity": _stored_field(_VELOCITY_FIELD),
     "acceleration": _ACCELERATION,
-    "drift": _floor_difference(0),
-    "shear": _field(3),
+    "drift": _floor_difference(_DISPLACEMENT_FIELD),
+    "shear": _stored_field(_SHEAR_FIELD),
     "damper_force": lambda building, *table: building.device_force(_DRIFT_RATE(building, *table)),
     "total_shear": _total_shear,
 }
@@ -269,7 +397,7 @@ HISTORIES: dict[str, FieldFunction] = {
 # ---- Case
 
 _LARGE_IMBALANCE = 0.01
-"""Dimensionless. Energy error above which a run prints a warning."""
+"""Dimensionless. Energy error above which the result of a run includes a warning."""
 
 _PRODUCED_BY_METHOD = 1.0
 """Dimensionless. Energy produced by the method divided by the input energy. From this value,
@@ -282,16 +410,14 @@ diverged. 100 corresponds to ten times the amplitude.
 """
 
 _EXCESS_FRACTION = 0.05
-"""Dimensionless. Possible excess between time steps divided by the peak, above which a note is
-added.
+"""Dimensionless. Possible excess of a peak between time steps, divided by the peak, above which a
+note is added.
 """
 
 _VIBRATION_FRACTION = 0.01
 """Dimensionless. Amplitude of a drift at the end divided by the maximum drift, above which a note
-is added.
+states that residual drifts are instantaneous values.
 """
-
-_UNTIL_REST = "--until-rest continues until free vibration has decayed"
 
 _REMEDY = "use a smaller step or another method"
 
@@ -340,8 +466,10 @@ class Case:
 
     @cached_property
     def plausibility_warnings(self) -> tuple[str, ...]:
-        """Warnings on unusual values of the building and the ground motion, as `check` shows."""
-        # The warnings of the record are reported when it is read; do not repeat them.
+        """Warnings on unusual values of the building and the ground motion, which `tdint check`
+        prints, too.
+        """
+        # Reading the record has already reported its warnings; do not repeat them.
         reported = self.record.warnings if self.record else ()
         pga = self.record.pga if self.record else math.nan
         unusual = plausibility_warnings(
@@ -349,10 +477,16 @@ class Case:
         )
         return tuple(text for text in unusual if text not in reported)
 
-    def _long_step(self, steps: Steps) -> list[str]:
-        """Return the warning on the time step of the model or its record.
+    def _long_step_warnings(self, steps: Steps) -> list[str]:
+        """Return the warning that the time step is long for the building, if this applies.
 
-        There is no warning on a time step that is requested or chosen for a tolerance.
+        Only the default time step, of the model file or of the record, is checked. A time step that
+        the user requests or that is chosen for a tolerance is intended.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run.
         """
         interval = self.record.dt if self.record else None
         default = self.model.analysis.dt or interval
@@ -390,21 +524,27 @@ class Case:
         return self.under(self.record.scaled(factor))
 
     def steps(self, dt: float | None = None, duration: float | None = None) -> Steps:
-        """Return the time steps for a requested dt and duration (s).
-
-        The defaults are those of the model's analysis section, otherwise those of the record.
+        """Return the time steps of a run.
 
         Parameters
         ----------
         dt : float, optional
-            Time step, s.
+            Time step, s; by default that of the model's `analysis` section, otherwise the sampling
+            interval of the record.
         duration : float, optional
-            Duration of the time integration, s.
+            Duration of the time integration, s; by default that of the model's `analysis` section,
+            otherwise the duration of the record.
+
+        Returns
+        -------
+        Steps
+            Length and number of the time steps.
 
         Raises
         ------
         UsageError
-            The time step is invalid, or it is missing and there is no record.
+            A value is not a positive number, the time step does not fit the record, or there is no
+            ground motion and the model has no other load, time step or duration.
         """
         dt = self.model.analysis.dt if dt is None else dt
         duration = self.model.analysis.duration if duration is None else duration
@@ -425,7 +565,7 @@ class Case:
         )
 
     def integrate(self, steps: Steps, history: bool = False) -> Response:
-        """Integrate over the time steps.
+        """Integrate over the time steps, and return the response or raise the reason of a failure.
 
         Parameters
         ----------
@@ -434,46 +574,58 @@ class Case:
         history : bool, default False
             Keep the response history.
 
+        Returns
+        -------
+        Response
+            Peaks, energies, warnings and notes; its status is "done", or that of a collapse.
+
         Raises
         ------
         FailedRun
             The time step is above the stability limit of the method, the run diverged or did not
             converge.
         """
-        # Reject a time step above the stability limit of the method for the modes of the initial
-        # state.
-        instability = (
-            None if self.allow_unstable else self.prepared.instability(self.method, steps.h)
-        )
-        if instability is not None:
-            h, stable = steps.h, instability.largest_stable
-            omega = self.building.modes().omega[instability.index]
-            remedy = (
-                f"the largest stable step is {stable:.6g} s"
-                if stable > 0.0
-                else "no smaller step is stable"
-            )
-            message = (
-                f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} "
-                f"(omega {omega:.6g} rad/s, omega dt {omega * h:.6g}) grows; {remedy}, or use "
-                "--allow-unstable"
-            )
-            raise FailedRun(message, UNSTABLE, self.method.label, h, largest_stable_dt=stable)
+        if not self.allow_unstable:
+            self._require_stability(steps.h)
         result = self._integrate(steps, history)
-        collapse = self.judge(steps, result.code, result.space.totals)
+        collapse = self.recorded_collapse(steps, result.code, result.space.totals)
         if result.code < 0:
             if collapse is None:
                 raise self._failure(steps, result.space, result.code)
             # The run failed after a collapse. Repeat it up to the collapse, which is its result.
             steps = replace(steps, count=round(collapse.time / steps.h))
             result = self._integrate(steps, history)
-        error = energy_of(result.space.totals).error
+        error = named_energies(result.space.totals).error
+        # The negated comparison is also true if the error is nan.
         if not -error < RUNAWAY and not self.allow_unstable:
             reason = f"the final energy is {1.0 - error:.3g} times the input energy"
             raise self._divergence(steps, result.space, reason)
         return self._response(steps, result, collapse)
 
-    def history_chunks(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
+    def _require_stability(self, h: float) -> None:
+        """Raise FailedRun if the time step h (s) is above the stability limit of the method for a
+        mode of the building in its initial state.
+        """
+        instability = self.prepared.instability(self.method, h)
+        if instability is None:
+            return
+        stable = instability.largest_stable
+        omega = self.building.modes().omega[instability.index]
+        remedy = (
+            f"the largest stable step is {stable:.6g} s"
+            if stable > 0.0
+            else "no smaller step is stable"
+        )
+        message = (
+            f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} "
+            f"(omega {omega:.6g} rad/s, omega dt {omega * h:.6g}) grows; {remedy}, or use "
+            "--allow-unstable"
+        )
+        raise FailedRun(message, UNSTABLE, self.method.label, h, largest_stable_dt=stable)
+
+    def history_chunks(
+        self, steps: Steps, max_input_energy: float, every: int = 1
+    ) -> Iterator[History]:
         """Yield the history of a completed run in chunks, by repeating the time integration.
 
         The chunks together equal the history that `integrate` keeps, bit for bit.
@@ -482,24 +634,45 @@ class Case:
         ----------
         steps : Steps
             Time steps of the run.
-        largest : float
-            Maximum input energy of the run, J.
+        max_input_energy : float
+            Maximum input energy of the run, J, to which energy imbalances are related.
         every : int, default 1
-            Keep every N-th step, from the first.
+            Yield only every N-th time step; t = 0 is always the first.
+
+        Yields
+        ------
+        History
+            Next chunk; together the chunks cover the run in order.
         """
         for space in self.prepared.integrate_in_chunks(
             self.method, steps, self.ground, every=every
         ):
-            yield history_of(self.building, self.prepared.forces, space, steps.h, largest)
+            yield named_history(
+                self.building, self.prepared.forces, space, steps.h, max_input_energy
+            )
 
     def _integrate(self, steps: Steps, history: bool = False) -> IntegrationResult:
-        """Integrate over the time steps and return the arrays."""
+        """Integrate over the time steps and return the arrays without evaluating them.
+
+        With `history`, the arrays include the response at every time step.
+        """
         return self.prepared.integrate(
             self.method, steps, self.ground, history_rows=steps.count if history else 0
         )
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        """Return the exception for the failed step: divergence or missing convergence."""
+        """Return the exception for a run in which a time step failed.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run.
+        space : Workspace
+            Arrays after the failed step.
+        code : int
+            Code of the failed step: `NOT_FINITE` means divergence, any other code that the
+            equilibrium iteration did not converge.
+        """
         if code == rows.NOT_FINITE:
             return self._divergence(steps, space)
         residual = float(space.step_status[rows.RESIDUAL])
@@ -514,12 +687,19 @@ class Case:
         )
 
     def _divergence(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
-        """Return the exception for a run that diverged after the last time reached.
+        """Return the exception for a run that diverged.
 
-        By default, the reason is the drift of the story with the maximum drift.
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run.
+        space : Workspace
+            Arrays after the last completed step.
+        reason : str, optional
+            Cause, as shown in the message; by default the growth of the maximum drift.
         """
         # The message states the kinetic energy of the motion relative to the ground if it is
-        # finite.
+        # finite. Velocities of a diverged run can overflow when they are squared.
         with np.errstate(over="ignore", invalid="ignore"):
             energy = float(0.5 * np.sum(self.building.mass * space.state[rows.VELOCITY, :-1] ** 2))
         reached, story = float(space.totals[rows.STEPS_REACHED]) * steps.h, _runaway_story(space)
@@ -550,9 +730,19 @@ class Case:
         event = f"diverged after {reached:.6g} s: {reason}{size}"
         return self._failed(steps, DIVERGED, event, time=reached, story=story, energy=energy)
 
-    def _failed(self, steps: Steps, status: str, event: str, **facts: Any) -> FailedRun:
-        """Return the exception for a run that ended early, with its message and the facts as
-        attributes.
+    def _failed(self, steps: Steps, status: str, event: str, **attributes: Any) -> FailedRun:
+        """Return the exception for a run that ended early.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run; the message states their length.
+        status : str
+            `DIVERGED` or `NOT_CONVERGED`.
+        event : str
+            Rest of the sentence that begins with the method and the time step.
+        **attributes
+            Further attributes of the exception, such as the time of the failure.
         """
         label = self.method.label
         notes = (
@@ -561,15 +751,15 @@ class Case:
             *self._stiffening_note(),
         )
         message = f"{label} with dt {steps.h:.6g} s {event}; {_REMEDY}"
-        return FailedRun(message, status, label, steps.h, notes=notes, **facts)
+        return FailedRun(message, status, label, steps.h, notes=notes, **attributes)
 
-    def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
+    def recorded_collapse(self, steps: Steps, code: int, totals: Array) -> Collapse | None:
         """Return the collapse that a time integration recorded, or None.
 
-        A collapse is the time at which a drift first exceeded the collapse drift or a story failed.
-        It is a property of the building if the energy produced by the method up to this time is
-        less than the input energy. Otherwise, a run that reached its end has diverged, and the
-        result for a failed run is None.
+        A building collapses when a drift first exceeds the collapse drift or a story fails. The
+        collapse is attributed to the building if the energy that the method produced up to this
+        time is less than the input energy. Otherwise it is attributed to the method: a run that
+        reached its end has then diverged, and the result for a failed run is None.
 
         Parameters
         ----------
@@ -577,19 +767,24 @@ class Case:
             Time steps.
         code : int
             0, or the code of the failed step.
-        numbers : ndarray
-            `Workspace.totals`.
+        totals : ndarray
+            `Workspace.totals`: energies and the step of the collapse.
+
+        Returns
+        -------
+        Collapse or None
+            Time and story of the collapse.
 
         Raises
         ------
         FailedRun
             The run reached its end, but with energy produced by the method.
         """
-        if numbers[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE:
+        if totals[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE:
             return None
-        collapse_step = int(numbers[rows.COLLAPSE_STEP])
-        story, failed = int(numbers[rows.COLLAPSE_STORY]) + 1, bool(numbers[rows.COLLAPSE_FAILED])
-        energy = energy_of(numbers[rows.COLLAPSE_ENERGIES :])
+        collapse_step = int(totals[rows.COLLAPSE_STEP])
+        story, failed = int(totals[rows.COLLAPSE_STORY]) + 1, bool(totals[rows.COLLAPSE_FAILED])
+        energy = named_energies(totals[rows.COLLAPSE_ENERGIES :])
         time, produced = collapse_step * steps.h, -energy.error
         is_physical = produced < _PRODUCED_BY_METHOD and collapse_step > 0
         if is_physical or (code == 0 and (collapse_step == 0 or self.allow_unstable)):
@@ -604,14 +799,14 @@ class Case:
         reason = f"{event} with {produced:.3g} times the input energy produced by the method"
         raise self._divergence_error(steps, time, energy.kinetic, reason, story)
 
-    def settle(
+    def review_batch_run(
         self, steps: Steps, batch: BatchResult, i: int, history: bool = False
     ) -> Collapse | Response:
-        """Return the result of run `i` of a batch that did not simply reach its end
-        (`needs_review`).
+        """Return the result of a run of a batch that `needs_review` selects.
 
-        A collapse is evaluated from the results of the batch. Any other run is repeated
-        individually, as far as the batch integrated it and through the step in which it failed.
+        The result of a run that collapsed and reached its end follows from the arrays of the batch.
+        Any other run is repeated individually, through the step in which it failed, because the
+        batch does not store the facts that the message of a failure states.
 
         Parameters
         ----------
@@ -624,6 +819,11 @@ class Case:
         history : bool, default False
             Keep the response history of a repeated run.
 
+        Returns
+        -------
+        Collapse or Response
+            The collapse, or the response of the repeated run.
+
         Raises
         ------
         FailedRun
@@ -631,15 +831,18 @@ class Case:
         """
         code, completed, _ = batch.ends[i].astype(int).tolist()
         totals = batch.totals[i]
-        is_complete = code == 0 and -energy_of(totals).error < RUNAWAY
-        if is_complete and (collapse := self.judge(steps, code, totals)):
+        is_complete = code == 0 and -named_energies(totals).error < RUNAWAY
+        if is_complete and (collapse := self.recorded_collapse(steps, code, totals)):
             return collapse
         reached = max(completed, int(totals[rows.STEPS_REACHED]) + 1)
         return self.integrate(replace(steps, count=max(reached, steps.count)), history)
 
     def failure_in_batch(self, steps: Steps, batch: BatchResult, i: int) -> FailedRun | None:
-        """Return the failure of run `i` of a batch with its status only, or None if the run must be
-        evaluated by `settle`, because it collapsed or reached its end.
+        """Return the failure of a run of a batch without repeating the run, or None.
+
+        The exception has a status and a short message, but no facts such as the time of the
+        failure. The result is None if the run collapsed or reached its end; `review_batch_run`
+        evaluates such a run.
 
         Parameters
         ----------
@@ -652,9 +855,10 @@ class Case:
         """
         code, totals = int(batch.ends[i, CODE]), batch.totals[i]
         if code == 0:
-            has_diverged = not -energy_of(totals).error < RUNAWAY and not self.allow_unstable
+            # The negated comparison is also true if the error is nan.
+            has_diverged = not -named_energies(totals).error < RUNAWAY and not self.allow_unstable
             status = DIVERGED if has_diverged else None
-        elif self.judge(steps, code, totals) is not None:
+        elif self.recorded_collapse(steps, code, totals) is not None:
             status = None  # a collapse before the failed step
         else:
             status = DIVERGED if code == rows.NOT_FINITE else NOT_CONVERGED
@@ -665,30 +869,32 @@ class Case:
     def _response(
         self, steps: Steps, result: IntegrationResult, collapse: Collapse | None
     ) -> Response:
-        """Return the result of a completed run with its warnings and notes."""
+        """Return the result of a completed run with its warnings and notes.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps, up to the collapse if the run failed after it.
+        result : IntegrationResult
+            Arrays and duration of the time integration.
+        collapse : Collapse or None
+            Collapse of the building in this run.
+        """
         space = result.space
-        energy, stories = energy_of(space.totals), story_peaks(self.building, space)
-        # Do not warn of a large ductility of isolators, which are designed for it, and of other
-        # stories without height, which do not belong to a frame.
-        warnings = []
-        if not self.model.plausibility_off and (stories.ductility > DUCTILITY.high).any():
-            has_height = np.isfinite(self.building.heights)
-            ductility = np.where(has_height, stories.ductility, math.nan)
-            warnings = unusual_stories(DUCTILITY, ductility)
-        # The warnings of `check` are first, because all results depend on the building.
-        unusual = [*self.plausibility_warnings, *self._long_step(steps)]
-        if not abs(energy.error) <= _LARGE_IMBALANCE:
-            change = "dissipated by" if energy.error > 0.0 else "produced by"
-            # This warning follows a warning of an unusual ductility, which may be due to a wrong
-            # unit: a smaller step would not correct it.
-            warnings.append(
-                f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
-                f"energy, {change} the method: use a smaller step or another method",
-            )
+        energy, stories = named_energies(space.totals), story_peaks(self.building, space)
         history = (
-            history_of(self.building, self.prepared.forces, space, steps.h)
+            named_history(self.building, self.prepared.forces, space, steps.h)
             if space.history.size
             else None
+        )
+        warnings = (
+            # Warnings on the input are first, because all results depend on it. A warning of an
+            # unusual ductility precedes that of the energy imbalance, because it may be due to a
+            # wrong unit, which a smaller step would not correct.
+            *self.plausibility_warnings,
+            *self._long_step_warnings(steps),
+            *self._ductility_warnings(stories),
+            *_imbalance_warnings(energy),
         )
         response = Response(
             model=self.model,
@@ -709,21 +915,37 @@ class Case:
             interstep_bound=interstep_peak_errors(self.building, space, steps.late, stories),
             residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
-            warnings=(*unusual, *warnings),
+            warnings=warnings,
         )
         return replace(response, notes=self._notes(response))
 
+    def _ductility_warnings(self, stories: StoryPeaks) -> list[str]:
+        """Return the warning on unusually large ductilities of stories, if this applies."""
+        if self.model.plausibility_off or not (stories.ductility > DUCTILITY.high).any():
+            return []
+        # Ignore isolators, which are designed for a large ductility, and other stories without a
+        # height, which do not belong to a frame.
+        has_height = np.isfinite(self.building.heights)
+        ductility = np.where(has_height, stories.ductility, math.nan)
+        return unusual_stories(DUCTILITY, ductility)
+
     def _notes(self, response: Response) -> tuple[str, ...]:
-        """Return the notes on a run, which a collapse may have ended early."""
+        """Return the notes on the conditions and the limits of a run.
+
+        Parameters
+        ----------
+        response : Response
+            Response without its notes.
+        """
         record, end = self.record, response.steps * response.dt
-        amplitude = response.residual_oscillation
-        ended = response.collapse is not None and response.collapse.ended
+        ended_by_collapse = response.collapse is not None and response.collapse.ended
         notes = [*suppression_reason(self.model), *self.remarks, *(record.notes if record else ())]
+        # The tolerance 1e-9 excludes the rounding of a number of steps times their length.
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(
                 f"the record ends at {record.duration:.6g} s; the ground is at rest after it"
             )
-        elif record and not ended and end < record.duration:
+        elif record and not ended_by_collapse and end < record.duration:
             # Imported here, because most runs continue until the end of the record.
             from tdint.ground_motion.measures import cut_off
 
@@ -736,53 +958,55 @@ class Case:
                 "time steps that did not converge were halved "
                 f"({pluralize(response.substeps, 'time')} in total)"
             )
-        # Name the peaks that may be much larger between the time steps.
-        names = {
-            "drifts": "peak_drift",
-            "displacements": "peak_displacement",
-            "velocities": "peak_velocity",
-            "accelerations": "peak_absolute_acceleration",
-        }
-        bound, stories = vars(response.interstep_bound), vars(response.stories)
-        unresolved = [
-            label
-            for label, name in names.items()
-            if (bound[name] > _EXCESS_FRACTION * stories[name]).any()
-        ]
-        if unresolved:
-            notes.append(
-                "the time step does not resolve the highest modes: between time steps, peak "
-                f"{', '.join(unresolved)} may be larger than reported; use a smaller step"
-            )
-        # If the building still vibrates, the drifts at the end are not residual drifts. Under
-        # forces on floors, which do not end, there is no state of rest.
-        i = int(amplitude.argmax())
-        is_at_rest = amplitude[i] <= _VIBRATION_FRACTION * response.stories.peak_drift.max()
-        if record and not (ended or self.model.excitation.forces or is_at_rest):
-            length, size = self.model.output_units.unit("m")
-            drift = (
-                f"{1e3 * amplitude[i]:.2g} mm"
-                if length == "m"
-                else f"{amplitude[i] / size:.2g} {length}"
-            )
-            # The period, which takes time to compute, is needed only if the run continued after the
-            # record.
-            extra = end - record.duration
-            reached_limit = extra > 0.0 and extra >= REST_PERIODS * self.prepared.period
-            advice = (
-                f"--until-rest stops after {REST_PERIODS:g} first periods"
-                if reached_limit
-                else _UNTIL_REST
-            )
-            notes.append(
-                f"the building still vibrates at the end (drift of story {i + 1} by about "
-                f"+-{drift}): "
-                f"residual drifts are instantaneous values; {advice}"
-            )
+        notes += _interstep_notes(response)
+        # Under forces on floors, which do not end, there is no state of rest.
+        if record and not (ended_by_collapse or self.model.excitation.forces):
+            notes += self._vibration_note(response, free_vibration=end - record.duration)
         return tuple(notes)
 
+    def _vibration_note(self, response: Response, free_vibration: float) -> list[str]:
+        """Return the note that the building still vibrates at the end, if this applies.
+
+        The drifts at the end are then not the residual drifts of the building at rest.
+
+        Parameters
+        ----------
+        response : Response
+            Response to a ground motion.
+        free_vibration : float
+            Time from the end of the record to the end of the run, s; negative if the run ends
+            before the record.
+        """
+        amplitude = response.residual_oscillation
+        i = int(amplitude.argmax())
+        if amplitude[i] <= _VIBRATION_FRACTION * response.stories.peak_drift.max():
+            return []
+        unit, metres_per_unit = self.model.output_units.unit("m")
+        drift = (
+            f"{1e3 * amplitude[i]:.2g} mm"
+            if unit == "m"
+            else f"{amplitude[i] / metres_per_unit:.2g} {unit}"
+        )
+        # The first period, which takes time to compute, is needed only if the run continued after
+        # the record.
+        reached_limit = (
+            free_vibration > 0.0 and free_vibration >= REST_PERIODS * self.prepared.period
+        )
+        advice = (
+            f"--until-rest stops after {REST_PERIODS:g} first periods"
+            if reached_limit
+            else "--until-rest continues until free vibration has decayed"
+        )
+        return [
+            f"the building still vibrates at the end (drift of story {i + 1} by about "
+            f"+-{drift}): "
+            f"residual drifts are instantaneous values; {advice}"
+        ]
+
     def _stiffening_note(self) -> tuple[str, ...]:
-        """Return a note if the method is unstable for a story that stiffens."""
+        """Return a note if stability of the method is limited by stories that become stiffer than
+        initially, and the building has such a story.
+        """
         if not self.method.family.limited_by_stiffening:
             return ()
         laws = [story.law for story in self.model.stories]
@@ -798,7 +1022,43 @@ class Case:
         )
 
 
-def case_of(argument: Case) -> Case:
+def _imbalance_warnings(energy: Energy) -> list[str]:
+    """Return the warning on a large energy imbalance at the end of a run, if this applies."""
+    # The negated comparison is also true if the error is nan.
+    if not abs(energy.error) <= _LARGE_IMBALANCE:
+        change = "dissipated by" if energy.error > 0.0 else "produced by"
+        return [
+            f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
+            f"energy, {change} the method: {_REMEDY}"
+        ]
+    return []
+
+
+def _interstep_notes(response: Response) -> list[str]:
+    """Return the note that names the peaks that may be much larger between the time steps, if this
+    applies.
+    """
+    quantities = {
+        "drifts": "peak_drift",
+        "displacements": "peak_displacement",
+        "velocities": "peak_velocity",
+        "accelerations": "peak_absolute_acceleration",
+    }
+    bound, stories = vars(response.interstep_bound), vars(response.stories)
+    unresolved = [
+        label
+        for label, name in quantities.items()
+        if (bound[name] > _EXCESS_FRACTION * stories[name]).any()
+    ]
+    if not unresolved:
+        return []
+    return [
+        "the time step does not resolve the highest modes: between time steps, peak "
+        f"{', '.join(unresolved)} may be larger than reported; use a smaller step"
+    ]
+
+
+def validated_case(argument: Case) -> Case:
     """Return the argument, or raise UsageError if it is not a Case."""
     if not isinstance(argument, Case):
         raise UsageError(
@@ -808,9 +1068,17 @@ def case_of(argument: Case) -> Case:
 
 
 def needs_review(batch: BatchResult) -> NDArray[np.bool_]:
-    """Return True for runs that failed, collapsed, or ended with energy produced by the method.
+    """Select the runs of a batch whose results are not simply the peaks at their end.
 
-    The result has the shape (runs,).
+    Parameters
+    ----------
+    batch : BatchResult
+        Results of the batch.
+
+    Returns
+    -------
+    ndarray of bool, shape (runs,)
+        True for runs that failed, collapsed, or diverged (`RUNAWAY`).
     """
     has_diverged = ~(-energy_errors(batch.totals) < RUNAWAY)  # True also for nan
     collapsed = batch.totals[:, rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
@@ -818,12 +1086,17 @@ def needs_review(batch: BatchResult) -> NDArray[np.bool_]:
 
 
 def _runaway_story(space: Workspace) -> int:
-    """Return the story (from 1) with the maximum drift, or the first without a finite drift."""
-    u = space.state[rows.DISPLACEMENT, :-1]
-    finite = np.isfinite(u)
-    if not finite.all():
-        return int(np.argmin(finite)) + 1
-    return int(np.argmax(np.abs(np.diff(u, prepend=0.0)))) + 1
+    """Return the story, counted from 1, with the maximum drift at the end of a diverged run.
+
+    If a displacement is not finite, return the story below the first such floor.
+    """
+    displacement = space.state[rows.DISPLACEMENT, :-1]
+    is_finite = np.isfinite(displacement)
+    if not is_finite.all():
+        return int(np.argmin(is_finite)) + 1
+    # The displacement of the ground, below the first story, is 0.
+    drift = np.diff(displacement, prepend=0.0)
+    return int(np.argmax(np.abs(drift))) + 1
 
 
 REST_PERIODS = 100.0
@@ -835,25 +1108,52 @@ a building is at rest.
 """
 
 
-def windows(prepared: PreparedBuilding, h: float) -> RestCriterion:
-    """Return the criterion for the end of free vibration with time steps of h (s).
+def rest_criterion(prepared: PreparedBuilding, h: float) -> RestCriterion:
+    """Return the criterion at which a run with the ground at rest ends.
 
-    A window is one first period. The run ends after a window with velocities below those of an
-    amplitude of `AT_REST` times the maximum displacement, at the latest after `REST_PERIODS`
-    windows.
+    Free vibration is examined in windows of one first period of the building. The run ends after a
+    window in which all velocities are below `AT_REST` times the maximum displacement times the
+    first circular frequency, at the latest after `REST_PERIODS` windows.
+
+    Parameters
+    ----------
+    prepared : PreparedBuilding
+        Building.
+    h : float
+        Time step, s.
+
+    Returns
+    -------
+    RestCriterion
+        Steps per window, maximum number of windows, and limit of the velocities.
     """
     period = prepared.period
     return RestCriterion(
-        math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period
+        window=math.ceil(period / h),
+        windows=round(REST_PERIODS),
+        quiet=AT_REST * 2.0 * math.pi / period,
     )
 
 
-def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
-    """Return the time steps of a run until rest, and True if the building comes to rest.
+def extend_to_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
+    """Integrate until free vibration has decayed, and return the number of time steps this takes.
 
-    If the run fails, the steps include the step of the failure.
+    Parameters
+    ----------
+    case : Case
+        Building, ground motion and method.
+    steps : Steps
+        Time steps of the run before its extension.
+
+    Returns
+    -------
+    steps : Steps
+        Time steps until rest; if the run fails, they include the step of the failure.
+    is_at_rest : bool
+        True if the building comes to rest before the limit `REST_PERIODS`.
     """
-    criterion, spec = windows(case.prepared, steps.h), RunSpec(0, case.ground.size, 1.0, steps)
+    criterion = rest_criterion(case.prepared, steps.h)
+    spec = RunSpec(start=0, size=case.ground.size, scale=1.0, steps=steps)
     batch = case.prepared.integrate_batch(case.method, steps.h, case.ground, [spec], criterion)
     code, count, at_rest = batch.ends[0].tolist()
     # The number of completed steps is known at the ends of windows only. A failed step is within

@@ -19,8 +19,7 @@ from tdint.analysis.arguments import (
     ratio_of,
     record_of,
 )
-from tdint.analysis.run.case import Case, case_of
-from tdint.analysis.run.case import until_rest as extend_to_rest
+from tdint.analysis.run.case import Case, extend_to_rest, validated_case
 from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
@@ -253,7 +252,7 @@ def run_case(
     AnalysisError
         As by `run` (`FailedRun`).
     """
-    case = case_of(case)
+    case = validated_case(case)
     dt, duration = number_of(dt, "dt"), number_of(duration, "duration")
     tolerance = ratio_of(tolerance, "tolerance")
     # First determine the time at rest by a run without history. Then run again up to this time, so

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from tdint.analysis.arguments import number_of
 from tdint.analysis.run import case as run_totals
-from tdint.analysis.run.case import REST_PERIODS, Case, case_of, until_rest
+from tdint.analysis.run.case import REST_PERIODS, Case, extend_to_rest, validated_case
 from tdint.analysis.run.error_estimate import (
     factors,
     reference,
@@ -95,7 +95,9 @@ def sequence_of(
             begin = last + rest_intervals(rest, shock.dt)
         else:
             preceding = join_records(shocks[:number], starts)
-            steps_to_rest, at_rest = until_rest(case.under(preceding), _steps(case, preceding, dt))
+            steps_to_rest, at_rest = extend_to_rest(
+                case.under(preceding), _steps(case, preceding, dt)
+            )
             samples = math.ceil(
                 steps_to_rest.count * steps_to_rest.stride / steps_to_rest.per_sample
             )
@@ -146,7 +148,7 @@ def run_sequence(
         As by `tdint.run`.
     """
     sequence = sequence_of(
-        case_of(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt")
+        validated_case(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt")
     )
     joined_record = sequence.whole
     duration = joined_record.duration
