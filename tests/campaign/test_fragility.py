@@ -345,7 +345,7 @@ def test_clouds_that_tell_nothing():
     with pytest.raises(AnalysisError, match="on one line"):
         fit_cloud([1.0, 2.0, 4.0], [1.0, 2.0, 4.0], [2.0])
     with pytest.raises(
-        AnalysisError, match=r"do not determine the median: exp\(.* \+- .*\), with a dispersion of"
+        AnalysisError, match=r"do not determine the median: .* \+- .*, with a dispersion of"
     ):
         fit_cloud([1.0, 2.0, 4.0, 8.0], [1.0, 3.0, 1.0, 2.2], [1e-9])  # a slope of 0.18, by chance
 

@@ -184,7 +184,7 @@ def test_what_is_unusual_is_as_meant(folder, tdint):
         assert "usual:" not in told and "are not shown: test rig in the laboratory" in told
     Path("bare.yaml").write_text(text + "plausibility: off\n")
     assert (
-        "plausibility: must be off and the reason, such as"
+        "plausibility: must be `off`, a comma and the reason, such as"
         in tdint("check", "bare.yaml", code=3).stderr
     )
 

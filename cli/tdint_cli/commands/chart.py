@@ -164,15 +164,18 @@ def command(request: Request) -> None:
 
     Each method integrates the building with each time step. MODEL.yaml is a model file, RECORD is a
     ground motion, and - is standard input. Files after the first are models if their names end with
-    .yaml or .yml, otherwise records, as with --record. CSV: time steps and solves; processor time
-    of the compiled time loop, as in `tdint run` without --history (with peaks and energies, without
-    compilation; wall time if the clock of the system for processor time is coarse), median and
-    minimum of the repetitions, which alternate between the methods; relative errors; the outcome of
-    `tdint run`: done, collapsed, unstable-step (refused), diverged or not- converged, with empty
-    cells for the last three. Other programs (--peers) are listed as program/method; their times
-    include only their analysis loops, and the solves of scipy are evaluations of the derivative.
-    Lines of --tolerance contain the total time of `tdint run --tolerance`, and only the error of
-    peak drifts.
+    .yaml or .yml, otherwise records, as with --record.
+
+    The CSV has one row for each method and time step, with the number of steps and solves, times,
+    relative errors and the outcome. A time is the processor time of the compiled time loop, as in
+    `tdint run` without --history: with peaks and energies, without compilation. Wall time is used
+    if the clock of the system for processor time is coarse. The median and the minimum of the
+    repetitions are written; repetitions alternate between the methods. The outcome is that of
+    `tdint run`: done, collapsed, unstable-step (refused), diverged or not-converged. Cells without
+    a result are empty. Other programs (--peers) are listed as program/method.
+    Their times include only their analysis loops, and the solves of scipy are evaluations of the
+    derivative. Rows of --tolerance contain the total time of `tdint run --tolerance`, and only the
+    error of peak drifts.
 
     displacement_error, drift_error, velocity_error and absolute_acceleration_error are errors of
     the complete response history: root of the sum of squares over all floors or stories and all
@@ -191,10 +194,10 @@ def command(request: Request) -> None:
     For each tolerance from 10 to 0.01 % and for the peaks of drift, absolute acceleration and total
     shear, each method uses its cheapest time step, from 16 samples to 1/16 sample. The table
     reports the number of problems that the method solves within a factor of the lowest cost. The
-    reference is impulse4 with 32 steps per sample. If the result of moment4, with up to 128 steps
-    per sample, differs by more than a fifth of a tolerance, the problem is not assessed at this
-    tolerance. --peers adds OpenSeesPy for problems with laws that it supports. A problem that a
-    method does not support counts as not solved.
+    reference is impulse4 with 32 steps per sample. It is confirmed by moment4 with up to 128 steps
+    per sample: if the two differ by more than a fifth of a tolerance, the problem is omitted at
+    this tolerance. --peers adds OpenSeesPy for problems with laws that it supports. A problem that
+    a method does not support counts as not solved.
     """
     request = _sorted_files(request)
     if request.problems or len(request.models) > 1 or len(request.records) > 1:

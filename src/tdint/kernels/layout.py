@@ -105,7 +105,9 @@ PEAK_SHEAR = 1  # N
 PEAK_DISPLACEMENT = 2  # m
 PEAK_VELOCITY = 3  # m/s
 PEAK_ACCELERATION = 4  # absolute acceleration: relative acceleration plus ground acceleration
-PEAK_TOTAL_SHEAR = 5  # restoring force, P-delta and all viscous forces: moves all floors above, N
+# Sum of restoring force, P-delta force and all viscous forces of a story, which accelerates all
+# floors above, N
+PEAK_TOTAL_SHEAR = 5
 PEAK_DRIFT_RATE = 6  # drift rate of stories, in a building with dashpots, m/s
 PEAK_ROWS = 7
 
@@ -148,8 +150,9 @@ ENERGY_REFERENCE = ENERGY_TERMS + 1  # maximum of ENERGY_INITIAL + ENERGY_INPUT 
 ITERATIONS = ENERGY_TERMS + 2  # number of iterations
 HALVINGS = ENERGY_TERMS + 3  # number of halvings of a step that did not converge
 STEPS_REACHED = ENERGY_TERMS + 4  # number of complete steps
-POWER_INPUT = ENERGY_TERMS + 5  # power of the load at the last observed time, W, and its rate, W/s
-RATE_INPUT = ENERGY_TERMS + 6  # without the rate of the ground acceleration
+POWER_INPUT = ENERGY_TERMS + 5  # power of the load at the last observed time, W
+# Rate of this power, W/s, without the part due to the rate of the ground acceleration
+RATE_INPUT = ENERGY_TERMS + 6
 MOMENTUM = ENERGY_TERMS + 7  # momentum of all floors, N s
 POWER_VISCOUS = ENERGY_TERMS + 8  # power of all dampers, W, and its rate, W/s
 RATE_VISCOUS = ENERGY_TERMS + 9

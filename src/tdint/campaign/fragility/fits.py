@@ -1003,8 +1003,9 @@ def _function(
     half_width = _NORMAL_95 * math.sqrt(covariance[0, 0])  # half width of the 95 % interval
     if not abs(ln_theta) + half_width + beta < math.log(LARGEST):
         raise AnalysisError(
-            "the observations do not determine the median: "
-            f"exp({ln_theta:.3g} +- {half_width:.3g}), with a dispersion of {beta:.3g}"
+            "the observations do not determine the median: its logarithm is "
+            f"{ln_theta:.3g} +- {half_width:.3g} (95 % confidence), with a dispersion of "
+            f"{beta:.3g}; add observations"
         )
     return Fragility(fit, math.exp(ln_theta), beta, covariance, **attributes)
 

@@ -192,11 +192,11 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
         columns=("record", "units"),
     )
     table.need("record", "units")
-    # Other columns (for example units by component) must not be ignored silently.
+    # Other columns (for example units by component) could change the units: they are refused.
     if foreign := [title for title in table.titles if title.lower() not in ("record", "units", "")]:
         raise UsageError(
-            f"{file}: unknown columns are ignored: {', '.join(foreign)[:80]}; a table of units "
-            "has the columns record, units"
+            f"{file}: unknown columns {', '.join(foreign)[:80]}; a table of units must have only "
+            "the columns record, units"
         )
     for record, (line, cell) in zip(
         table.texts("record", empty=False), table.lines("units"), strict=True

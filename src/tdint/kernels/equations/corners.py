@@ -479,10 +479,12 @@ def _may_exceed_shear_peak(law_state, scratch, i, rise, bend):
     i : int
         Index of the story.
     rise, bend : float
-        Coefficients of the parabola of drift, m.
+        Coefficients of the drift change rise s + bend (s^2 - s) / 2, m. The fraction s of the step
+        is 0 at the start and 1 at the end.
     """
     drift_change = abs(rise) + 0.5 * abs(bend)  # bound of the change of drift within the step
-    # The parabola has an extremum within the step, a reversal, if 2 |rise| < |bend|.
+    # The derivative rise + bend (s - 1/2) is zero within the step, at a reversal, if
+    # 2 |rise| < |bend|.
     max_force = abs(law_state[rows.FORCE, i]) + abs(law_state[rows.SLOPE, i]) * drift_change
     peak = scratch[ROW.PEAKS + rows.PEAK_SHEAR, i]
     may_exceed = (2.0 * abs(rise) < abs(bend)) & (max_force > peak)

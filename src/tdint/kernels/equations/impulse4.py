@@ -234,10 +234,12 @@ def solve_linear(coefficients, scene, h, memory, factors):
 
 @inline
 def _right_side(coefficients, scene, h, memory, slopes_row):
-    """Compute the right side r1 + l r2 of the complex equation of `solve_linear`.
+    """Compute the right side r1 + l r2 of the linear equations of a step.
 
-    r1 is the residual of kinematics (times M) and r2 the residual of momentum for zero increments,
-    u1 = u0 and v1 = v0. The result is stored in the scratch rows COMPLEX (real and imaginary part).
+    The equation is (M + l C + l^2 K) w = r1 + l r2 (see `solve_linear`), with the complex root
+    l = h (ROOT_RE + i ROOT_IM) of l^2 - th h l + be h^2 = 0. r1 is the residual of the kinematic
+    equation times M, and r2 the residual of the momentum equation, for zero increments, u1 = u0 and
+    v1 = v0. Real and imaginary part of the result are stored in the two scratch rows COMPLEX.
 
     Parameters
     ----------
@@ -265,7 +267,8 @@ def _right_side(coefficients, scene, h, memory, slopes_row):
     root_re = coefficients[ROOT_RE] * h
     root_im = coefficients[ROOT_IM] * h
     # With zero increments, the drift at the inner point differs from the drift at the start by
-    # h (g0 + g1) times the drift rate. `by_rate` is this factor times the weight wc.
+    # h (BY_VELOCITY_0 + BY_VELOCITY_1) times the drift rate. `by_rate` is this factor times the
+    # weight of the inner point in the impulse.
     by_rate = (
         coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
     )

@@ -100,7 +100,7 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     """Solve M a + C v + f(u) = p for the unknown x of each floor by Newton's method.
 
     Displacement, velocity and acceleration are linear functions of x: u = U + by_u x,
-    v = V + by_v x, a = A + by_a x.
+    v = V + by_v x, a = A + by_a x. U, V and A are the values of the first iterate, x = 0.
 
     Parameters
     ----------
@@ -116,7 +116,8 @@ def solve_equilibrium(effective, factors, previous, trial, scene, memory):
     scene : Scene
         Building (masses, dampers, parameters of the laws) and forces on its floors.
     memory : Memory
-        The rows `ROW` of the scratch array contain load and first guess, then the response.
+        The rows `ROW` of the scratch array contain the load and U, V and A, and afterwards the
+        response.
 
     Returns
     -------

@@ -283,7 +283,9 @@ def _suppression_reason(text: str) -> str:
     """
     state, _, reason = text.partition(",")
     if state.strip() != "off" or not reason.strip():
-        raise UsageError("must be off and the reason, such as `off, test rig in the laboratory`")
+        raise UsageError(
+            "must be `off`, a comma and the reason, such as `off, test rig in the laboratory`"
+        )
     return reason.strip()
 
 
