@@ -167,10 +167,10 @@ def command(request: Request) -> None:
     .yaml or .yml, otherwise records, as with --record.
 
     The CSV has one row for each method and time step, with the number of steps and solves, times,
-    relative errors and the outcome. A time is the processor time of the compiled time loop, as in
+    relative errors and the outcome. Times are processor times of the compiled time loop, as in
     `tdint run` without --history: with peaks and energies, without compilation. Wall time is used
     if the clock of the system for processor time is coarse. The median and the minimum of the
-    repetitions are written; repetitions alternate between the methods. The outcome is that of
+    repetitions are written; repetitions alternate between the methods. The outcome is, as in
     `tdint run`: done, collapsed, unstable-step (refused), diverged or not-converged. Cells without
     a result are empty. Other programs (--peers) are listed as program/method.
     Their times include only their analysis loops, and the solves of scipy are evaluations of the
@@ -195,7 +195,7 @@ def command(request: Request) -> None:
     shear, each method uses its cheapest time step, from 16 samples to 1/16 sample. The table
     reports the number of problems that the method solves within a factor of the lowest cost. The
     reference is impulse4 with 32 steps per sample. It is confirmed by moment4 with up to 128 steps
-    per sample: if the two differ by more than a fifth of a tolerance, the problem is omitted at
+    per sample: if the results differ by more than a fifth of a tolerance, the problem is omitted at
     this tolerance. --peers adds OpenSeesPy for problems with laws that it supports. A problem that
     a method does not support counts as not solved.
     """
@@ -217,8 +217,8 @@ def command(request: Request) -> None:
         if request.stories:
             from tdint.analysis.chart.problem import stretched
 
-            # Compare the methods for each number of stories. Other programs are not run here, so
-            # there are no notes about omitted programs.
+            # Compare the methods for each number of stories. Other programs are not run here.
+            # Therefore there are no notes about omitted programs.
             advice: list[Advice] = []
             charts, omissions = [], list[str]()
             share = 1.0 / len(request.stories)

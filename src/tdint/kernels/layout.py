@@ -151,7 +151,7 @@ ITERATIONS = ENERGY_TERMS + 2  # number of iterations
 HALVINGS = ENERGY_TERMS + 3  # number of halvings of a step that did not converge
 STEPS_REACHED = ENERGY_TERMS + 4  # number of complete steps
 POWER_INPUT = ENERGY_TERMS + 5  # power of the load at the last observed time, W
-# Rate of this power, W/s, without the part due to the rate of the ground acceleration
+# Rate of the power of the load, W/s, without the part due to the rate of the ground acceleration
 RATE_INPUT = ENERGY_TERMS + 6
 MOMENTUM = ENERGY_TERMS + 7  # momentum of all floors, N s
 POWER_VISCOUS = ENERGY_TERMS + 8  # power of all dampers, W, and its rate, W/s

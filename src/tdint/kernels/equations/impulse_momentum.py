@@ -152,7 +152,7 @@ def has_converged(is_last, tolerance, beta, linear_terms, h, state, scratch, ste
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]  # 1 if there is a story on floor `i`
         mass = linear_terms[rows.MASS, i]
-        # Force due to the rounding errors of the displacements, N; row SIZE contains it by story.
+        # Row SIZE contains the force due to rounding errors of the displacements of a story, N.
         rounding = scratch[SIZE, i] + link * scratch[SIZE, i + 1]
         # Sum of the absolute values of the terms: kinematics (m), then momentum (N s)
         scale = abs(scratch[DU, i]) + h * (abs(state[rows.VELOCITY, i]) + abs(scratch[V1, i]))
