@@ -15,7 +15,8 @@ from tdint.campaign.fragility.fit_table import (
 )
 from tdint.campaign.fragility.fit_types import TypeRuns, fit_states
 from tdint.campaign.fragility.fits import Fragility, fit_cloud, fit_stripes
-from tdint.campaign.fragility.measures import line
+from tdint.campaign.fragility.measures import line, motions_of
+from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.damage_states import DamageStates
 
@@ -296,3 +297,33 @@ def test_what_cannot_be_fitted_is_told_where_nothing_can(tmp_path: Path) -> None
     both = fragility(file, (OVER, 10.0))
     assert [one.threshold for one in both.functions] == [OVER]
     assert [str(one)[:13] for one in both.failures] == ["threshold 10:"]
+
+
+class PairStore:
+    """A store with one pair of components, whose records have different names."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def events(self):
+        return {}
+
+    def records(self):
+        return {1: ("a.txt", "HN1", 1), 2: ("b.txt", "HN2", 2), 3: ("c.txt", "HN1", 1)}
+
+
+@pytest.mark.parametrize(
+    ("columns", "motions"), [(("record", "component"), [0, 0, 1, 0]), (("record",), [0, 1, 2, 0])]
+)
+def test_each_row_has_a_motion_also_without_the_column_of_components(
+    tmp_path, monkeypatch, columns, motions
+):
+    monkeypatch.setattr("tdint.campaign.fragility.measures._store_of_table", lambda _: PairStore())
+    rows = [("a.txt", "HN1"), ("b.txt", "HN2"), ("c.txt", "HN1"), ("a.txt", "HN1")]
+    lines = [",".join(columns), *(",".join(row[: len(columns)]) for row in rows)]
+    file = tmp_path / "runs.csv"
+    file.write_text("\n".join(lines) + "\n")
+    assert motions_of(read_table(str(file), "a table of runs")).tolist() == motions

@@ -711,8 +711,8 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     are known.
 
     Both components of a pair have the same index. Pairs are defined by the store in the directory
-    of the table. Without a store, components of one record, and of records whose names differ only
-    in the component, are a pair.
+    of the table. Without a store, or without a column `component`, components of one record, and
+    of records whose names differ only in the component, are a pair.
     """
     # By default each row is a separate ground motion.
     names: list[object] = list(range(len(table.rows)))
@@ -722,15 +722,15 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
         # Without ground motion fields, a column `event` is a column of the inventory, not an event.
         if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
-        elif store is not None:
+        elif store is not None and table.has("record") and table.has("component"):
+            # The store states which records are components of one ground motion.
+            motion_of_component = {}
             records = store.records()
-            motions = {
-                records[number][:2]: motion for number, motion in recording_numbers(records).items()
-            }
-            names = []
-            if table.has("component"):
-                keys = zip(table.texts("record"), table.texts("component"), strict=True)
-                names = [motions.get(key, key) for key in keys]
+            for number, motion in recording_numbers(records).items():
+                record, component, _ = records[number]
+                motion_of_component[record, component] = motion
+            keys = zip(table.texts("record"), table.texts("component"), strict=True)
+            names = [motion_of_component.get(key, key) for key in keys]
     index_of_name = {name: index for index, name in enumerate(dict.fromkeys(names))}
     return np.array([index_of_name[name] for name in names], np.intp)
 
