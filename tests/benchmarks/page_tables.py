@@ -251,9 +251,23 @@ def _count_near_minimum(chart: FieldChart, smallest_tolerance: float) -> dict[st
     return dict(sorted(counts.items(), key=lambda item: -item[1]))
 
 
-def _first_two(counts: dict[str, int]) -> str:
-    """Return the two methods with the largest counts, as text."""
-    return ", ".join(f"`{method}` {count}" for method, count in list(counts.items())[:2])
+def leading_methods(chart: FieldChart, smallest_tolerance: float) -> str:
+    """Return the methods that most often cost at most twice the minimum, with their counts.
+
+    Counts that differ by at most the factor `ALIKE` are equal within the scatter of the times, so
+    that several methods can lead.
+
+    Parameters
+    ----------
+    chart : FieldChart
+        Results of the problems.
+    smallest_tolerance : float
+        Smallest tolerance that is included.
+    """
+    counts = _count_near_minimum(chart, smallest_tolerance)
+    largest = max(counts.values())
+    leaders = [f"`{name}` ({n} cases)" for name, n in counts.items() if n * ALIKE >= largest]
+    return " and ".join(leaders)
 
 
 def compare_verdicts(first: FieldChart, second: FieldChart) -> str:
@@ -266,8 +280,8 @@ def compare_verdicts(first: FieldChart, second: FieldChart) -> str:
     """
     rows = []
     for text, tolerance in (("all tolerances", 0.0), (f"{percent(COARSE)} and more", COARSE)):
-        counts = [_first_two(_count_near_minimum(chart, tolerance)) for chart in (first, second)]
-        rows.append([f"cases with at most twice the minimum cost, {text}", *counts])
+        leaders = [leading_methods(chart, tolerance) for chart in (first, second)]
+        rows.append([f"most often at most twice the minimum cost, {text}", *leaders])
     safest = [f"`{chart.leaders().safest}`" for chart in (first, second)]
     rows.append(["method that fails least often", *safest])
     # Solved problems: errors and stability, which do not depend on the speed of a machine.
@@ -445,7 +459,8 @@ def loops_table() -> str:
         "All methods of this page run in loops that are compiled for the laws of the building. "
         "Methods and laws of plug-ins always run in such loops. If the cache was filled by `tdint "
         "compile --all`, or tdint was installed from a wheel with compiled loops, built-in methods "
-        "run in loops for all laws. The table contains the time of loops for all laws divided by "
+        "run in loops for all laws. These contain the code of each law and select it for each "
+        "story at run time. The table contains the time of loops for all laws divided by "
         "the time of loops for the building (`python tests/benchmarks/loops.py`; "
         f"{'; '.join(ranges)}).\n\n"
         f"{table(heads, rows)}"

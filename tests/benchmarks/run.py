@@ -376,6 +376,10 @@ def most_expensive(chart: FieldChart, line: str = "impulse4") -> str:
             solve_ratios.append(own_solves / (cheapest.iterations / cheapest.steps))
     if not rows:
         return ""
+    # Largest ratio of all problems and quantities at 10 %, and at all smaller tolerances.
+    own = [profile for profile in chart.profiles if profile.method == line and profile.solved]
+    largest = max((p.worst for p in own if p.tolerance >= 0.1), default=math.nan)
+    largest_below = max((p.worst for p in own if p.tolerance < 0.1), default=math.nan)
     run_heads = ["samples per step", "error", "solves per step", "us per solve"]
     heads = ["tolerance", "problem", "cost over minimum", *run_heads, "cheapest", *run_heads]
     return (
@@ -388,7 +392,9 @@ def most_expensive(chart: FieldChart, line: str = "impulse4") -> str:
         "hysteresis (bouc-wen, fluid-dampers) each story reverses. A step has "
         f"{min(solve_ratios):.1f} to {max(solve_ratios):.1f} times as many solves. This makes "
         "small errors possible, and costs time where large errors are allowed: with the longest "
-        f"step, {PARTS[0]:g} samples, the error may be far below the tolerance.\n\n"
+        f"step, {PARTS[0]:g} samples, the error may be far below the tolerance. The goal is at "
+        "most 5 times the minimum cost at 10 % and 4 times at smaller tolerances; the largest "
+        f"ratios are {largest:.1f} and {largest_below:.1f}.\n\n"
         f"{table(heads, rows)}"
     )
 
@@ -686,10 +692,12 @@ def page(
     contents = "\n".join(f"- [{title}](#{anchor(title)})" for title in sections)
     body = "\n".join(f"## {title}\n\n{text.rstrip()}\n" for title, text in sections.items())
     return (
-        f"{INTRODUCTION}\n{len(entries)} problems, {ours} methods.{missing} The method that most "
-        "often costs at most twice the minimum (all quantities and tolerances) is "
-        f"`{leaders.overall}`; for errors of {percent(COARSE)} and more it is `{leaders.coarse}`. "
-        f"The method that fails least often is `{leaders.safest}`.\n\n"
+        f"{INTRODUCTION}\n{len(entries)} problems, {ours} methods.{missing} Most often at most "
+        "twice the minimum cost (all quantities and tolerances): "
+        f"{page_tables.leading_methods(chart, 0.0)}; for errors of {percent(COARSE)} and more: "
+        f"{page_tables.leading_methods(chart, COARSE)}. Methods are listed together if their "
+        f"counts differ by at most a factor of {page_tables.ALIKE:g}. The method that fails least "
+        f"often: `{leaders.safest}`.\n\n"
         f"Measured with {machine(entries, chart, conditions)}; all methods in loops that are "
         "compiled for the laws of the building.\n\n"
         f"{contents}\n\n{body}"
