@@ -306,8 +306,8 @@ def test_a_campaign_goes_on_where_it_stopped(study):
             "colour",
         ),
         (lambda: package.model_template(0), UsageError, "stories must be at least 1"),
-        (lambda: package.to_dict([]), UsageError, "one or more results"),
-        (lambda: package.to_dict([motion(), package.methods()]), UsageError, "of the same type"),
+        (lambda: package.to_dict([]), UsageError, "there are none"),
+        (lambda: package.to_dict([motion(), package.methods()]), UsageError, "different columns"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_a_line(call, kind, message, study):
