@@ -723,7 +723,7 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
         if table.has("event") and (store is None or store.events()):
             names = list(table.texts("event"))
         elif store is not None and table.has("record") and table.has("component"):
-            # The store states which records are components of one ground motion.
+            # The store states which records are components of the same ground motion.
             motion_of_component = {}
             records = store.records()
             for number, motion in recording_numbers(records).items():
