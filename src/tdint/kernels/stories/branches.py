@@ -40,7 +40,9 @@ current linear branch."""
 
 @outlined
 def advance_outlined(law_parameters, law_state, i, block, drift):
-    """Call `advance`; compiled as a separate function, for rare calls.
+    """Move the state of story `i` in a block to a drift on its current linear branch.
+
+    The function calls `advance`. It is compiled as a separate function, for rare calls.
 
     Parameters
     ----------
@@ -58,13 +60,18 @@ def advance_outlined(law_parameters, law_state, i, block, drift):
 
 @inline
 def _keep_branch(law_parameters, law_state, i):
-    """Do nothing, for laws without `enter`."""
+    """Do nothing: default of the function `enter` of a law, for laws with a single branch.
+
+    `enter` determines the branch of story `i` from its committed state.
+    """
     pass
 
 
 @inline
 def _keep_branch_after(law_parameters, law_state, i, block, event):
-    """Do nothing, for laws without `switch`.
+    """Do nothing: default of the function `switch` of a law, for laws with a single branch.
+
+    `switch` sets the branch that follows the end of the current branch.
 
     Parameters
     ----------
@@ -130,9 +137,15 @@ def switch(law_parameters, law_state, i, block, event):
 def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     """Locate the first change of branch of any story within a step.
 
-    The drift of each story within the step is the cubic Hermite interpolant of the drifts and drift
-    rates at both endpoints. A branch changes where the drift exceeds a limit of the branch or where
-    the drift rate changes to the sign opposite to RATE_SIGN.
+    The drift of each story within the step, d(s) with s from 0 to 1, is the cubic Hermite
+    interpolant of the drifts d0, d3 and of h times the drift rates, w0, w1, at both endpoints. In
+    Bernstein form
+
+        d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 + s^3 d3
+        d1 = d0 + w0 / 3,   d2 = d3 - w1 / 3
+
+    A branch changes where d(s) exceeds UPPER or falls below LOWER, or where d'(s) changes to the
+    sign opposite to RATE_SIGN. Rounding errors relative to |d0| + |d3| are tolerated.
 
     Parameters
     ----------
@@ -143,7 +156,9 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
     state : ndarray
         Displacements and velocities at the start of the step.
     law_state : ndarray
-        Committed states of the laws at the start of the step.
+        Committed states of the laws at the start of the step: DRIFT (m), limits UPPER and LOWER of
+        the branch (m), RATE_SIGN (1, -1, or 0 for a branch that is valid for both signs of the
+        rate).
     scratch : ndarray
         Scratch array of the step: one row per quantity, one column per floor or story.
     u1, v1 : int
@@ -213,7 +228,10 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, ignored):
 
 @inline
 def _bezier(cubic, s):
-    """Return the value at `s` of the cubic with four Bezier points."""
+    """Return the value at `s` of the cubic with the four Bezier points `cubic`.
+
+    d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 + s^3 d3, with s in [0, 1].
+    """
     d0, d1, d2, d3 = cubic
     r = 1.0 - s
     return r * r * (r * d0 + 3.0 * s * d1) + s * s * (3.0 * r * d2 + s * d3)
@@ -221,10 +239,12 @@ def _bezier(cubic, s):
 
 @outlined
 def _crossing(cubic, limit, tolerance, known_event):
-    """Return the smallest s in [0, 1] at which a cubic exceeds a limit, or NONE.
+    """Return the smallest s in [0, 1] where a cubic exceeds a limit, or the constant NONE = 2.
 
-    A cubic can start above the limit by the error of the last located event. It then first returns
-    below the limit, or it has a minimum above the limit and exceeds the limit where it rises.
+    The cubic has the Bezier points d0 to d3: d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 +
+    s^3 d3. It can start above the limit by the error of the last located event. It then first
+    returns below the limit, or it has a minimum above the limit and exceeds the limit where it
+    rises.
 
     Parameters
     ----------
@@ -259,6 +279,8 @@ def _crossing(cubic, limit, tolerance, known_event):
         s_second = min(max(max(root, other), 0.0), 1.0)
         value_first = _bezier(cubic, s_first)
         value_second = _bezier(cubic, s_second)
+    # Search the rising parts in their order: start, before the first extremum, between both
+    # extrema, after the second extremum.
     if not _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit + tolerance):
         return NONE
     if d0 >= limit and d1 > d0:
@@ -272,19 +294,21 @@ def _crossing(cubic, limit, tolerance, known_event):
 
 @inline
 def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
-    """Return True if the cubic exceeds `limit` on a rising part.
+    """Return True if a cubic exceeds `limit` on a rising part of the step.
 
-    The rising parts considered are the start of the step, the parts that end at one of the two
-    extrema, and the part that ends at the end of the step.
+    The cubic is monotonic before, between and after its two extrema. The rising parts considered
+    are the start of the step, the parts that end at one of the two extrema, and the part that ends
+    at the end of the step.
 
     Parameters
     ----------
     d0, d1, d3 : float
-        First, second and last Bezier point.
+        First, second and last Bezier point, m; d0 and d3 are the values at both endpoints, and d1 -
+        d0 has the sign of the slope at the start.
     value_first, value_second : float
-        Values at the first and second extremum.
+        Values at the first and second extremum, m; both are d3 for a monotonic cubic.
     limit : float
-        Limit.
+        Limit, m.
     """
     at_first = (d0 >= limit) & (d1 > d0)
     between = ((value_first > limit) & (value_first > d0)) | (
@@ -297,14 +321,15 @@ def _exceeds_while_rising(d0, d1, value_first, value_second, d3, limit):
 def _root(cubic, limit, part_start, part_end, known_event):
     """Return the crossing of a limit on a monotonically rising part of a cubic.
 
-    Safeguarded Newton's method starts from the crossing of the secant.
+    The cubic is d(s) = (1-s)^3 d0 + 3 s (1-s)^2 d1 + 3 s^2 (1-s) d2 + s^3 d3. Newton's method
+    starts from the crossing of the secant of the part and is safeguarded by bisection.
 
     Parameters
     ----------
     cubic : tuple of float
-        Bezier points.
+        Bezier points d0 to d3, m.
     limit : float
-        Limit.
+        Limit, m.
     part_start, part_end : tuple of float
         Start and end of the part: the argument and the value of the cubic.
     known_event : float
@@ -346,11 +371,12 @@ def _root(cubic, limit, part_start, part_end, known_event):
 
 @outlined
 def find_sign_change(r0, r1, r2):
-    """Return the smallest s in [0, 1] at which a quadratic changes from positive to negative, or
-    NONE (a number above 1).
+    """Return the smallest s in [0, 1] where a quadratic changes from positive to negative, or NONE
+    (a number above 1).
 
-    The quadratic is a drift rate, positive in the direction of the branch. s is the time as a
-    fraction of the step. If the rate is not positive at the start (r0 <= 0), only its further
+    The quadratic r(s) = (1-s)^2 r0 + 2 s (1-s) r1 + s^2 r2 = a s^2 + 2 b s + r0 is a drift rate,
+    positive in the direction of the branch, with a = r0 - 2 r1 + r2 and b = r1 - r0. s is the time
+    as a fraction of the step. If the rate is not positive at the start (r0 <= 0), only its further
     course counts. For r1 < 0, the story moves against the direction of the branch, and the result
     is 0. For r1 >= 0, the start is the inexact location of the previous reversal, the rate becomes
     positive, and the result is NONE. A second reversal later in the same step is then not located;

@@ -1,6 +1,8 @@
 """Mean and first moment of the force of a power-law dashpot along a parabola of drift.
 
-Along the parabola, the drift rate is a linear function of time. The integrals are computed by Gauss
+Along the parabola d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step of length h,
+the drift rate is (rise + bend s) / h, with s = t - 1/2. The integrals of the dashpot force f are
+mean = int f ds and moment = 12 int s f ds, with s from -1/2 to 1/2. They are computed by Gauss
 integration. Near zero rate the force has a sharp bend. The path is therefore divided where the rate
 changes its sign. On a part where the rate varies strongly, the integration variable is the cube
 root of the rate. The error is then about 1e-6 of the force. The dashpot dissipates energy for any
@@ -28,10 +30,13 @@ _POINTS_IN_CUBE_ROOT = 12
 class _DashpotPath(NamedTuple):
     """Parabola of drift over a step, and the scratch rows of the integrals along it.
 
+    The drift is d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. Its rate is
+    (rise + bend s) / h, with s = t - 1/2.
+
     Attributes
     ----------
     rise, bend : float
-        Coefficients of the parabola, m (see `tdint.kernels.stories.path`).
+        Coefficients of the parabola, m.
     h : float
         Length of the step, s.
     scratch : ndarray
@@ -57,8 +62,9 @@ def split_at_zero_rate(integrate_part):
     ----------
     integrate_part : function
         (linear_terms, i, dashpot_path, slow, fast). Integrates over the part of the path between
-        s = slow and s = fast. The absolute rate is smaller at `slow` than at `fast`; `slow` can be
-        later than `fast`.
+        the positions s = slow and s = fast, where s is -1/2 at the start and 1/2 at the end of the
+        step. The absolute rate is smaller at `slow` than at `fast`; `slow` can be later than
+        `fast`.
 
     Returns
     -------
@@ -70,8 +76,9 @@ def split_at_zero_rate(integrate_part):
     def integrate_path(linear_terms, i, dashpot_path):
         """Integrate the dashpot force over the path, in two parts if the rate changes its sign.
 
-        Positions on the path are s = -1/2 at the start and 1/2 at the end of the step. The rate is
-        (rise + bend s) / h.
+        Positions on the path are s = -1/2 at the start and 1/2 at the end of the step of length h.
+        The drift rate is (rise + bend s) / h, with the coefficients of the parabola of drift in
+        `dashpot_path`.
         """
         # h times the drift rates at both endpoints, m
         first_rate = dashpot_path.rise - 0.5 * dashpot_path.bend
@@ -94,6 +101,13 @@ def split_at_zero_rate(integrate_part):
 def _add_point(linear_terms, i, dashpot_path, s, weight):
     """Add one integration point to the integrals of the dashpot force and to their derivatives.
 
+    With the position s from -1/2 to 1/2 over the step, the drift rate is (rise + bend s) / h and
+
+        mean = int f ds = sum of weight f,   moment = 12 int s f ds = sum of 12 weight s f
+
+    The rate changes by 1 / h per unit of rise and by s / h per unit of bend. The derivatives of f
+    are these changes times df/d(rate).
+
     Parameters
     ----------
     linear_terms : ndarray
@@ -101,15 +115,15 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
     i : int
         Index of the story.
     dashpot_path : _DashpotPath
-        Parabola of drift and rows of the integrals.
+        Coefficients rise and bend of the parabola of drift (m), length h of the step (s), and rows
+        of the integrals (N) and of their derivatives (N/m).
     s : float
         Position on the path, between -1/2 and 1/2.
     weight : float
-        Integration weight.
+        Integration weight; the weights of all points on the path have the sum 1.
     """
     rise, bend, h, scratch, story_rows, dashpot_rows = dashpot_path
-    # Force (N) and its derivative with respect to the drift rate (N s/m). The rate changes by 1 / h
-    # per unit of rise and by s / h per unit of bend.
+    # Force (N) and its derivative with respect to the drift rate (N s/m)
     force, derivative = power_damper(linear_terms, i, (rise + bend * s) / h)
     moment_weight = 12.0 * weight * s  # weight in the first moment, 12 int s f dt
     scratch[dashpot_rows + path.MEAN, i] += weight * force
@@ -122,11 +136,16 @@ def _add_point(linear_terms, i, dashpot_path, s, weight):
 
 @outlined
 def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
-    """Add the integrals of the dashpot force over a part of the path without change of sign.
+    """Add the integrals of the dashpot force over a part of the path without change of sign of the
+    rate.
 
-    If the rate is nearly constant, the Gauss rule is applied to s. Otherwise it is applied to the
-    cube root x of the rate divided by the maximum rate, because the force has a sharp bend near
-    zero rate; s is then a linear function of x^3.
+    The drift rate is (rise + bend s) / h at the position s, from -1/2 to 1/2 over the step. If the
+    rate is nearly constant, the Gauss rule is applied to s. Otherwise the force has a sharp bend
+    near zero rate, and the rule is applied to x, the cube root of (rate / maximum rate). From x =
+    x_0 (`slow`) to x = 1 (`fast`),
+
+        s     = slow + (fast - slow) (x^3 - x_0^3) / (1 - x_0^3)
+        ds/dx = (fast - slow) 3 x^2 / (1 - x_0^3)
 
     Parameters
     ----------
@@ -135,10 +154,11 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
     i : int
         Index of the story.
     dashpot_path : _DashpotPath
-        Parabola of drift and rows of the integrals.
+        Coefficients of the parabola of drift (m), length of the step, and rows of the integrals.
     slow, fast : float
-        Endpoints of the part, with the smaller and the larger absolute rate.
+        Positions of the endpoints with the smaller and the larger absolute rate.
     """
+    # h times the absolute rates at both endpoints of the part, m
     min_rate = abs(dashpot_path.rise + dashpot_path.bend * slow)
     max_rate = abs(dashpot_path.rise + dashpot_path.bend * fast)
     length = abs(fast - slow)
@@ -149,7 +169,8 @@ def _integrate_part(linear_terms, i, dashpot_path, slow, fast):
                 linear_terms, i, dashpot_path, s, length * path.WEIGHTS[_POINTS_IN_RATE, point]
             )
         return
-    # x runs from `cube_root` to 1, and s is linear in x^3. The weight of a point contains ds/dx.
+    # Cube root as the integration variable: x increases from x_0 = `cube_root` to 1. The weight of
+    # a point contains |ds/dx|.
     cube_root = (min_rate / max_rate) ** (1.0 / 3.0) if min_rate > 0.0 else 0.0
     cube_range = 1.0 - cube_root * cube_root * cube_root
     for point in range(_POINTS_IN_CUBE_ROOT):
@@ -175,7 +196,13 @@ _integrate_path = split_at_zero_rate(_integrate_part)
 
 @outlined
 def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_rows):
-    """Compute mean and first moment of the dashpot force along a path.
+    """Compute mean and first moment of the dashpot force along a path, and add them to the story
+    force.
+
+    The drift is d0 + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step of length h, and
+    its rate is (rise + bend s) / h, with s = t - 1/2. The integrals of the dashpot force f are
+
+        mean = int f dt,   moment = 12 int s f dt
 
     Parameters
     ----------
@@ -186,12 +213,12 @@ def follow_dashpot(linear_terms, i, h, rise, bend, scratch, story_rows, dashpot_
     h : float
         Time step, s.
     rise, bend : float
-        Coefficients of the parabola, m (see `tdint.kernels.stories.path`).
+        Coefficients of the parabola of drift, m.
     scratch : ndarray
         Scratch array of the step: one row per quantity, one column per floor or story.
     story_rows : int
-        First row of the integrals of the story. The integrals and tangents of the dashpot are
-        added.
+        First row of the integrals of the story: MEAN, MOMENT (N) and their derivatives with respect
+        to rise and bend (N/m). The integrals and derivatives of the dashpot are added.
     dashpot_rows : int
         Row of the mean force of the dashpot, N. The first moment is stored in the next row.
     """

@@ -27,7 +27,10 @@ _strain_energy = select_function("strain_energy", case_with_3_arguments)
 @inline
 def _stored_dissipation(law_parameters, law_state, i):
     """Return the dissipated energy of the committed state, J, for laws that store it in row
-    DISSIPATED."""
+    DISSIPATED.
+
+    A law that does not store it replaces this function by its function `hysteretic_energy`.
+    """
     return law_state[rows.DISSIPATED, i]
 
 
@@ -38,7 +41,7 @@ _hysteretic_energy = select_function(
 
 @inline
 def _copy_dissipation(law_parameters, law_state, i, previous, trial):
-    """Copy the dissipated energy of block `previous` to block `trial`, for laws that do not
+    """Copy the dissipated energy (J) from state `previous` to state `trial`, for laws that do not
     accumulate it.
 
     Parameters
@@ -57,7 +60,10 @@ def _copy_dissipation(law_parameters, law_state, i, previous, trial):
 
 @inline
 def _no_rows(law_parameters, law_state, i, previous, trial):
-    """Do nothing, for laws without function `keep`, whose states consist of the common rows.
+    """Do nothing: default of the function `keep` of a law.
+
+    `keep` copies further rows of a law from the trial state to the committed state. Most laws have
+    none: their states consist of the common rows.
 
     Parameters
     ----------
@@ -82,7 +88,7 @@ _keep = select_function("keep", case_with_5_arguments, _no_rows)
 
 @inline
 def strain_energy(law_parameters, law_state, i):
-    """Return the energy that the committed state of story `i` stores.
+    """Return the strain energy that the law of story `i` stores in its committed state, J.
 
     Parameters
     ----------
@@ -121,7 +127,9 @@ def hysteretic_energy(law_parameters, law_state, i):
 @inline
 def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
     """Add the energy that story `i` dissipates between two states to the dissipated energy of the
-    second state.
+    second.
+
+    The law computes DISSIPATED(trial) = DISSIPATED(previous) + dissipated energy of the path (J).
 
     Parameters
     ----------
@@ -141,6 +149,10 @@ def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
 def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     """Compute the restoring force of story `i` at a drift and store the trial state.
 
+    The law moves from the state in block `previous` to the given drift. A block is a group of rows
+    of `law_state` that describe a state: the committed state (0), FIRST_TRIAL, SECOND_TRIAL or
+    THIRD_TRIAL.
+
     Parameters
     ----------
     law_parameters, law_state : ndarray
@@ -148,10 +160,10 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
     i : int
         Index of the story.
     previous : int
-        Block of the state at the start of the path. It is not changed.
+        First row of the block with the state at the start of the path. It is not changed.
     trial : int
-        Block of the state at the end of the path. DRIFT, FORCE (N) and the other rows of the law
-        are written.
+        First row of the block that receives the state at the end of the path: DRIFT (m), FORCE (N)
+        and the other rows of the law.
     drift : float
         Drift at the end of the path, m.
 
@@ -166,7 +178,10 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
 
 @outlined
 def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drift):
-    """Call `restoring_force`; compiled as a separate function, for callers with several calls.
+    """Compute the restoring force of story `i` at a drift and store the trial state.
+
+    The function calls `restoring_force`. It is compiled as a separate function, for callers with
+    several calls.
 
     Parameters
     ----------
@@ -191,8 +206,11 @@ def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drif
 
 @inline
 def commit(law_parameters, law_state, i, previous, trial):
-    """Make a trial state of story `i` the committed state, and add the energy dissipated on the
-    path from block `previous` to block `trial`.
+    """Make a trial state of story `i` the committed state.
+
+    First, the energy dissipated on the path from the state in block `previous` to the state in
+    block `trial` is added. Then the common rows and the further rows of the law (`_keep`) are
+    copied. The block of the committed state starts at row 0.
 
     Parameters
     ----------
@@ -201,9 +219,9 @@ def commit(law_parameters, law_state, i, previous, trial):
     i : int
         Index of the story.
     previous : int
-        Block of the state at the start of the last path.
+        First row of the block with the state at the start of the path; usually 0.
     trial : int
-        Block of the trial state.
+        First row of the block with the trial state.
     """
     accumulate_dissipation(law_parameters, law_state, i, previous, trial)
     _keep(law_parameters, law_state, i, previous, trial)
@@ -216,6 +234,9 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     """Make a trial state of story `i` the committed state; its dissipated energy is already
     accumulated.
 
+    The common rows and the further rows of the law (`_keep`) are copied from the trial block to the
+    committed block, which starts at row 0.
+
     Parameters
     ----------
     law_parameters, law_state : ndarray
@@ -223,7 +244,7 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
     i : int
         Index of the story.
     trial : int
-        Block of the trial state.
+        First row of the block with the trial state.
     """
     _keep(law_parameters, law_state, i, 0, trial)
     for row in range(rows.COMMON_ROWS):
@@ -256,6 +277,8 @@ def start(law_parameters, law_state, i, drift):
     """Move story `i` from zero drift to its initial drift at the start of a run and commit the
     state.
 
+    The branch of the unloaded state is set first, and the branch at the initial drift last.
+
     Parameters
     ----------
     law_parameters, law_state : ndarray
@@ -287,7 +310,8 @@ def follow(law_parameters, i, drifts, law_state, result):
     """Compute forces and energies of story `i` along a path of drifts, for example a cyclic test.
 
     The story first moves from zero drift to the first drift of the path. Each drift is committed,
-    as a time step commits the drift at its end.
+    as a time step commits the drift at its end. Columns of the result: SHEAR (force, N), TANGENT
+    (N/m), STRAIN_ENERGY and HYSTERETIC_ENERGY (stored and dissipated, J).
 
     Parameters
     ----------

@@ -5,9 +5,10 @@ The method moment4 needs these integrals. The drift d and the integrals of the f
     d(t) = d0 + rise t + bend (t^2 - t) / 2,   t in [0, 1], s = t - 1/2
     mean = int f dt,   moment = 12 int s f dt
 
-The work along the path is rise * mean + bend * moment / 12. The tangents are the complete
-derivatives with respect to rise and bend: after a reversal of the path, the force also depends on
-the drift at the reversal.
+The rise is the change of the drift over the path. The bend is the change over the path of the rate
+d'(t) = rise + bend s. The work along the path is rise * mean + bend * moment / 12. The tangents are
+the complete derivatives with respect to rise and bend: after a reversal of the path, the force also
+depends on the drift at the reversal.
 
 Times t are fractions of the step. A path has at most one reversal, at the extremum of the parabola.
 
@@ -105,7 +106,9 @@ NODES, WEIGHTS = _gauss()
 
 @inline
 def _default_points(law_parameters, law_state, i, drift_change):
-    """Return the number of Gauss points for laws that do not specify a number.
+    """Return the number of Gauss points for curved laws that do not specify a number: a constant.
+
+    A law can replace this function by a function `points` with the same arguments.
 
     Parameters
     ----------
@@ -126,6 +129,9 @@ _points = select_function("points", case_with_4_arguments, _default_points)
 def required_points(law_parameters, law_state, i, drift_change):
     """Return the number of Gauss points that the law of story `i` requires on a path.
 
+    The law specifies the number (`_points`). It is limited to _MAX_POINTS because a diverging
+    Newton iteration can produce an unrealistic change of drift.
+
     Parameters
     ----------
     law_parameters, law_state : ndarray
@@ -133,14 +139,22 @@ def required_points(law_parameters, law_state, i, drift_change):
     i : int
         Index of the story.
     drift_change : float
-        Change of drift along the path, m.
+        Change of drift along the path, m, not negative.
+
+    Returns
+    -------
+    float
+        Minimum number of points; not necessarily an integer.
     """
     return min(_points(law_parameters, law_state, i, drift_change), _MAX_POINTS)
 
 
 @inline
 def _no_sharp_bend(law_parameters, law_state, i, block, side):
-    """Return infinity: the drift change to a sharp bend of the force, for laws without a bend.
+    """Return infinity: the distance to a sharp bend of the force, for laws without a bend.
+
+    A law with a sharp bend replaces this function by its function `kink`, which returns the change
+    of drift from the state in `block` to the bend in the direction `side`, m.
 
     Parameters
     ----------
@@ -163,16 +177,22 @@ _distance_to_bend = select_function("kink", case_with_5_arguments, _no_sharp_ben
 def remains_on_branch(law_state, i, rise, bend):
     """Return True if story `i` remains on its current linear branch along the complete path.
 
-    The result is False for a curved law, which has no linear branch.
+    The drift along the path is d(t) = d0 + rise t + bend (t^2 - t) / 2, where d0 is the committed
+    drift and t increases from 0 to 1 over the step. The branch is left if the drift exceeds UPPER
+    or falls below LOWER, or if the rate d'(t) = rise + bend (t - 1/2) has the sign opposite to
+    RATE_SIGN. The result is False for a curved law, which has no linear branch.
 
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        States of the hysteretic laws, one column per story. Rows of the committed state: DRIFT (m);
+        SLOPE, stiffness of the branch (N/m), infinite for a curved law; UPPER and LOWER, limits of
+        the branch (m); RATE_SIGN, 0 for a branch that is valid for both signs of the rate,
+        otherwise 1 or -1.
     i : int
         Index of the story.
     rise, bend : float
-        Coefficients of the parabola of drift, m.
+        Coefficients of d(t), m.
     """
     if not law_state[rows.SLOPE, i] < math.inf:
         return False
@@ -183,8 +203,9 @@ def remains_on_branch(law_state, i, rise, bend):
     last_rate = rise + 0.5 * bend
     if rate_sign * first_rate < 0.0 or rate_sign * last_rate < 0.0:
         return False
-    # The parabola is between the minimum and the maximum of its three Bezier points. If these are
-    # within the limits, the exact extremum is not needed.
+    # The Bezier points of the parabola are d(0), d(0) + d'(0) / 2 and d(1). The parabola is between
+    # their minimum and their maximum. If these are within the limits, the exact extremum is not
+    # needed.
     middle_drift = start_drift + 0.5 * first_rate
     end_drift = start_drift + rise
     highest = max(start_drift, middle_drift, end_drift)
@@ -192,7 +213,7 @@ def remains_on_branch(law_state, i, rise, bend):
     if highest <= law_state[rows.UPPER, i] and lowest >= law_state[rows.LOWER, i]:
         return True
     # Otherwise replace the middle Bezier point by the drift at the extremum within the step, if
-    # there is an extremum.
+    # there is an extremum: d'(t) = rise + bend (t - 1/2) = 0.
     if first_rate * last_rate < 0.0:
         t = 0.5 - rise / bend
         middle_drift = start_drift + rise * t + 0.5 * bend * (t * t - t)
@@ -208,10 +229,15 @@ def remains_on_branch(law_state, i, rise, bend):
 def locate_reversals(rise, first_rate, last_rate, initial_slope):
     """Locate the reversals of a story within a step: the zeros of its drift rate.
 
-    The rate is approximated by a cubic polynomial of the time t in [0, 1] that has the given rates
-    at both endpoints, the mean value `rise` and the given initial slope. All rates are multiplied
-    by the step and therefore have the unit m. The rate of the parabola of drift is not used,
-    because it differs from the rates of the state at the endpoints.
+    The drift rate is approximated by a cubic polynomial of the time t, which increases from 0 to 1
+    over the step. All rates are multiplied by the length of the step and therefore have the unit m:
+
+        r(t) = r0 + k t + c2 t^2 + c3 t^3,   r(0) = r0,   r(1) = r1,   int r dt = rise,   r'(0) = k
+        c2 = 12 (rise - r0 - k / 2) - 3 (r1 - r0 - k)
+        c3 = 4 (r1 - r0 - k) - 12 (rise - r0 - k / 2)
+
+    with r0 = `first_rate`, r1 = `last_rate` and k = `initial_slope`. The parabola of drift of
+    moment4 is not used, because its rate differs from the rates of the state at the endpoints.
 
     Parameters
     ----------
@@ -234,17 +260,18 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
     """
     tolerance = _RATE_ROUNDING * (abs(rise) + abs(last_rate))
     if abs(first_rate) <= tolerance and abs(initial_slope) <= tolerance and rise * last_rate > 0.0:
-        # Initial rate and slope are zero, and the story moves in one direction. Upper stories of a
-        # building at rest start so: their rate is proportional to the third or a higher
-        # power of time, which the cubic does not represent.
+        # Initial rate and slope are zero, and the story has no reversal. An example are the upper
+        # stories of a building at rest: their rate is proportional to the third or a higher power
+        # of time, which the cubic does not represent.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
     rate_change = last_rate - first_rate - initial_slope
     mean_excess = rise - first_rate - 0.5 * initial_slope
     c2 = 12.0 * mean_excess - 3.0 * rate_change
     c3 = 4.0 * rate_change - 12.0 * mean_excess
-    # The rate is first_rate + initial_slope t + c2 t^2 + c3 t^3. It is monotonic between its
-    # extrema, the roots of initial_slope + 2 c2 t + 3 c3 t^2 = 0. Each of the three intervals
-    # therefore contains at most one zero.
+    # The rate first_rate + initial_slope t + c2 t^2 + c3 t^3 is monotonic between its extrema, the
+    # roots of initial_slope + 2 c2 t + 3 c3 t^2 = 0. Each of the three intervals therefore contains
+    # at most one zero. The roots q / (3 c3) and initial_slope / q are free of cancellation; a root
+    # outside (0, 1) is moved to 0 or 1.
     first_extremum = last_extremum = 1.0
     discriminant = c2 * c2 - 3.0 * c3 * initial_slope
     if discriminant > 0.0:
@@ -295,8 +322,8 @@ def locate_reversals(rise, first_rate, last_rate, initial_slope):
 def has_certain_reversal(rise, first_rate, last_rate):
     """Return True if the drift rate at an endpoint of the step is opposite to the change of drift.
 
-    The drift then has a reversal within the step, whatever its initial acceleration is. Rates of
-    the size of rounding errors are ignored.
+    The drift then has a reversal within the step for any initial acceleration. Rates below
+    _RATE_ROUNDING times (|rise| + |last_rate|) are regarded as rounding errors and ignored.
 
     Parameters
     ----------
@@ -313,9 +340,10 @@ def has_certain_reversal(rise, first_rate, last_rate):
 
 @inline
 def _find_zero(cubic, lower, upper, value_at_upper):
-    """Return the zero of a cubic polynomial that is monotonic in an interval.
+    """Return the zero of the cubic c0 + c1 t + c2 t^2 + c3 t^3, which is monotonic in an interval.
 
-    Newton's method is used, with a bisection if it leaves the interval.
+    Newton's method is used, with a bisection if it leaves the interval. It ends if a correction is
+    smaller than _ROOT.
 
     Parameters
     ----------
@@ -347,21 +375,27 @@ def _find_zero(cubic, lower, upper, value_at_upper):
 def integrate_on_branch(law_state, i, rise, bend, scratch, out):
     """Compute mean, first moment and their derivatives for a story that remains on a linear branch.
 
-    With the force f0 at the start and the stiffness k of the branch, the mean is
-    f0 + k (rise / 2 - bend / 12) and the moment is k rise.
+    Along the path, the drift is d(t) = d0 + rise t + bend (t^2 - t) / 2, and t increases from 0 to
+    1 over the step. With the force f0 at the start and the stiffness k of the branch, the force is
+    f(t) = f0 + k (d(t) - d0), and
+
+        mean   = int f dt              = f0 + k (rise / 2 - bend / 12)
+        moment = 12 int (t - 1/2) f dt = k rise
 
     Parameters
     ----------
     law_state : ndarray
-        States of the hysteretic laws: one row per quantity, one column per story.
+        States of the hysteretic laws, one column per story: committed rows SLOPE, k (N/m), and
+        FORCE, f0 (N).
     i : int
         Index of the story.
     rise, bend : float
-        Coefficients of the parabola, m.
+        Coefficients of d(t), m.
     scratch : ndarray
         Scratch array of the step: one row per quantity, one column per floor or story.
     out : int
-        First row of the results.
+        First of six consecutive rows of `scratch` that receive the results: MEAN and MOMENT (N),
+        their derivatives with respect to the rise and to the bend (N/m).
     """
     slope = law_state[rows.SLOPE, i]
     scratch[out + MEAN, i] = law_state[rows.FORCE, i] + slope * (0.5 * rise - bend / 12.0)
@@ -376,26 +410,37 @@ def integrate_on_branch(law_state, i, rise, bend, scratch, out):
 def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     """Compute mean, first moment and their derivatives for story `i` along its parabola of drift.
 
-    The law follows the path in trial states. The function `commit_path_end` later commits the state
-    at the end of the path. Piecewise-linear laws, curved hysteretic laws and curved elastic laws
-    are integrated in different ways (docstring of the module).
+    The integrals of the force f over the step, with t from 0 to 1, are
+
+        d(t) = d0 + rise t + bend (t^2 - t) / 2
+        mean = int f dt,   moment = 12 int (t - 1/2) f dt
+
+    where d0 is the committed drift. The law follows the path in trial states, and the committed
+    state is not changed. The function `commit_path_end` later commits the state at the end of the
+    path. The integration depends on the type of the law:
+
+        piecewise linear      exact on each branch (`_integrate_piecewise_linear`)
+        curved, hysteretic    Gauss points before and after the reversal (`_integrate_hysteretic`)
+        curved, elastic       Gauss points over the complete path (`_integrate`)
 
     Parameters
     ----------
     law_parameters, law_state : ndarray
         Parameters and states of the hysteretic laws: one row per quantity, one column per story.
+        The committed row SLOPE is infinite for a curved law.
     i : int
         Index of the story.
     rise, bend : float
-        Coefficients of the parabola, m.
+        Coefficients of d(t), m.
     no_reversal : bool
         True if the story has no reversal in the step, even if the parabola has one: the story then
         does not change to an unloading branch. The force on each branch is nevertheless the force
-        at the drift of the parabola.
+        at the drift of the parabola. Curved laws ignore the flag.
     scratch : ndarray
         Scratch array of the step: one row per quantity, one column per floor or story.
     out : int
-        First row of the results.
+        First of the rows of `scratch` that receive the results: MEAN and MOMENT (N), their
+        derivatives with respect to the rise and to the bend (N/m). PATH_ROWS rows are used.
     """
     story_path = PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(scratch, out)
@@ -412,6 +457,7 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
     elif law_parameters[rows.CODE, i] in DISSIPATING_LAWS:
         _integrate_hysteretic(law_parameters, law_state, i, story_path, results)
     else:
+        # The length of the path, int |d'(t)| dt, is at most |rise| + |bend| / 4.
         count = required_points(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
         _integrate(law_parameters, law_state, i, 0, True, count, story_path, results)
 
@@ -419,6 +465,9 @@ def follow(law_parameters, law_state, i, rise, bend, no_reversal, scratch, out):
 @outlined
 def commit_path_end(law_parameters, law_state, i, rise):
     """Commit the state at the end of the path of the last call of `follow`.
+
+    The drift at the end is the committed drift plus `rise`, because the parabola of drift
+    d0 + rise t + bend (t^2 - t) / 2 has no contribution of the bend at t = 1.
 
     Parameters
     ----------
@@ -445,19 +494,30 @@ def commit_path_end(law_parameters, law_state, i, rise):
 
 @inline
 def drift_at(segment, t):
-    """Return the drift at time t of the parabola, m."""
+    """Return the drift of a parabola at time `t`, m.
+
+    d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step; start, rise and
+    bend are the coefficients in `segment`, m.
+    """
     return segment.start + t * (segment.rise + 0.5 * segment.bend * (t - 1.0))
 
 
 @inline
 def path_segment(segment, begin, end):
-    """Return the part of the same parabola from time `begin` to time `end`, between 0 and 1."""
+    """Return the part of the same parabola from time `begin` to time `end`.
+
+    The times are fractions of the step, between 0 and 1. The coefficients of the parabola
+    start + rise t + bend (t^2 - t) / 2 do not change.
+    """
     return PathSegment(segment.start, segment.rise, segment.bend, begin, end)
 
 
 @inline
 def _clear(results, i):
-    """Set mean, moment and their derivatives of story `i` to zero."""
+    """Set the six results of story `i` to zero: mean and moment of the force and their derivatives.
+
+    `results` contains the table and the first of the six rows.
+    """
     for row in range(_RESULTS):
         results.table[results.first + row, i] = 0.0
 
@@ -466,6 +526,10 @@ def _clear(results, i):
 def copy(law_state, i, source, target):
     """Copy the law state of story `i` from block `source` to block `target`.
 
+    A block of `law_state` is a group of consecutive rows that describe a state: the committed state
+    (block 0) or a trial state (FIRST_TRIAL, SECOND_TRIAL, THIRD_TRIAL). A law can have extra rows
+    after all blocks, which are copied as well.
+
     Parameters
     ----------
     law_state : ndarray
@@ -473,9 +537,9 @@ def copy(law_state, i, source, target):
     i : int
         Index of the story.
     source : int
-        First row of the source.
+        First row of the block that is copied.
     target : int
-        First row of the target.
+        First row of the block that receives the copy.
     """
     for row in range(rows.LAW_STATE_ROWS):
         law_state[target + row, i] = law_state[source + row, i]
@@ -484,7 +548,11 @@ def copy(law_state, i, source, target):
 
 @inline
 def time_of_extremum(segment):
-    """Return the time in (0, 1) at which the parabola has its extremum; 1 if there is none."""
+    """Return the time in (0, 1) of the extremum of a parabola of drift; 1 without an extremum.
+
+    The parabola is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step.
+    Its rate d'(t) = rise + bend (t - 1/2) is zero at t = 1/2 - rise / bend.
+    """
     if 2.0 * abs(segment.rise) >= abs(segment.bend):
         return 1.0
     t = 0.5 - segment.rise / segment.bend
@@ -493,20 +561,27 @@ def time_of_extremum(segment):
 
 @inline
 def _add(results, i, weight, t, force, tangent):
-    """Add one integration point to mean and moment and to their derivatives.
+    """Add one integration point to mean and moment of the force and to their derivatives.
 
-    The drift at time t changes by t per unit of rise and by (t^2 - t) / 2 per unit of bend.
+    The integrals over the step, with t from 0 to 1, are approximated by sums over points:
+
+        mean   = int f dt              = sum of weight f
+        moment = 12 int (t - 1/2) f dt = sum of 12 weight (t - 1/2) f
+
+    The drift d0 + rise t + bend (t^2 - t) / 2 changes by t per unit of rise and by (t^2 - t) / 2
+    per unit of bend. The derivatives of f are these changes times the tangent stiffness.
 
     Parameters
     ----------
     results : Integrals
-        Scratch rows that receive the integrals.
+        Table, and the first of its six rows that receive the sums: MEAN, MOMENT (N), their
+        derivatives with respect to the rise and to the bend (N/m).
     i : int
         Index of the story.
     weight : float
-        Integration weight.
+        Integration weight; the weights of all points on the path have the sum 1.
     t : float
-        Time of the point.
+        Time of the point, as a fraction of the step.
     force, tangent : float
         Force, N, and tangent stiffness, N/m, at the point.
     """
@@ -525,18 +600,25 @@ def _add(results, i, weight, t, force, tangent):
 def _add_after_reversal(results, i, reversal_time, shift):
     """Add the integrals over the path after a reversal to those over the path before it.
 
-    The forces after the reversal depend on the drift at the reversal, and thereby on rise and bend.
-    This contribution to the derivatives is computed from the difference between the integrals with
-    and without a small shift of the drift at the reversal.
+    The integrals are mean = int f dt and moment = 12 int (t - 1/2) f dt of the story force f over
+    the step, with t from 0 to 1. The drift is d(t) = d0 + rise t + bend (t^2 - t) / 2. The forces
+    after the reversal at t = t_r depend on the drift d(t_r) at the reversal, which changes by t_r
+    per unit of rise and by (t_r^2 - t_r) / 2 per unit of bend. This contribution to the derivatives
+    is computed with a difference quotient, for example for the mean
+
+        d mean / d d(t_r) = (mean with the reversal at d(t_r) + shift - mean) / shift
 
     Parameters
     ----------
     results : Integrals
-        Scratch rows that receive the integrals.
+        Table, and the first of three groups of six rows. Each group contains MEAN, MOMENT (N) and
+        their derivatives with respect to the rise and to the bend (N/m): before the reversal
+        (receives the sums), after the reversal (_AFTER_REVERSAL), and after a reversal at a shifted
+        drift (_SHIFTED).
     i : int
         Index of the story.
     reversal_time : float
-        Time of the reversal as a fraction of the step.
+        Time t_r of the reversal as a fraction of the step.
     shift : float
         Shift of the drift, m; 0 if the results do not depend on the drift at the reversal.
     """
@@ -564,23 +646,33 @@ def _add_after_reversal(results, i, reversal_time, shift):
 
 @inline
 def time_to(limit, segment, t_now, direction):
-    """Return the time from `t_now` until a monotonic part of the parabola reaches a drift.
+    """Return the time from `t_now` until a monotonic part of a parabola of drift reaches a limit.
 
-    It is the smallest positive root of a quadratic equation, computed without cancellation: with
-    the distance D to the drift and the rate v at `t_now`, both positive in the direction of the
-    movement, v t + bend t^2 / 2 = D. The result is 0 if the drift has already been reached, and 1
-    if the story does not move.
+    The drift is d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1 over the step. The
+    result is the smallest positive root x of a quadratic equation, computed without cancellation:
+
+        v x + side bend x^2 / 2 = D
+        D = side (limit - d(t_now)),   v = side (rise + bend (t_now - 1/2))
+
+    with the distance D to the limit, the rate v at `t_now`, both positive in the direction of the
+    movement, and side = `direction`. The root is 2 D / (v + sqrt(v^2 + 2 side bend D)). The result
+    is 0 if the limit has already been reached, and 1 if the story does not move.
 
     Parameters
     ----------
     limit : float
-        Drift, m.
+        Drift to be reached, m.
     segment : PathSegment
-        Path.
+        Parabola of drift.
     t_now : float
         Time on the path, as a fraction of the step.
     direction : float
         Direction of the movement, 1 or -1.
+
+    Returns
+    -------
+    float
+        Time x as a fraction of the step.
     """
     rate = direction * (segment.rise + segment.bend * (t_now - 0.5))
     distance = direction * (limit - drift_at(segment, t_now))
@@ -596,6 +688,9 @@ def time_to(limit, segment, t_now, direction):
 
 def along_branches(add_part, process_end):
     """Return a compiled function that follows a part of a path without reversal, branch by branch.
+
+    The path is a parabola of drift, d(t) = start + rise t + bend (t^2 - t) / 2, with t from 0 to 1
+    over the step. The law is piecewise linear, and the drift has no reversal in the part.
 
     Parameters
     ----------
@@ -616,6 +711,10 @@ def along_branches(add_part, process_end):
     def integrate_path(law_parameters, law_state, i, block, segment, side, target, results):
         """Move the law state of story `i` along a part of its path, branch by branch.
 
+        The drift is d(t) = start + rise t + bend (t^2 - t) / 2 (coefficients in `segment`, t from 0
+        to 1 over the step). A branch ends where d(t) reaches its limit UPPER (side = 1) or LOWER
+        (side = -1).
+
         Parameters
         ----------
         law_parameters, law_state : ndarray
@@ -623,7 +722,8 @@ def along_branches(add_part, process_end):
         i : int
             Index of the story.
         block : int
-            First row of the block of `law_state` with the state, which is moved to the end.
+            First row of the block of `law_state` with the state at the start of the part. The state
+            is moved to the end of the part.
         segment : PathSegment
             Part of the path without reversal.
         side : float
@@ -636,6 +736,7 @@ def along_branches(add_part, process_end):
         if side == 0.0:
             add_part(law_state, i, block, segment, results)
             return
+        # A branch that is valid only for the opposite direction ends at the start of the part.
         if law_state[block + rows.RATE_SIGN, i] * side < 0.0:
             switch(law_parameters, law_state, i, block, rows.REVERSED)
         t_now = segment.begin
@@ -648,10 +749,12 @@ def along_branches(add_part, process_end):
             t_end = segment.end
             if leaves_branch:
                 t_end = min(t_now + time_to(limit, segment, t_now, side), segment.end)
+            # Process the part of the path on this branch, then move the state to its end.
             add_part(law_state, i, block, path_segment(segment, t_now, t_end), results)
             advance(law_parameters, law_state, i, block, limit if leaves_branch else target)
             if not leaves_branch:
                 break
+            # The drift reached a limit: set the next branch.
             process_end(results, i, t_end, law_state[block + rows.FORCE, i])
             switch(law_parameters, law_state, i, block, rows.ABOVE if side > 0.0 else rows.BELOW)
             t_now = t_end
@@ -663,8 +766,9 @@ def along_branches(add_part, process_end):
 def _add_on_branch(law_state, i, block, segment, results):
     """Add the integrals over a part of the path on one linear branch, by two Gauss points.
 
-    The force is quadratic in t and the force times s is cubic. The rule with two points is exact
-    for cubics.
+    The drift is d(t) = start + rise t + bend (t^2 - t) / 2. With the state (DRIFT d_b, FORCE f_b)
+    in `block` and the stiffness k = SLOPE, the force f = f_b + k (d(t) - d_b) is quadratic in t,
+    and (t - 1/2) f is cubic. The rule with two points is exact for cubics.
 
     Parameters
     ----------
@@ -714,6 +818,10 @@ _integrate_over_branches = along_branches(_add_on_branch, _ignore_branch_end)
 def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
     """Add the integrals over a part of a path without reversal, for a piecewise-linear law.
 
+    The integrals of the force f over the part are int f dt and 12 int (t - 1/2) f dt, with t from 0
+    to 1 over the step. The direction of the movement is the sign of the change of drift between
+    both ends.
+
     Parameters
     ----------
     law_parameters, law_state : ndarray
@@ -721,11 +829,12 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
     i : int
         Index of the story.
     block : int
-        First row of the block of `law_state` that contains the state.
+        First row of the block of `law_state` with the state at the start of the part. The state is
+        moved to the end of the part.
     segment : PathSegment
-        Part of the path.
+        Part of the parabola of drift, start + rise t + bend (t^2 - t) / 2.
     results : Integrals
-        Scratch rows that receive the integrals.
+        Table, and the first of its six rows: mean, moment and their derivatives are added.
     """
     target = drift_at(segment, segment.end)
     drift_change = target - drift_at(segment, segment.begin)
@@ -737,9 +846,11 @@ def _integrate_monotonic(law_parameters, law_state, i, block, segment, results):
 def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, reversal_time, results):
     """Compute mean, moment and their derivatives for a piecewise-linear law.
 
-    The law follows the path in FIRST_TRIAL. If the branch changes at the reversal, the path after
-    the reversal is followed a second time in SECOND_TRIAL, from a slightly shifted drift, for the
-    derivatives.
+    The integrals of the force f over the step, with t from 0 to 1, are mean = int f dt and
+    moment = 12 int (t - 1/2) f dt along the drift d(t) = d0 + rise t + bend (t^2 - t) / 2. The law
+    follows the path in the trial state FIRST_TRIAL, first to the reversal, then to the end. If the
+    branch changes at the reversal, the path after the reversal is followed a second time in
+    SECOND_TRIAL, from a slightly shifted drift, for the derivatives.
 
     Parameters
     ----------
@@ -748,12 +859,14 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
     i : int
         Index of the story.
     story_path : PathSegment
-        Path over the complete step.
+        Parabola of drift over the complete step: coefficients d0, rise and bend, m.
     reversal_time : float
         Time of the reversal as a fraction of the step; 1 for no reversal.
     results : Integrals
-        Scratch rows that receive the integrals.
+        Table, and the first of its rows that receive mean, moment (N) and their derivatives (N/m).
+        The rows from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
     """
+    # Path before the reversal, from the committed state
     copy(law_state, i, 0, rows.FIRST_TRIAL)
     _integrate_monotonic(
         law_parameters,
@@ -784,6 +897,7 @@ def _integrate_piecewise_linear(law_parameters, law_state, i, story_path, revers
         )
         _clear(shifted, i)
         _integrate_monotonic(law_parameters, law_state, i, rows.SECOND_TRIAL, path_back, shifted)
+    # Path after the reversal, and sum of both parts
     _clear(after_reversal, i)
     _integrate_monotonic(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, after_reversal)
     _add_after_reversal(results, i, reversal_time, shift)
@@ -815,6 +929,11 @@ def dividing_at_bend(integrate):
         """Integrate a curved law along a path without reversal, in two parts if a sharp bend of the
         force is on the path.
 
+        The integrals of the force f are int f dt and 12 int (t - 1/2) f dt. The drift is d(t) =
+        start + rise t + bend (t^2 - t) / 2 (coefficients in `segment`, t from 0 to 1 over the
+        step). The state at the start of the path is in block `previous` of `law_state`, and
+        `results` receives the integrals.
+
         Returns
         -------
         int
@@ -825,6 +944,7 @@ def dividing_at_bend(integrate):
         side = math.copysign(1.0, drift_change)
         drift_change = abs(drift_change)
         begin = segment.begin
+        # First part: from the start to the bend of the force, if it is on the path
         bend_distance = _distance_to_bend(law_parameters, law_state, i, previous, side)
         if bend_distance < drift_change:
             count = required_points(law_parameters, law_state, i, bend_distance)
@@ -844,6 +964,7 @@ def dividing_at_bend(integrate):
             )
             begin = t_end
             drift_change -= bend_distance
+        # Remaining part, or the complete path
         count = required_points(law_parameters, law_state, i, drift_change)
         return integrate(
             law_parameters,
@@ -863,7 +984,11 @@ def dividing_at_bend(integrate):
 def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segment, results):
     """Add the integrals of a curved law over a part of a path, by at least `count` Gauss points.
 
-    The part is divided equally so that no division has more than MAX_POINTS points.
+    The integrals of the force f are mean = int f dt and moment = 12 int (t - 1/2) f dt, along the
+    drift d(t) = start + rise t + bend (t^2 - t) / 2 (coefficients in `segment`, t from 0 to 1 over
+    the step). The drift changes by t per unit of rise and by (t^2 - t) / 2 per unit of bend; with
+    the tangent stiffness, this gives the derivatives of both integrals. The part is divided equally
+    so that no division has more than MAX_POINTS points.
 
     Parameters
     ----------
@@ -872,7 +997,8 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
     i : int
         Index of the story.
     previous : int
-        Block of the state at the start. An elastic law does not use it.
+        First row of the block of `law_state` with the state at the start. An elastic law does not
+        use it.
     is_elastic : bool
         True for an elastic law. The state of a hysteretic law advances from each Gauss point to the
         next.
@@ -881,12 +1007,13 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
     segment : PathSegment
         Part of the path.
     results : Integrals
-        Scratch rows that receive the integrals.
+        Table, and the first of its six rows: mean, moment (N) and their derivatives with respect to
+        the rise and to the bend (N/m) are added.
 
     Returns
     -------
     int
-        Block of the state at the last Gauss point.
+        First row of the block of `law_state` with the state at the last Gauss point.
     """
     scratch, out = results
     divisions = math.ceil(count / MAX_POINTS)
@@ -907,6 +1034,7 @@ def _integrate(law_parameters, law_state, i, previous, is_elastic, count, segmen
             if not is_elastic:
                 accumulate_dissipation(law_parameters, law_state, i, previous, trial)
                 previous = trial
+            # Contribution of the point; `force`, `by_rise` and `by_bend` include its weight.
             weight = length * WEIGHTS[points, point]
             by_moment = 12.0 * (t - 0.5)
             force = weight * law_state[trial + rows.FORCE, i]
@@ -934,9 +1062,11 @@ _integrate_divided = dividing_at_bend(_integrate)
 def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
     """Compute mean, moment and their derivatives for a curved hysteretic law, such as Bouc-Wen.
 
-    The path is integrated to the reversal and from there to the end. It is integrated a second time
-    from a slightly shifted reversal, for the derivatives. FIRST_TRIAL finally contains the state at
-    the last Gauss point.
+    The integrals of the force f over the step, with t from 0 to 1, are mean = int f dt and moment =
+    12 int (t - 1/2) f dt along the drift d(t) = d0 + rise t + bend (t^2 - t) / 2. The path is
+    integrated to the reversal, where d'(t) = 0, and from there to the end. It is integrated a
+    second time from a slightly shifted reversal, for the derivatives. FIRST_TRIAL finally contains
+    the state at the last Gauss point.
 
     Parameters
     ----------
@@ -945,9 +1075,10 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
     i : int
         Index of the story.
     story_path : PathSegment
-        Path over the complete step.
+        Parabola of drift over the complete step: coefficients d0, rise and bend, m.
     results : Integrals
-        Scratch rows that receive the integrals.
+        Table, and the first of its rows that receive mean, moment (N) and their derivatives (N/m).
+        The rows from _AFTER_REVERSAL and _SHIFTED on are used for intermediate results.
     """
     reversal_time = time_of_extremum(story_path)
     previous = _integrate_divided(
@@ -957,6 +1088,7 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         after_reversal = Integrals(results.table, results.first + _AFTER_REVERSAL)
         shifted = Integrals(results.table, results.first + _SHIFTED)
         path_back = path_segment(story_path, reversal_time, 1.0)
+        # State at the reversal (THIRD_TRIAL) and at the shifted reversal (FIRST_TRIAL)
         drift = drift_at(story_path, reversal_time)
         restoring_force_outlined(law_parameters, law_state, i, previous, rows.THIRD_TRIAL, drift)
         accumulate_dissipation(law_parameters, law_state, i, previous, rows.THIRD_TRIAL)
@@ -966,8 +1098,8 @@ def _integrate_hysteretic(law_parameters, law_state, i, story_path, results):
         restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift + shift
         )
-        # First integrate from the shifted reversal (FIRST_TRIAL), then from the actual reversal
-        # (THIRD_TRIAL), which both remain available until they have been used.
+        # First integrate from the shifted reversal, then from the actual reversal. Both states
+        # remain available until they have been used.
         _clear(shifted, i)
         _integrate_divided(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, shifted)
         _clear(after_reversal, i)
