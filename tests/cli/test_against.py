@@ -25,7 +25,7 @@ def publish(text):
     return ("--against", "published.csv")
 
 
-def test_a_spectrum_differs_from_itself_by_nothing(spectra, tdint):
+def test_a_spectrum_has_no_difference_to_itself(spectra, tdint):
     """To the twelve digits of a table; its column `damping` tells the ratios apart."""
     found = rows(
         tdint(
@@ -54,7 +54,7 @@ def test_a_spectrum_differs_from_itself_by_nothing(spectra, tdint):
         ("period_s,psv_mm_s", "psv_m_s", 1000.0),
     ],
 )
-def test_units_are_those_of_the_columns_name(spectra, tdint, header, name, factor):
+def test_units_are_read_from_the_column_name(spectra, tdint, header, name, factor):
     """The file says a tenth more than the truth, and the longest period first."""
     of_time = 1000.0 if "ms" in header.partition(",")[0] else 1.0
     lines = [
@@ -68,7 +68,7 @@ def test_units_are_those_of_the_columns_name(spectra, tdint, header, name, facto
         assert float(row["relative_difference"]) == pytest.approx(1.0 / 1.1 - 1.0, abs=1e-9)
 
 
-def test_interpolation_only_if_said(spectra, tdint):
+def test_interpolation_requires_the_option(spectra, tdint):
     """A power of the period is straight in logarithms."""
     published = publish("period_s,sd_m\n0.1,0.01\n0.4,0.16\n")
     tdint.refused("no period 0.2 s", *OPTIONS, *published, "--period", "0.2")
@@ -78,7 +78,7 @@ def test_interpolation_only_if_said(spectra, tdint):
     tdint.refused("must be within 0.1 to 0.4 s, got 0.5 s", *said, "0.2,0.5")
 
 
-def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
+def test_plot_message_and_summary_of_the_difference(spectra, tdint, drawn):
     values = [1.1, 0.9, 1.0, 1.0]
     lines = [
         f"{row['period_s']},{x * float(row['psa_m_s2'])}\n"
@@ -126,5 +126,5 @@ def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
         ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "did you mean 'psa_g'?"),
     ],
 )
-def test_what_is_refused(folder, tdint, text, options, code, message):
+def test_invalid_published_spectra_are_refused(folder, tdint, text, options, code, message):
     tdint.refused(message, *OPTIONS, *publish(text), *options, code=code)

@@ -38,7 +38,7 @@ def many(folder, make_record):
     return folder / "many"
 
 
-def test_a_folder_stands_for_its_records(many, tdint):
+def test_a_directory_is_replaced_by_its_records(many, tdint):
     """Also in the summary beside the table."""
     result = tdint("spectrum", "many/", *PERIODS)
     names = [f"many/{name}.mseed" for name in ("counts", "r0", "r1", "r1a", "r2", "r3")]
@@ -61,7 +61,7 @@ def test_a_folder_stands_for_its_records(many, tdint):
     assert {record["units_from"] for record in summary["records"]} == {"assumed"}
 
 
-def test_folders_without_records_or_with_one_that_cannot_be_read(folder, tdint):
+def test_directories_without_records_or_with_an_unreadable_record_are_reported(folder, tdint):
     for name in ("none", "some"):
         (folder / name).mkdir()
     for number in range(12):
@@ -105,7 +105,7 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, co
         assert (result.stdout if into is None else (folder / "all.csv").read_text()) == good
 
 
-def test_records_of_one_stem_keep_their_suffix(folder, tdint):
+def test_records_with_equal_stems_keep_their_suffix(folder, tdint):
     """K-NET gives a station's components one stem: x.EW and x.NS."""
     for suffix in ("EW", "NS"):
         (folder / f"x.{suffix}").write_bytes((folder / "other.mseed").read_bytes())
@@ -117,7 +117,7 @@ def test_records_of_one_stem_keep_their_suffix(folder, tdint):
     ]
 
 
-def test_names_that_still_clash_are_refused(tmp_path):
+def test_output_names_that_still_clash_are_refused(tmp_path):
     assert [
         table.name for table in tables_of(["a/x.EW", "b/x.NS", "-", "stdin.at2"], tmp_path)
     ] == [
@@ -159,7 +159,7 @@ def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, comma
     assert {name: data.replace(typed, others) for name, data in written[0].items()} == written[1]
 
 
-def test_standard_input_is_read_where_it_is(folder, tdint):
+def test_standard_input_can_be_at_any_position_among_the_records(folder, tdint):
     order = ("motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed")
     stdin = (folder / "other.mseed").read_bytes()
     one, three = (
@@ -177,7 +177,7 @@ def test_standard_input_is_read_where_it_is(folder, tdint):
     ]
 
 
-def test_what_a_table_came_from(folder, tdint):
+def test_the_summary_lists_settings_and_records(folder, tdint):
     words = ("--units", "gal", "--damping", "0.02", "--periods", "0.1:1:5", "--component", "HNN")
     tdint("spectrum", "motion.mseed", "-o", "one.csv", *words, code=0)
     summary = json.loads((folder / "one.json").read_text())
@@ -228,7 +228,7 @@ def run_batch(sources, jobs):
         return list(results)
 
 
-def test_results_and_failures_come_in_order():
+def test_results_and_failures_are_returned_in_order():
     sources = ["bad", "a", "unstable", "b", "c", "-"]
     found = run_batch(sources, 2)
     assert [str(item) if isinstance(item, Exception) else item[0] for item in found] == [
@@ -239,7 +239,7 @@ def test_results_and_failures_come_in_order():
     assert os.getpid() not in processes[1:-1]
 
 
-def test_a_process_that_dies_costs_its_own_record_only():
+def test_a_killed_process_loses_only_its_own_record():
     found = run_batch(["a", "dies", "b", "dies", "c", "d"], 2)
     assert [
         item if isinstance(item, Exception) else item[0]
@@ -255,20 +255,22 @@ def test_a_process_that_dies_costs_its_own_record_only():
         assert str(lost).startswith("dies: the process for this record ended unexpectedly")
 
 
-def test_what_a_process_raises_is_raised():
+def test_an_unexpected_exception_in_a_process_is_raised():
     with pytest.raises(TypeError):
         run_batch(["a", None, "b"], 2)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
-def test_a_bar_is_drawn_on_a_terminal(folder):
+def test_a_progress_bar_is_drawn_on_a_terminal(folder):
     said, code = at_a_terminal(
         "spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False
     )
     assert (code, b"2/2" in said, b"##" in said) == (0, True, True)
 
 
-def test_one_record_has_no_bar_nor_has_a_terminal_where_data_go(folder, tdint, monkeypatch):
+def test_no_progress_bar_for_one_record_or_if_data_are_written_to_the_terminal(
+    folder, tdint, monkeypatch
+):
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream in (sys.stdout, sys.stderr))
     two = ["motion.mseed", "other.mseed"]
     for words, bar in (

@@ -56,7 +56,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
 study = copy_of("done")
 
 
-def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -> None:
+def test_check_adds_an_error_column_for_each_demand(study: Path, tdint: Command) -> None:
     """With `check`, runs.csv and stories.csv contain the estimated errors of `tdint run`, and the
     summary reports them. `tdint run` with several records also supports --check."""
     change("study.yaml", ("method: newmark-average", "method: moment4, check: true"))
@@ -109,7 +109,7 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     assert several[0]["peak_drift_m_error"] == run["peak_drift_m_error"]
 
 
-def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> None:
+def test_the_summary_lists_the_model_files_of_the_last_call(study: Path, tdint: Command) -> None:
     """The summary lists each model file and each other input once, in the state of the last call. A
     changed comment changes the file but not the campaign."""
     files = ("shaken.yaml", "stiff.yaml", "study.yaml", "motion.mseed", "other.mseed")
@@ -136,7 +136,7 @@ def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> Non
     assert told() == there()
 
 
-def test_a_row_for_each_run(study: Path, tdint: Command) -> None:
+def test_each_run_has_a_row(study: Path, tdint: Command) -> None:
     """The numbers equal the results of `tdint run`. Buildings, records and scales keep
     their order."""
     assert sorted(path.name for path in Path("out").iterdir()) == [
@@ -183,7 +183,7 @@ def test_a_row_for_each_run(study: Path, tdint: Command) -> None:
     assert [{name: story[name] for name in stories[0]} for story in kept] == stories
 
 
-def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> None:
+def test_results_do_not_depend_on_threads_and_shards(study: Path, tdint: Command) -> None:
     """One thread, three threads, and three shards merged in any order give equal files."""
     names = ("runs.csv", "stories.csv")
     wanted = [(Path("out") / name).read_bytes() for name in names]
@@ -211,7 +211,7 @@ def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> No
         assert [(Path(place) / name).read_bytes() for name in names] == wanted, place
 
 
-def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> None:
+def test_an_interrupted_campaign_continues(study: Path, tdint: Command) -> None:
     """An interrupted campaign continues. All commands that use its runs report the missing runs."""
     first = tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)
     done = len(rows("part/runs.csv"))
@@ -232,7 +232,7 @@ def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> Non
     assert re.search(rf"\bruns \({RUNS}\) .*nothing", again.stderr)
 
 
-def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
+def test_a_directory_contains_only_one_campaign(study: Path, tdint: Command) -> None:
     """The error names the difference: settings, buildings or records. A new file name or another
     directory is not a difference."""
     kept = Path("out/runs.csv").read_bytes()
@@ -258,7 +258,7 @@ def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
     assert not Path("all", FILE).exists()
 
 
-def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> None:
+def test_all_errors_of_a_campaign_file_are_reported_at_once(study: Path, tdint: Command) -> None:
     Path("bad.yaml").write_text(
         "buildings: {models: [shaken.yaml], units: {length: ft}}\n"
         "records: {file: [motion.mseed], pairs: maybe, component: HNE}\n"
@@ -312,15 +312,15 @@ def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> N
         ),
     ],
 )
-def test_files_that_cannot_be(study: Path, tdint: Command, content: str, said: str) -> None:
+def test_invalid_campaign_files_are_refused(
+    study: Path, tdint: Command, content: str, said: str
+) -> None:
     Path("bad.yaml").write_text(content)
     Path("bad.csv").write_text("record,component,factor\nmotion.mseed,,zwei\n")
     tdint.refused(said, "campaign", "bad.yaml", "-o", "new", code=3)
 
 
-def test_records_that_cannot_be_read_are_named_and_the_others_done(
-    study: Path, tdint: Command
-) -> None:
+def test_unreadable_records_are_reported_and_the_others_run(study: Path, tdint: Command) -> None:
     """summary.json and `status` list and count the unreadable records of the last call."""
     Path("broken.mseed").write_bytes(b"no record at all")
     change("study.yaml", ("other.mseed]", "broken.mseed, nowhere.mseed, other.mseed]"))
@@ -357,7 +357,7 @@ def test_failed_runs_are_rows_with_their_status(study: Path, tdint: Command) -> 
     assert [row["peak_drift_mm"] for row in rows("failed/runs.csv")[9:]] == 9 * [""]
 
 
-def test_a_step_that_fits_no_record_is_refused_before_anything_is_made(
+def test_a_time_step_that_fits_no_record_is_refused_before_files_are_written(
     study: Path, tdint: Command
 ) -> None:
     change("study.yaml", ("method: newmark-average", "dt: 0.007"))
@@ -370,7 +370,7 @@ def test_a_step_that_fits_no_record_is_refused_before_anything_is_made(
     )
 
 
-def test_one_writer_at_a_time(study: Path, tdint: Command) -> None:
+def test_a_second_writer_is_refused(study: Path, tdint: Command) -> None:
     Path("new").mkdir()
     with locked(Path("new")):
         tdint.refused(
@@ -380,7 +380,7 @@ def test_one_writer_at_a_time(study: Path, tdint: Command) -> None:
 
 
 @pytest.mark.parametrize("port_of", [lambda server: 1, lambda server: server.getsockname()[1]])
-def test_a_scheduler_that_does_not_answer(
+def test_an_unresponsive_scheduler_is_reported(
     study: Path,
     tdint: Command,
     monkeypatch: pytest.MonkeyPatch,
@@ -433,11 +433,11 @@ def test_a_scheduler_that_does_not_answer(
         ),
     ],
 )
-def test_usage(study: Path, tdint: Command, arguments: list[str], said: str) -> None:
+def test_usage_errors(study: Path, tdint: Command, arguments: list[str], said: str) -> None:
     tdint.refused(said, "campaign", *arguments)
 
 
-def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Command) -> None:
+def test_a_tolerance_selects_the_time_step_of_each_building(study: Path, tdint: Command) -> None:
     """All runs of a building have the same time step, also with several jobs. For the runs that
     were used for the choice, `tdint run` chooses no smaller step."""
     change(
@@ -464,7 +464,7 @@ def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Comma
     assert float(dict(steps)["shaken"]) <= json.loads(Path("one/summary.json").read_text())["dt_s"]
 
 
-def test_levels_of_an_intensity_measure(study: Path, tdint: Command) -> None:
+def test_intensity_levels_of_a_measure(study: Path, tdint: Command) -> None:
     """The runs of each building have the requested Sa(T1). Both components of a pair have one
     factor, and the geometric mean of their PGA has the requested value."""
     change(
@@ -485,7 +485,7 @@ def test_levels_of_an_intensity_measure(study: Path, tdint: Command) -> None:
     assert np.isclose(float(first["pga_m_s2"]) * float(second["pga_m_s2"]), 4.0, rtol=1e-11)
 
 
-def test_factors_of_a_file(study: Path, tdint: Command) -> None:
+def test_factors_from_a_file(study: Path, tdint: Command) -> None:
     Path("factors.csv").write_text(
         "record,component,factor\nmotion.mseed,HNE,2\nmotion.mseed,,0.5\nother.mseed,HNE,3\nother.mseed,HNE,4\n"
     )
@@ -494,7 +494,7 @@ def test_factors_of_a_file(study: Path, tdint: Command) -> None:
     assert [row["scale"] for row in rows("new/runs.csv")] == 2 * ["2", "0.5", "3", "4"]
 
 
-def test_exports_are_written_anew(study: Path, tdint: Command) -> None:
+def test_export_writes_the_tables_again(study: Path, tdint: Command) -> None:
     """The export has SimCenter names: floor 0 is the ground, and both directions of a pair are in
     one row."""
     change(
@@ -535,7 +535,7 @@ def test_exports_are_written_anew(study: Path, tdint: Command) -> None:
 
 
 @pytest.mark.usefixtures("study")
-def test_the_store_can_be_asked_in_sql() -> None:
+def test_the_store_can_be_queried_with_sql() -> None:
     """The view `runs` of the database has the columns and the rows of runs.csv."""
     with closing(sqlite3.connect(f"out/{FILE}")) as connection:
         found = connection.execute("SELECT * FROM runs WHERE building = 'stiff'")
@@ -569,9 +569,7 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
         tdint.refused("one record and one scale", *of_model, *option, "-o", "new")
 
 
-def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(
-    study: Path, tdint: Command
-) -> None:
+def test_invalid_rows_of_an_inventory_are_counted_by_building(study: Path, tdint: Command) -> None:
     change(
         "study.yaml",
         ("{models: [shaken.yaml, stiff.yaml]}", "{inventory: rows.csv, units: {length: m}}"),
@@ -598,7 +596,7 @@ def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(
     )
 
 
-def test_exports_of_an_earlier_state_do_not_stay(study: Path, tdint: Command) -> None:
+def test_exports_of_an_earlier_state_are_updated(study: Path, tdint: Command) -> None:
     tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "1", code=0)
     tdint("campaign", "export", "part", "--simcenter", code=0)
     before = len(rows("part/simcenter.csv"))
@@ -616,7 +614,7 @@ def test_exports_of_an_earlier_state_do_not_stay(study: Path, tdint: Command) ->
     assert rows_of == runs and len(set(runs)) == RUNS
 
 
-def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Command) -> None:
+def test_a_campaign_uses_the_output_units_of_its_models(study: Path, tdint: Command) -> None:
     """If all models have the same output units, the campaign, its export and merge use them, with
     the same result as --output-units."""
     tdint("campaign", "export", "out", "--output-units", "kip,in,g")
@@ -668,7 +666,7 @@ def shards(folder: Path, tdint: Command) -> Callable[..., None]:
     return run
 
 
-def test_shards_of_an_inventory_that_is_not_sound(
+def test_shards_of_an_inventory_with_a_duplicate_id_merge_with_exit_code_3(
     shards: Callable[..., None], tdint: Command
 ) -> None:
     """An id that occurs in two rows causes the error exit code in every call, for shards and for
@@ -680,7 +678,7 @@ def test_shards_of_an_inventory_that_is_not_sound(
     assert Path("all/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
 
 
-def test_an_inventory_that_changes_between_shards(
+def test_shards_of_a_changed_inventory_are_not_merged(
     shards: Callable[..., None], tdint: Command
 ) -> None:
     """The changed row belongs to only one shard, so that the shards have no common building to
@@ -691,7 +689,7 @@ def test_an_inventory_that_changes_between_shards(
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_a_duplicate_that_only_one_shard_has_seen(
+def test_shards_are_not_merged_if_only_one_skipped_a_duplicate_id(
     shards: Callable[..., None], tdint: Command, number: int
 ) -> None:
     """The valid rows and their runs are equal, but the directories are not merged, because one call

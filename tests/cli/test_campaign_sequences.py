@@ -71,7 +71,7 @@ study = copy_of("done")
 
 
 @pytest.mark.usefixtures("study")
-def test_rows_are_those_of_single_runs():
+def test_rows_equal_single_runs_of_the_sequence():
     runs, shocks = rows("out/runs.csv"), rows("out/shocks.csv")
     assert [row["record"] for row in runs] == ["once more", "once more", "three", "three"]
     assert [row["shock"] for row in shocks] == ["1", "2"] * 2 + ["1", "2", "3"] * 2
@@ -104,7 +104,7 @@ def test_rows_are_those_of_single_runs():
             )
 
 
-def test_the_same_bytes_for_any_threads_and_shards(study, tdint):
+def test_results_do_not_depend_on_threads_and_shards(study, tdint):
     for where, options in (
         ("two", ("--jobs", 2)),
         ("a", ("--shard", "1/2")),
@@ -117,7 +117,7 @@ def test_the_same_bytes_for_any_threads_and_shards(study, tdint):
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out").stderr
 
 
-def test_a_given_rest_and_levels_of_the_first_shock(study, tdint):
+def test_specified_rest_and_levels_of_the_first_event(study, tdint):
     change(
         "study.yaml",
         ("pairs.csv,", "pairs.csv, rest: 7,"),
@@ -133,7 +133,7 @@ def test_a_given_rest_and_levels_of_the_first_shock(study, tdint):
     )
 
 
-def test_a_shock_that_was_changed_in_the_store_is_done_again(study, tdint):
+def test_a_changed_event_in_the_store_is_run_again(study, tdint):
     before = Path("out/shocks.csv").read_bytes()
     with closing(sqlite3.connect("out/campaign.sqlite")) as connection, connection:
         connection.execute("UPDATE shock_rows SET peak_drift_m = 1 WHERE shock = 2")
@@ -141,7 +141,7 @@ def test_a_shock_that_was_changed_in_the_store_is_done_again(study, tdint):
     assert Path("out/shocks.csv").read_bytes() == before
 
 
-def test_a_sequence_that_cannot_be_read_leaves_the_others(study, tdint):
+def test_an_unreadable_sequence_is_reported_and_the_others_run(study, tdint):
     change("pairs.csv", ("three,motion.mseed,HNN", "three,none.mseed,HNN"))
     result = tdint("campaign", "study.yaml", "-o", "new", code=4)
     assert "sequence three" in result.stderr and "none.mseed" in result.stderr
@@ -182,12 +182,12 @@ def test_a_sequence_that_cannot_be_read_leaves_the_others(study, tdint):
         ("pairs.csv", "once more,other", ",other", "sequence is missing"),
     ],
 )
-def test_faults_of_the_files(study, tdint, file, before, after, text):
+def test_errors_of_the_files_are_reported(study, tdint, file, before, after, text):
     change(file, (before, after))
     tdint.refused(text, "campaign", "study.yaml", "-o", "new", code=3)
 
 
-def test_without_component_each_common_one_is_a_motion(study, tdint):
+def test_without_a_component_each_common_component_is_a_ground_motion(study, tdint):
     (study / "pairs.csv").write_text("sequence,record\ntwice,motion.mseed\ntwice,motion.mseed\n")
     tdint("campaign", "study.yaml", "-o", "new", code=0)
     assert [row["component"] for row in rows("new/runs.csv")] == ["HNE", "HNE", "HNN", "HNN"]
@@ -197,7 +197,7 @@ def test_without_component_each_common_one_is_a_motion(study, tdint):
 
 
 @pytest.mark.usefixtures("study")
-def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(tdint):
+def test_aftershocks_start_from_the_building_damaged_by_the_main_shock(tdint):
     tdint(*AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0)
     table, intact = rows("ida/capacities.csv"), rows("ida/capacities.csv")[:9]
     assert [row["damage"] for row in table] == ["0"] * 9 + ["0.02"] * 9
@@ -246,7 +246,7 @@ def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(tdint):
     tdint(*AFTERSHOCKS, "--damage", "1%", "-o", "ida", "--threshold", "0.1%,5%", code=2)
 
 
-def test_each_state_has_its_fragility(folder, tdint):
+def test_each_damage_level_has_its_own_fragility(folder, tdint):
     of_state = {"0": [1.0, 1.2, 1.5], "0.02": [0.5, 0.7, 0.8]}
     table = [f"{state},0.1,{capacity}" for state, values in of_state.items() for capacity in values]
     Path("c.csv").write_text("\n".join(["damage,threshold,capacity", *table, "0.02,0.1,"]))
@@ -283,7 +283,7 @@ def test_refusals_of_aftershocks(study, tdint, law, options, code, text):
     assert text in tdint(*AFTERSHOCKS, *options, code=code).stderr
 
 
-def test_units_of_each_shock(study, tdint):
+def test_units_of_each_event(study, tdint):
     """A column of the table, for some rows alone, does what the key does for all."""
     change(
         "pairs.csv",

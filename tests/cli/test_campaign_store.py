@@ -64,7 +64,7 @@ def sql(*statements: str) -> None:
         "DELETE FROM chunks",
     ],
 )
-def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
+def test_a_corrupt_chunk_is_run_again(
     done: dict[str, bytes], tdint: Command, statement: str
 ) -> None:
     sql(statement)
@@ -76,7 +76,7 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out").stderr
 
 
-def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Command) -> None:
+def test_merge_omits_corrupt_chunks(done: dict[str, bytes], tdint: Command) -> None:
     shutil.copytree("out", "good")
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     assert (
@@ -108,7 +108,7 @@ def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Comma
         "CREATE TRIGGER more AFTER INSERT ON chunks BEGIN DELETE FROM run_rows; END",
     ],
 )
-def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
+def test_an_invalid_store_is_refused_with_a_remedy(
     done: dict[str, bytes], tdint: Command, statement: str
 ) -> None:
     sql(statement)
@@ -126,7 +126,7 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
     assert tables("out") == done
 
 
-def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Command) -> None:
+def test_every_corrupt_page_is_detected(done: dict[str, bytes], tdint: Command) -> None:
     """Zeroed, or changed for another: refused, or what it held is done again, or nothing was in
     it."""
     whole = Path("out", FILE).read_bytes()
@@ -148,7 +148,7 @@ def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Command) -> 
     "make", [lambda path: path.write_text("hello\n" * 200), os.mkfifo, Path.mkdir]
 )
 @pytest.mark.parametrize("name", [LOCK, FILE])
-def test_what_is_no_file_of_ours_in_its_place(
+def test_foreign_files_in_place_of_the_store_or_lock_are_refused(
     done: dict[str, bytes], tdint: Command, name: str, make: Callable[[Path], None]
 ) -> None:
     file = Path("out", name)
@@ -180,7 +180,7 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("impatient")
-def test_reading_needs_no_lock(done: dict[str, bytes], tdint: Command) -> None:
+def test_reading_requires_no_lock(done: dict[str, bytes], tdint: Command) -> None:
     tdint("campaign", "export", "out")
     with locked_by_another():
         for words in (["status", "out"], ["export", "out"], ["study.yaml", "-o", "out"]):
@@ -188,7 +188,7 @@ def test_reading_needs_no_lock(done: dict[str, bytes], tdint: Command) -> None:
     assert tables("out") == done
 
 
-def test_a_store_is_closed_without_waiting_for_others(
+def test_a_store_is_closed_without_waiting_for_other_programs(
     done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All is written by then: that it comes into the one file is not waited for without a word."""
@@ -201,7 +201,7 @@ def test_a_store_is_closed_without_waiting_for_others(
 
 
 @pytest.mark.usefixtures("impatient")
-def test_waiting_is_said_and_ends(
+def test_waiting_for_a_lock_is_reported_and_limited(
     done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The other program ends when it hears of it, or never."""
@@ -241,7 +241,7 @@ def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdin
     assert tables("out") == tables("one") == done
 
 
-def test_overwrite_begins_no_campaign_anew_that_is_the_same(
+def test_overwrite_does_not_restart_an_unchanged_campaign(
     done: dict[str, bytes], tdint: Command
 ) -> None:
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out", "--overwrite").stderr

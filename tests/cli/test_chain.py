@@ -103,7 +103,7 @@ def pool(here, request):
 
 
 @pytest.mark.parametrize("pool", WRITERS, indirect=True)
-def test_from_a_folder_to_a_report(pool, tdint):
+def test_commands_from_a_directory_of_records_to_a_report(pool, tdint):
     """No file is edited between the commands; a pair stays a pair in all of them. RotD100 of the
     outputs is the target within the misfit that is reported, and the mean over pairs is that of the
     script, under each rule."""

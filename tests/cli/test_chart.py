@@ -40,7 +40,7 @@ def kept_here(monkeypatch, references):
     monkeypatch.setattr(problem, "cache_folder", lambda: references)
 
 
-def test_table_words_and_files(folder, tdint, drawn):
+def test_table_messages_and_files(folder, tdint, drawn):
     result = tdint("chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", code=0)
     assert result.stdout == "" and (folder / "x.png").read_bytes().startswith(b"\x89PNG")
     table = rows(folder / "x.csv")
@@ -192,7 +192,7 @@ def test_lines_by_tolerance(folder, tdint):
     ],
     ids=["time", "dt", "solves", "steps"],
 )
-def test_the_picture_names_what_it_shows(folder, tdint, options, words):
+def test_figure_texts_name_the_plotted_quantities(folder, tdint, options, words):
     tdint("chart", "shaken.yaml", *QUICK, "--duration", "1", *options, "--plot", "x.svg", code=0)
     picture = (folder / "x.svg").read_text(encoding="utf-8").replace("> impulse4<", ">impulse4<")
     for word in [*words, "shaken", ">impulse4<", "newmark-average", "reference: impulse4"]:
@@ -213,7 +213,7 @@ def test_the_picture_names_what_it_shows(folder, tdint, options, words):
             "with dt 0.01 s of the record",
         ),
     ],
-    ids=["forces alone", "a record of the command line"],
+    ids=["only forces", "a record on the command line"],
 )
 def test_a_linear_building_under_forces(folder, tdint, words, steps, usual):
     result = tdint("chart", "forced.yaml", *QUICK, *words, code=0)
@@ -222,7 +222,7 @@ def test_a_linear_building_under_forces(folder, tdint, words, steps, usual):
     assert "skip samples" not in result.stderr
 
 
-def test_records_follow_the_model_as_in_run(folder, tdint, make_record):
+def test_positional_records_equal_record_options(folder, tdint, make_record):
     """A positional record is the record of --record; several records make several problems."""
     make_record("other.mseed", "HNE", samples=250)
     units = ("--component", "HNE", "--units", "m/s^2", "--duration", "1", "--repeat", "1")
@@ -250,7 +250,7 @@ def test_the_default_methods(folder, tdint):
     ]
 
 
-def test_unstable_steps_stay_in_the_table(folder, tdint):
+def test_unstable_steps_are_rows_of_the_table(folder, tdint):
     words = (
         "--method",
         "central-difference",
@@ -272,7 +272,7 @@ def test_unstable_steps_stay_in_the_table(folder, tdint):
     )
 
 
-def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
+def test_no_recommendation_if_the_peaks_occur_at_the_start(folder, tdint):
     (folder / "free.yaml").write_text(
         "stories: [{mass: 1, stiffness: 100}]\ninitial: {displacement: [0.1]}\nanalysis: {dt: "
         "0.02, duration: 2}\n",
@@ -287,7 +287,7 @@ def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
     )
 
 
-def test_over_the_number_of_stories(folder, tdint, drawn):
+def test_costs_over_the_number_of_stories(folder, tdint, drawn):
     words = ("--stories", "1,2,4", "--method", "impulse4", "--repeat", "1", "--duration", "1")
     result = tdint("chart", "shaken.yaml", *words, "-o", "x.csv", "--plot", "x.svg", code=0)
     assert [(row["stories"], row["dt_s"]) for row in rows(folder / "x.csv")] == [
@@ -306,7 +306,7 @@ def test_over_the_number_of_stories(folder, tdint, drawn):
     ] == [1, 2, 4]
 
 
-def test_peers_in_the_chart(folder, tdint, monkeypatch):
+def test_peers_are_rows_and_lines_of_the_chart(folder, tdint, monkeypatch):
     monkeypatch.setattr(peers, "TOLERANCES", (1e-3,))
     result = tdint(
         "chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1", code=0
@@ -333,7 +333,7 @@ def test_peers_in_the_chart(folder, tdint, monkeypatch):
     )
 
 
-def test_the_reference_is_kept_between_calls(folder, tdint, monkeypatch):
+def test_the_reference_is_cached_between_calls(folder, tdint, monkeypatch):
     monkeypatch.setattr(problem, "cache_folder", lambda: folder)
     first = tdint("chart", "shaken.yaml", *QUICK, code=0)
     assert len(list((folder / "references").iterdir())) == 1
@@ -353,7 +353,7 @@ def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
     )
 
 
-def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
+def test_a_progress_bar_is_written_at_a_terminal(folder, tdint, monkeypatch):
     """Standard error is not a terminal here, so that only the text of the progress bar is
     written."""
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream is sys.stderr)
@@ -394,14 +394,14 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         ),
     ],
 )
-def test_what_is_refused(folder, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     record = (folder / "motion.mseed").read_bytes()
     result = tdint.refused(message, "chart", "shaken.yaml", *arguments, code=code)
     assert "internal error" not in result.stderr
     assert (folder / "motion.mseed").read_bytes() == record
 
 
-def test_a_model_that_nothing_moves(folder, tdint):
+def test_a_model_without_excitation_is_refused(folder, tdint):
     (folder / "still.yaml").write_text(
         "stories: [{mass: 1, stiffness: 1}]\nanalysis: {dt: 0.1, duration: 1}\n", encoding="utf-8"
     )
@@ -428,7 +428,7 @@ problems:
 LINES = ("--method", "newmark-average,impulse4")
 
 
-def test_profiles_of_several_motions(folder, tdint, make_record, drawn):
+def test_profiles_of_several_ground_motions(folder, tdint, make_record, drawn):
     make_record("other.mseed", "HNE", samples=250)
     result = tdint(
         "chart",
@@ -464,7 +464,7 @@ def test_profiles_of_several_motions(folder, tdint, make_record, drawn):
     assert (folder / "x.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_file_of_problems_and_its_picture(folder, tdint):
+def test_a_file_of_problems_and_its_figure(folder, tdint):
     (folder / "mine.yaml").write_text(PROBLEMS.replace(", far: 1", ""))
     words = (
         "chart",
@@ -526,7 +526,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
         (("--problems", "none.yaml"), 3, "none.yaml: file not found; specify a file of problems"),
     ],
 )
-def test_what_many_problems_refuse(folder, tdint, options, code, words):
+def test_invalid_arguments_for_many_problems_are_refused(folder, tdint, options, code, words):
     (folder / "bad.yaml").write_text(PROBLEMS)
     result = tdint.refused(words, "chart", *options, code=code)
     assert len(result.stderr.strip().splitlines()) == 1

@@ -107,7 +107,7 @@ def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
     assert again.stdout == (out / "comparison.csv").read_text()
 
 
-def test_fitted_and_blind(recorded):
+def test_fitted_and_blind_floors(recorded):
     """The table's name makes those of the other files."""
     si = recorded / "si"
     roof, first = rows(si / "table.csv")
@@ -183,7 +183,7 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     ]
 
 
-def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path, monkeypatch):
+def test_output_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path, monkeypatch):
     """Floors' spectra, fitted stiffnesses under names that say their units, the summary and the
     words; the fit itself is the one of the test above."""
     monkeypatch.chdir(recorded)
@@ -217,7 +217,7 @@ def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path, m
     ]
 
 
-def test_every_fault_of_the_file_in_one_go(recorded, tdint):
+def test_all_errors_of_a_recording_file_are_reported_at_once(recorded, tdint):
     (recorded / "bad.yaml").write_text(
         "bas: x\n"
         "base: {file: a, column: b, component: c, quantity: displacment}\n"
@@ -263,7 +263,7 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
         (["--dt", "0.04"], 2, "must not exceed the sampling interval of the recording"),
     ],
 )
-def test_wrong_use(recorded, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(recorded, tdint, arguments, code, message):
     filled = [argument.format(folder=recorded) for argument in arguments]
     words = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml", *filled)
     assert message in tdint("compare", *words, code=code).stderr
@@ -282,7 +282,7 @@ def test_wrong_use(recorded, tdint, arguments, code, message):
         (None, "file not found; specify a file of recordings (YAML)"),
     ],
 )
-def test_files_without_recordings(recorded, tdint, tmp_path, text, message):
+def test_files_without_recordings_are_refused(recorded, tdint, tmp_path, text, message):
     if text is not None:
         (tmp_path / "other.yaml").write_text(text)
     tdint.refused(

@@ -55,7 +55,7 @@ def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypat
     assert not file.exists()
 
 
-def test_a_model_is_compiled_with_what_its_tables_need():
+def test_a_model_is_compiled_with_the_kernels_of_its_tables():
     model = load_model(Path(__file__).parents[2] / "configs" / "ten-story.yaml")
     assert peaks in [
         kernel for kernel, _ in prepared.kernels_of_model(model, parse_method("impulse4"))
@@ -71,5 +71,5 @@ def test_a_model_is_compiled_with_what_its_tables_need():
         (("--all", "-o", "forced.yaml"), 6, "forced.yaml"),
     ],
 )
-def test_bad_input_is_one_line(tdint, folder, arguments, code, words):
+def test_invalid_input_is_reported_in_one_line(tdint, folder, arguments, code, words):
     assert "Traceback" not in tdint.refused(words, "compile", *arguments, code=code).stderr

@@ -32,16 +32,16 @@ def completions(*words: str) -> list[tuple[str, str]]:
         ("spectrum --maxima p", {"peer"}),
     ],
 )
-def test_names(line, names):
+def test_commands_options_and_values_are_completed(line, names):
     assert set(completions(*line.split(" "))) == {("plain", name) for name in names}
 
 
 @pytest.mark.parametrize("line", ["run x", "spectrum x", "run m.yaml --record x"])
-def test_files_are_left_to_the_shell(line):
+def test_files_are_completed_by_the_shell(line):
     assert completions(*line.split()) == [("file", "x")]
 
 
-def test_the_shell_asks_without_loading_more_than_click():
+def test_completion_imports_only_click():
     """Each shell after the other, in one process: fish gives the word itself, the others its
     place."""
     code = (
@@ -64,7 +64,7 @@ def test_the_shell_asks_without_loading_more_than_click():
     )
 
 
-def test_the_line_for_bash_switches_it_on():
+def test_the_bash_script_enables_completion():
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     script = 'eval "$(_TDINT_COMPLETE=bash_source tdint)"; complete -p tdint'
     done = subprocess.run(
@@ -75,7 +75,7 @@ def test_the_line_for_bash_switches_it_on():
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
-def test_a_full_disk_behind_a_completion(monkeypatch):
+def test_a_full_disk_is_reported_with_exit_code_6(monkeypatch):
     command = [sys.executable, "-c", "from tdint_cli.main import main; main()"]
     with Path("/dev/full").open("w") as full:
         environment = os.environ | {"_TDINT_COMPLETE": "bash_source"}

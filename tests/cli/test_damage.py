@@ -170,7 +170,7 @@ def test_the_demand_of_capacity_curves() -> None:
             assert probabilities(row)["none"] == pytest.approx(none, rel=1e-6, abs=1e-11)
 
 
-def test_exports_and_merges_tell_the_same_damage(region: Path, tdint: Command) -> None:
+def test_exports_and_merges_have_the_same_damage(region: Path, tdint: Command) -> None:
     written = {
         name: (region / "out" / name).read_bytes() for name in ("damage.csv", "damage-types.csv")
     }
@@ -182,7 +182,7 @@ def test_exports_and_merges_tell_the_same_damage(region: Path, tdint: Command) -
         assert {name: (region / folder / name).read_bytes() for name in written} == written
 
 
-def test_a_table_of_thresholds_and_losses_by_class(region: Path, tdint: Command) -> None:
+def test_thresholds_and_losses_by_class_from_tables(region: Path, tdint: Command) -> None:
     (region / "losses.csv").write_text(
         "class,slight,moderate,extensive,complete\nA,.1,.2,.5,.9\nB,0,.1,.4,1\n"
     )
@@ -232,7 +232,7 @@ def test_thresholds_of_hazus(folder: Path, tdint: Command) -> None:
     assert list(probabilities(row).values()) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_states_of_the_models_themselves(folder: Path, tdint: Command) -> None:
+def test_damage_states_of_the_model_files(folder: Path, tdint: Command) -> None:
     """`damage` of a model with accelerations and their unit."""
     with Path("shaken.yaml").open("a") as file:
         file.write(
@@ -375,7 +375,9 @@ def test_refusals_of_functions_by_type(
         ),
     ],
 )
-def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str) -> None:
+def test_invalid_damage_sections_are_refused(
+    folder: Path, tdint: Command, damage: str, said: str
+) -> None:
     (folder / "study.yaml").write_text(f"{STUDY}damage: {damage}\n")
     result = tdint.refused(said, "campaign", "study.yaml", "-o", "out", code=3)
     assert len(result.stderr.splitlines()) == 1
@@ -401,7 +403,7 @@ def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str
         ),
     ],
 )
-def test_faults_of_a_table_of_thresholds(
+def test_invalid_tables_of_thresholds_are_refused(
     region: Path, tdint: Command, classes: str, said: str
 ) -> None:
     (region / "table.csv").write_text(classes)
@@ -433,7 +435,7 @@ def test_drift_ratios_need_heights(folder: Path, tdint: Command, words: tuple[st
         ("spectral_displacement", "_m", "0.04 m", "0.2 m"),
     ],
 )
-def test_a_single_run_tells_the_damage_of_its_model(
+def test_a_single_run_reports_the_damage_of_its_model(
     folder: Path, tdint: Command, demand: str, unit: str, slight: str, complete: str
 ) -> None:
     """summary.json and the printed text contain the results of a campaign with this run. Without
@@ -468,7 +470,7 @@ def test_a_single_run_tells_the_damage_of_its_model(
     assert f"{told['loss_ratio']:.12g}" == row["loss_ratio"]
 
 
-def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: Command) -> None:
+def test_ida_uses_the_medians_of_the_damage_states(folder: Path, tdint: Command) -> None:
     """Without --threshold, the medians of drift ratios are used; medians of other demands are
     ignored."""
     with Path("shaken.yaml").open("a") as file:
@@ -502,7 +504,7 @@ def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: C
         ("sa", "sa_t1_m_s2", "SA("),
     ],
 )
-def test_the_measure_that_was_asked_for_of_the_pair(
+def test_clouds_use_the_requested_measure_of_the_pair(
     region: Path, tdint: Command, im: str, column: str, imt: str
 ) -> None:
     """Clouds computed by hand over the geometric mean of both components, for each type and for one
@@ -566,7 +568,7 @@ def test_the_measure_that_was_asked_for_of_the_pair(
     assert float(told["theta"]) == pytest.approx(line.theta, rel=1e-6)
 
 
-def test_the_levels_of_a_pair_are_the_measure(region: Path, tdint: Command) -> None:
+def test_levels_of_a_pair_are_values_of_the_measure(region: Path, tdint: Command) -> None:
     """If a campaign scaled pairs to levels, their intensity is known without measures.csv, in any
     direction."""
     levels = (

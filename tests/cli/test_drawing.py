@@ -11,7 +11,7 @@ from tdint_cli.drawing import draw, table_bytes
 NUMBERS = [(1, 0.123456789, None), (2, -1234567.0, None), (10, 0.0, None)]
 
 
-def test_numbers_stand_under_each_other_in_few_digits_without_empty_columns():
+def test_numbers_are_aligned_in_few_digits_without_empty_columns():
     text = draw(("story", "peak_drift_m", "ductility"), NUMBERS, 80, {"peak_drift_m": "m"})
     assert text == (
         "        peak drift\n"
@@ -23,7 +23,7 @@ def test_numbers_stand_under_each_other_in_few_digits_without_empty_columns():
     )
 
 
-def test_a_text_that_is_the_same_everywhere_stands_above():
+def test_a_text_common_to_all_rows_is_printed_once_above():
     text = draw(("record", "period_s"), [("a.mseed", 1.0), ("a.mseed", 2.0)], 80)
     assert text.splitlines()[0] == "record: a.mseed"
     assert text.count("a.mseed") == 1
@@ -42,7 +42,7 @@ def test_no_line_is_wider_than_the_screen_and_no_number_is_lost(width):
         assert "story" in block
 
 
-def test_few_rows_that_are_too_wide_are_turned():
+def test_a_few_wide_rows_are_transposed():
     columns = [f"name_{i}" for i in range(30)]
     lines = draw(columns, [tuple(range(30))], 80).splitlines()
     assert lines == [f"name_{i}".ljust(7) + f"  {i}" for i in range(30)]
@@ -59,18 +59,18 @@ def test_records_with_long_names_that_differ_at_the_end_keep_distinct_names(colu
     assert max(map(len, text.splitlines())) <= 80
 
 
-def test_no_rows_leave_the_names():
+def test_a_table_without_rows_has_its_column_names():
     assert draw(("a", "b"), [], 80).split() == ["a", "b", "-", "-"]
 
 
-def test_values_without_a_number_and_texts_that_could_command_a_terminal():
+def test_nan_is_empty_and_control_characters_are_replaced():
     text = draw(("name", "x", "ok"), [("\x1b[2Jevil", math.nan, True), ("good", 1.0, False)], 80)
     assert "\x1b" not in text
     assert "?[2Jevil" in text
     assert text.splitlines()[-1].split() == ["good", "1", "false"]
 
 
-def test_a_terminal_gets_a_drawing_and_a_pipe_the_table(folder, tdint):
+def test_a_terminal_gets_an_aligned_table_and_a_pipe_gets_csv(folder, tdint):
     shown, code = at_a_terminal("modes forced.yaml")
     piped = tdint("modes", "forced.yaml").stdout
     assert code == 0 and piped.startswith("mode,period_s,frequency_hz,")
@@ -83,7 +83,7 @@ def test_a_terminal_gets_a_drawing_and_a_pipe_the_table(folder, tdint):
     assert f"{first:.5g}" in shown.decode().split()
 
 
-def test_units_other_than_si_stay_whole_in_the_heads():
+def test_units_other_than_si_are_complete_in_the_column_heads():
     units = {"peak_velocity_in_s": "in/s", "work_kipin_error": "kip*in", "ratio": "1"}
     text = draw(tuple(units), [(float(i), 2.0, 3.0) for i in range(5)], 60, units)
     head = text.splitlines()[:4]
@@ -91,7 +91,7 @@ def test_units_other_than_si_stay_whole_in_the_heads():
     assert "kipin" not in text and "in s" not in text
 
 
-def test_the_folder_of_all_files_stands_above_once():
+def test_a_common_directory_of_all_files_is_printed_once_above():
     rows = [
         (f"motions/{name}", 1.0 + i)
         for i, name in enumerate(("a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"))
@@ -108,14 +108,14 @@ def test_the_folder_of_all_files_stands_above_once():
     assert "in " not in draw(("record", "pga"), apart, 40)
 
 
-def test_a_few_rows_drawn_as_columns_keep_the_folder():
+def test_transposed_rows_keep_the_common_directory():
     names = ("record", *(f"measure_{i}_m_s2" for i in range(8)))
     text = draw(names, [(f"motions/{file}.at2", *range(8)) for file in "ab"], 40)
     assert text.splitlines()[0] == "record: in motions/"
     assert text.splitlines()[1].split() == ["record", "a.at2", "b.at2"]
 
 
-def test_errors_stand_in_percent_beside_what_they_are_errors_of():
+def test_errors_are_printed_in_percent_next_to_their_quantities():
     columns = ("story", "drift_m", "shear_N", "drift_m_error", "shear_N_error", "energy_error")
     rows = [(1, 0.2, -50.0, 0.001, 0.5, 1e-9), (2, 0.0, 40.0, 0.001, math.nan, 1e-9)]
     about = {
@@ -133,7 +133,7 @@ def test_errors_stand_in_percent_beside_what_they_are_errors_of():
         assert not any(line.split()[:2] == ["story", "error"] for line in heads), width
 
 
-def test_units_and_notes_are_no_paths():
+def test_units_and_notes_are_not_treated_as_paths():
     text = draw(
         ("units", "notes", "x"),
         [("m/s^2 (file)", "m/s^2 is assumed", 1.0), ("m/s (file)", "m/s was", 2.0)],

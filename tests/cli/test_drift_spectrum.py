@@ -10,7 +10,7 @@ from csv_rows import rows
 PERIODS = ("--period", "0.5", "--period", "2")
 
 
-def test_the_kind_of_building(folder, tdint):
+def test_building_options_select_stories_height_and_beam(folder, tdint):
     tables = []
     for options in (["--stories", "1"], ["--height-period", "0.1,1"], ["--beam"]):
         words = ("--period", "1", *options, "-o", "x.csv", "--plot", "--overwrite")
@@ -23,7 +23,7 @@ def test_the_kind_of_building(folder, tdint):
     assert (folder / "x.png").exists()
 
 
-def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
+def test_the_summary_lists_the_settings_and_the_figure_is_written(folder, tdint, drawn):
     tdint("drift-spectrum", "motion.mseed", *PERIODS, "-o", "out/", "--plot", code=0)
     assert (folder / "out" / "motion.png").read_bytes().startswith(b"\x89PNG")
     settings = json.loads((folder / "out" / "motion.json").read_text())["settings"]

@@ -69,7 +69,7 @@ def raises(error: BaseException):
         (click.UsageError("no"), 2, "Error: no\n"),
     ],
 )
-def test_an_error_is_a_line_and_a_code(capsys, error, code, text):
+def test_an_error_is_a_line_and_an_exit_code(capsys, error, code, text):
     assert exit_code_of(raises(error), Settings()) == code
     captured = capsys.readouterr()
     assert captured.err.startswith(text)
@@ -134,7 +134,7 @@ def test_warnings_are_lines(capsys):
     assert capsys.readouterr().err == "Warning: mind the gap\n"
 
 
-def test_the_librarys_log_is_notes(capsys):
+def test_the_log_of_the_library_is_notes(capsys):
     logger = logging.getLogger("tdint")
     before = (logger.level, logger.propagate, list(logger.handlers))
 
@@ -149,7 +149,7 @@ def test_the_librarys_log_is_notes(capsys):
 
 
 @pytest.mark.parametrize(("returned", "code"), [(7, 7), (None, 0)])
-def test_an_exit_code_is_passed_on(returned, code):
+def test_an_exit_code_is_returned(returned, code):
     assert exit_code_of(lambda: returned, Settings()) == code
 
 
@@ -171,7 +171,7 @@ LONG = 300 * "a"  # characters; a name in a folder has 255 bytes at most
     ],
     ids=lambda value: " ".join(value[:2])[:20] if isinstance(value, list) else "",
 )
-def test_names_that_no_file_can_have(folder, tdint, words, code):
+def test_invalid_file_names_are_reported_in_one_line(folder, tdint, words, code):
     """One line each, and no traceback; /proc/self/mem is there and cannot be read."""
     (folder / "campaign.yaml").write_text(STUDY)
     said = tdint(*words, code=code).stderr
@@ -179,7 +179,7 @@ def test_names_that_no_file_can_have(folder, tdint, words, code):
     assert said.splitlines()[-1].startswith("Error: ")
 
 
-def test_style_sheets_that_never_end(folder, tdint):
+def test_endless_or_large_style_sheets_are_refused(folder, tdint):
     os.mkfifo(folder / "pipe.mplstyle")
     with (folder / "large.mplstyle").open("wb") as stream:
         stream.truncate(10**9)
@@ -188,7 +188,7 @@ def test_style_sheets_that_never_end(folder, tdint):
         tdint.refused(words, "modes", "forced.yaml", "--plot", "a.png", "--style", sheet)
 
 
-def test_the_mean_of_one_motion(folder, tdint):
+def test_the_mean_of_one_ground_motion_has_no_scatter(folder, tdint):
     """It has no scatter."""
     words = ["--units", "m/s^2", "--component", "HNE", "--range", "0.1:1", "-o", "matched"]
     target = ["--target", "ec8:type=1,soil=B,ag=0.25g", "--suite", "mean"]
@@ -199,7 +199,7 @@ def test_the_mean_of_one_motion(folder, tdint):
     assert "scatter" not in said
 
 
-def test_without_a_thread_for_signals_the_command_runs(folder):
+def test_the_command_runs_without_a_thread_for_signals(folder):
     """Where the system has no thread left, as under `ulimit -u`."""
     program = (
         "import sys, threading\n"

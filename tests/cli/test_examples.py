@@ -74,7 +74,7 @@ def test_examples_with_their_figures(here, tdint, numbers, drawn):
         )
 
 
-def test_all_sixteen_figures(here, tdint, monkeypatch):
+def test_all_figures_of_the_paper(here, tdint, monkeypatch):
     """Those of methods and buildings, too: titles and curves of what is drawn. No other floor, no
     velocity, no variant; errors as |u - u_exact|; a building shows its masses and forces."""
     monkeypatch.setattr(
@@ -147,7 +147,7 @@ def test_all_sixteen_figures(here, tdint, monkeypatch):
         assert np.array_equal(error, np.abs(found - exact))
 
 
-def test_ranks(tdint):
+def test_ranks_by_a_finer_reference(tdint):
     """By a finer reference; by the paper's they are asked for with its figures."""
     table = rows(tdint("examples", "1", "--reference", "finer").stdout)
     ranked = sorted((row for row in table if row["rank"]), key=lambda row: int(row["rank"]))
@@ -166,7 +166,7 @@ def test_ranks(tdint):
     }
 
 
-def test_chosen_methods_and_steps(tdint):
+def test_selected_methods_and_steps(tdint):
     result = tdint("examples", "2", "1", "1", "--method", "bathe", "--dt", "0.05", "--dt", "0.04")
     table = rows(result.stdout)
     assert [(row["example"], row["dt_s"]) for row in table] == [
@@ -175,7 +175,7 @@ def test_chosen_methods_and_steps(tdint):
     assert "The paper:" not in result.stderr
 
 
-def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdint):
+def test_a_run_without_a_result_has_empty_cells_and_no_figure(here, tdint):
     result = tdint("examples", "2", "--method", "exact", "--dt", "0.02", "-o", "out", code=0)
     (row,) = rows(result.stdout)
     assert (row["outcome"], row["displacement_m_error"], row["rank"]) == ("refused", "", "")
@@ -196,10 +196,10 @@ def test_a_run_without_an_end_leaves_its_cells_empty_and_a_picture_out(here, tdi
         (["1", "--figures"], 2, "--figures"),
     ],
 )
-def test_what_is_refused(here, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(here, tdint, arguments, code, message):
     tdint.refused(message, "examples", *arguments, code=code)
 
 
-def test_the_help_names_the_steps():
+def test_the_help_contains_the_default_steps():
     option = next(parameter for parameter in commands.command.params if parameter.name == "dts")
     assert f"{DT:g} by default, as in the paper" in option.help

@@ -22,7 +22,7 @@ def motion(component: str) -> library.Record:
     )
 
 
-def test_miniseed_is_the_motion_to_the_bit(folder, tdint) -> None:
+def test_miniseed_equals_the_motion_to_the_bit(folder, tdint) -> None:
     table = tdint("info", "motion.mseed", *UNITS, *DONE, "--export", "new/out.mseed", code=0)
     assert rows(table.stdout) == rows(tdint("info", "motion.mseed", *UNITS, *DONE).stdout)
     told = json.loads((folder / "new" / "out.json").read_text())
@@ -43,7 +43,7 @@ def test_miniseed_is_the_motion_to_the_bit(folder, tdint) -> None:
     ]
 
 
-def test_velocity_and_displacement_stand_beside_it(folder, tdint) -> None:
+def test_velocity_and_displacement_are_separate_channels(folder, tdint) -> None:
     """Velocity and displacement are separate channels that other programs can read. Central
     differences of the velocity equal means of adjacent accelerations."""
     from obspy import read
@@ -64,7 +64,7 @@ def test_velocity_and_displacement_stand_beside_it(folder, tdint) -> None:
 
 
 @pytest.mark.parametrize(("units", "names"), [((), "m_s2"), (("--output-units", "cm,g"), "g")])
-def test_csv_is_the_motion_to_its_digits(folder, tdint, units, names) -> None:
+def test_csv_equals_the_motion_to_its_digits(folder, tdint, units, names) -> None:
     wanted = (
         "info",
         "motion.mseed",
@@ -90,7 +90,7 @@ def test_csv_is_the_motion_to_its_digits(folder, tdint, units, names) -> None:
         assert float(table[-1]["displacement_m"]) == pytest.approx(last.displacement[-1], rel=1e-11)
 
 
-def test_records_of_one_code_become_stations(folder, tdint) -> None:
+def test_records_with_equal_codes_become_stations(folder, tdint) -> None:
     for name in ("a", "b"):
         (folder / f"{name}.txt").write_text(
             f"# dt = 0.02 s, units = g\n0\n0.{'ab'.index(name) + 1}\n0\n"
@@ -122,6 +122,6 @@ def test_records_of_one_code_become_stations(folder, tdint) -> None:
         (("motion.mseed", "slow.txt", "--export", "out.mseed"), 2, "different sampling intervals"),
     ],
 )
-def test_what_is_refused(folder, tdint, arguments, code, message) -> None:
+def test_invalid_exports_are_refused(folder, tdint, arguments, code, message) -> None:
     (folder / "slow.txt").write_text("# dt = 0.02 s\n0\n0.1\n0\n")
     tdint.refused(message, "info", *UNITS, *arguments, code=code)

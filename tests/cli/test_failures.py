@@ -8,7 +8,9 @@ from tdint_cli.commands.failures import command
 
 
 @pytest.mark.parametrize(
-    "named", ["large-step", pytest.param("", marks=pytest.mark.slow)], ids=["one", "all"]
+    "named",
+    ["large-step", pytest.param("", marks=pytest.mark.slow)],
+    ids=["one problem", "all problems"],
 )
 def test_problems_with_the_usual_methods(here, tdint, named, drawn):
     words = ("--problem", named) if named else ()
@@ -28,7 +30,7 @@ def test_problems_with_the_usual_methods(here, tdint, named, drawn):
     assert [line.split()[0] for line in said[2:]] == labels
 
 
-def test_chosen_methods_and_problems(here, tdint):
+def test_selected_methods_and_problems(here, tdint):
     chosen = (
         "--problem",
         "hardening",
@@ -73,10 +75,10 @@ def test_chosen_methods_and_problems(here, tdint):
         (["--plot", "x.jpg"], 2, "got .jpg"),
     ],
 )
-def test_what_is_refused(here, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(here, tdint, arguments, code, message):
     tdint.refused(message, "failures", *arguments, code=code)
 
 
-def test_the_help_names_all_problems():
+def test_the_help_contains_all_problems():
     option = next(parameter for parameter in command.params if parameter.name == "problems")
     assert option.help.endswith(f": {', '.join(problems())}; all by default.")

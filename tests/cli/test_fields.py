@@ -107,7 +107,7 @@ def outcome(row: dict[str, str], *, but: tuple[str, ...] = ("sample", "event")) 
     return {name: text for name, text in row.items() if name not in (*but, *PLACED)}
 
 
-def test_runs_are_those_listed_by_hand(region: Path, tdint: Command) -> None:
+def test_runs_equal_separate_campaigns_of_each_row(region: Path, tdint: Command) -> None:
     """Each row of the table equals, to the last digit, a separate campaign with its record and
     factor."""
     found = rows("out/runs.csv")
@@ -136,7 +136,9 @@ def test_runs_are_those_listed_by_hand(region: Path, tdint: Command) -> None:
     assert {(row["building"], row["site"]) for row in found} == set(sites.items())
 
 
-def test_the_site_is_the_nearest_or_named(region: Path, tdint: Command) -> None:
+def test_the_site_of_a_building_is_the_nearest_or_its_named_site(
+    region: Path, tdint: Command
+) -> None:
     """Buildings with a column `site` need no coordinates. If the table has no sites, every event
     applies to every building."""
     change("campaign.yaml", (" sites: sites.csv,", ""))
@@ -152,7 +154,9 @@ def test_the_site_is_the_nearest_or_named(region: Path, tdint: Command) -> None:
     ]
 
 
-def test_distances_in_degrees_are_not_those_on_the_earth(region: Path, tdint: Command) -> None:
+def test_distances_in_degrees_select_another_site_than_distances_in_km(
+    region: Path, tdint: Command
+) -> None:
     """At 60 degrees north, a degree of longitude is half as long as a degree of latitude, so that
     distances in degrees select another nearest site than distances in km."""
     Path("buildings.csv").write_text(BUILDINGS.splitlines()[0] + "\na,1,1968,W1,1500,60,10,\n")
@@ -168,7 +172,7 @@ def test_distances_in_degrees_are_not_those_on_the_earth(region: Path, tdint: Co
         assert {row["record"] for row in rows("out/runs.csv")} == {f"{record}.mseed"}
 
 
-def test_tables_of_openquake(region: Path, tdint: Command) -> None:
+def test_tables_of_openquake_are_read(region: Path, tdint: Command) -> None:
     """Tables with the column names of OpenQuake and its comment line above the header are read."""
     above = "#,,,\"generated_by='OpenQuake engine 3.26.2', start_date='2026-01-01T00:00:00'\"\n"
     Path("fields.csv").write_text(above + FIELDS.replace("event,site", "event_id,site_id"))
@@ -183,7 +187,7 @@ def test_tables_of_openquake(region: Path, tdint: Command) -> None:
     ("column", "measure", "unit"),
     [("gmv_PGA", "pga", "g"), ("gmv_SA(0.6)", "sa", "g"), ("gmv_PGV", "pgv", "m/s")],
 )
-def test_intensities_of_openquake(
+def test_intensities_of_openquake_scale_the_records(
     region: Path, tdint: Command, column: str, measure: str, unit: str
 ) -> None:
     """A record scaled to the intensity in its row gives the same result, to the last digit, as a
@@ -204,7 +208,7 @@ def test_intensities_of_openquake(
     assert theirs == levels
 
 
-def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> None:
+def test_rows_of_simcenter_files_are_events(region: Path, tdint: Command) -> None:
     """With `events` of a grid, row k of the file of each grid point is event k, and a building has
     the events of the nearest point. The runs equal the runs of an equivalent table of fields."""
     random = np.random.default_rng(5)
@@ -242,7 +246,7 @@ def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> No
     )
 
 
-def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
+def test_a_map_has_one_feature_for_each_building_and_event(region: Path, tdint: Command) -> None:
     """The map has one feature per building and event. Means and maxima of maps are tested in
     test_maps.py."""
     with Path("campaign.yaml").open("a") as stream:
@@ -373,7 +377,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
         ),
     ],
 )
-def test_faults(
+def test_invalid_input_is_refused_with_file_and_line(
     region: Path, tdint: Command, file: str, before: str, after: str, code: int, message: str
 ) -> None:
     """Invalid input causes a one-line error with file and line, and no output is written."""
@@ -384,7 +388,7 @@ def test_faults(
     assert result.stderr.count("\n") == 1
 
 
-def test_faults_of_a_table_all_at_once(region: Path, tdint: Command) -> None:
+def test_all_errors_of_a_table_are_reported_at_once(region: Path, tdint: Command) -> None:
     changes = (
         ("-1.25", "0"),
         ("M7-2,west", ",west"),
@@ -411,7 +415,7 @@ def test_faults_of_a_table_all_at_once(region: Path, tdint: Command) -> None:
     )
 
 
-def test_buildings_far_away_or_without_a_place_are_left_out_alone(
+def test_distant_buildings_and_buildings_without_coordinates_are_skipped(
     region: Path, tdint: Command
 ) -> None:
     """Distances follow the haversine formula. A building on the other hemisphere is skipped, a
@@ -451,7 +455,7 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(
     assert rows("lost/runs.csv") == [row for row in first if row["building"] != "b"]
 
 
-def test_what_a_row_of_a_field_takes(here: Path) -> None:
+def test_a_row_of_a_field_needs_at_most_100_bytes_of_memory(here: Path) -> None:
     """A row of a field needs at most 100 bytes of memory, for any number of rows, because its text
     is not kept."""
     write_record(here / "firm.mseed", "HN1")
@@ -491,7 +495,7 @@ def test_a_plan_derives_no_building(region: Path, monkeypatch: pytest.MonkeyPatc
     assert plan.runs > 0 and plan.buildings_of([0]) and set(made) <= {0}
 
 
-def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
+def test_a_shard_reports_its_own_skipped_buildings_and_the_merge_all_of_them(
     region: Path, tdint: Command
 ) -> None:
     """A shard reports skipped buildings of its own part, and the merged campaign reports all of
@@ -559,7 +563,7 @@ def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:
     return found
 
 
-def test_a_building_that_names_no_site(region: Path, tdint: Command) -> None:
+def test_a_building_with_an_unknown_site_is_refused(region: Path, tdint: Command) -> None:
     change("campaign.yaml", (" sites: sites.csv,", ""))
     change("buildings.csv", ("-122.26,east", "-122.26,nowhere"))
     result = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
@@ -569,7 +573,7 @@ def test_a_building_that_names_no_site(region: Path, tdint: Command) -> None:
     )
 
 
-def test_a_record_that_is_missing_leaves_its_rows_out(region: Path, tdint: Command) -> None:
+def test_rows_with_a_missing_record_are_skipped(region: Path, tdint: Command) -> None:
     """Rows with other records are run, and the exit code is that of unreadable records."""
     change("fields.csv", ("M7-2,west,soft", "M7-2,west,none"))
     result = tdint("campaign", "campaign.yaml", "-o", "new", "-q", code=4)
@@ -604,7 +608,7 @@ def test_damage_of_each_event() -> None:
             assert float(row["loss_ratio"]) == pytest.approx(sum(told) / len(told), rel=1e-9)
 
 
-def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Command) -> None:
+def test_losses_are_sums_over_the_buildings(losing: Path, tdint: Command) -> None:
     """A loss is the sum of cost times number times mean loss ratio, computed by hand for each
     event, class and district. Its standard error follows from the sums under each ground motion;
     it is empty for events with one record."""
@@ -653,7 +657,7 @@ def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Comma
     assert "buildings.csv:3:9: cost: must be zero or a positive number, got 'much'" in wrong.stderr
 
 
-def test_tables_that_are_chosen(losing: Path, tdint: Command) -> None:
+def test_only_selected_tables_are_written(losing: Path, tdint: Command) -> None:
     """Selected tables equal the same tables of a complete output, and other tables are not written.
     Another selection does not repeat runs."""
     campaign = Path("campaign.yaml").read_text()
@@ -712,7 +716,7 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
     )
 
 
-def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
+def test_annual_exceedance_rates_of_losses(losing: Path, tdint: Command) -> None:
     """The annual rate of exceedance of a loss is the sum of the rates of all events with at least
     this loss. It and the average annual loss are computed by hand."""
     rates, found = {"M7-1": 0.002, "M7-2": 0.004, "M6": 0.05}, rows("out/exceedance.csv")
@@ -765,9 +769,7 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
 
 
 @pytest.mark.parametrize("demand", ["larger", "mean", "separate"])
-def test_the_annual_loss_under_each_rule_for_pairs(
-    losing: Path, tdint: Command, demand: str
-) -> None:
+def test_the_annual_loss_for_each_rule_of_pairs(losing: Path, tdint: Command, demand: str) -> None:
     """Values computed by hand from the drift ratios of the runs agree with losses, exceedance
     rates, damage by type and the map, for each rule for component pairs."""
     tdint("campaign", "export", "out", "--geojson", "--pair-demand", demand, code=0)
@@ -927,7 +929,7 @@ def test_losses_of_districts_on_a_map(losing: Path, tdint: Command) -> None:
         ),
     ],
 )
-def test_what_a_map_of_districts_refuses(
+def test_invalid_maps_of_districts_are_refused(
     losing: Path, tdint: Command, arguments: tuple[str, ...], shapes: str, message: str
 ) -> None:
     Path("s.json").write_text(shapes)

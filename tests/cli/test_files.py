@@ -148,7 +148,7 @@ def writing_commands() -> set[str]:
     }
 
 
-def test_every_command_that_writes_or_takes_files_is_here() -> None:
+def test_every_command_that_writes_or_reads_files_is_tested() -> None:
     """Exceptions are `compile`, which names its files by a hash of their content, `rerun`, which
     writes only to an empty directory, and `pushover`, which reads its model in the same way as
     `modes`."""
@@ -191,9 +191,7 @@ def check_what_is_told(
 
 
 @pytest.mark.parametrize("name", WRITING)
-def test_what_a_command_did_not_write_it_does_not_replace(
-    study: Path, tdint: Command, name: str
-) -> None:
+def test_files_of_other_origin_are_not_replaced(study: Path, tdint: Command, name: str) -> None:
     """A command lists the files that it wrote, and writes them again without --overwrite, with
     equal bytes except for times."""
     line, named = WRITING[name]
@@ -242,7 +240,7 @@ READING = {
     "record of a model": ("run piped.yaml", 4),
     "response of an instrument": ("info motion.mseed --inventory FIFO", 4),
     "history": ("run shaken.yaml MOTION --history=FIFO.csv --overwrite", 6),
-    "picture": ("info MOTION --plot=FIFO.png --overwrite", 6),
+    "figure": ("info MOTION --plot=FIFO.png --overwrite", 6),
     "factors": ("run shaken.yaml motion.mseed UNITS --factors FIFO", 3),
     "path": ("law shaken.yaml --path FIFO", 2),
     "recordings": ("compare shaken.yaml --recorded FIFO -o out", 3),
@@ -257,7 +255,7 @@ READING = {
     "campaign": ("campaign FIFO -o out", 3),
     "status": ("campaign status FIFO", 2),
     "merge": ("campaign merge FIFO -o out", 2),
-    "folder": ("campaign study.yaml -o FIFO", 6),
+    "output directory": ("campaign study.yaml -o FIFO", 6),
     "certificate": (
         "campaign study.yaml -o out --dask tls://far.example:8786 --tls-ca FIFO --tls-cert FIFO "
         "--tls-key FIFO",
@@ -275,7 +273,7 @@ READING = {
     "compile": ("compile FIFO", 3),
     "sensitivity": ("sensitivity FIFO MOTION --vary mass_factor=0.9:1.1", 3),
     "plug-in": ("methods --plugin FIFO.py", 2),
-    "what was written": ("rerun FIFO", 2),
+    "rerun": ("rerun FIFO", 2),
 }
 """Calls with a named pipe in the place of a file, and how they end."""
 
@@ -298,7 +296,7 @@ def not_longer_than(seconds: float) -> Iterator[None]:
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
 @pytest.mark.parametrize("name", READING)
-def test_a_named_pipe_is_not_waited_for(study: Path, tdint: Command, name: str) -> None:
+def test_a_named_pipe_does_not_block_a_command(study: Path, tdint: Command, name: str) -> None:
     line, code = READING[name]
     arguments = words_of(line)
     (study / "piped.yaml").write_text(
@@ -314,7 +312,7 @@ def test_a_named_pipe_is_not_waited_for(study: Path, tdint: Command, name: str) 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
 @pytest.mark.parametrize("place", ["object", "lock", "reference"])
-def test_a_named_pipe_in_the_cache_is_not_waited_for(
+def test_a_named_pipe_in_the_cache_does_not_block_a_command(
     study: Path, tdint: Command, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
     pipe = study / "pipe"
@@ -417,7 +415,7 @@ KEPT_SAFE = {
 name's suffix."""
 
 
-def test_every_file_option_that_is_written_is_tried() -> None:
+def test_every_option_that_writes_a_file_is_tested() -> None:
     """Exceptions are directories with fixed file names, commands without inputs, and options that
     are part of `Outputs` in every command."""
     lines = [line.split() for _, _, line in KEPT_SAFE.values()]
@@ -458,9 +456,7 @@ def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
         *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard")),
     ],
 )
-def test_what_a_command_reads_it_never_replaces(
-    study: Path, tdint: Command, name: str, link: str
-) -> None:
+def test_input_files_are_never_replaced(study: Path, tdint: Command, name: str, link: str) -> None:
     file, suffix, line = KEPT_SAFE[name]
     folder = {"campaign -o": "runs", "inventory --models": "house"}.get(name, "kept")
     read = Path("many", f"a{suffix}") if "many" in line else Path(f"{folder}{suffix}")
@@ -487,7 +483,7 @@ def test_what_a_command_reads_it_never_replaces(
         if "{written}" in line and file != "own.py"
     ],
 )
-def test_what_cannot_be_written_is_known_before_the_work(
+def test_unwritable_outputs_are_reported_before_the_computation(
     study: Path, tdint: Command, name: str, where: str
 ) -> None:
     """Every output of every command that cannot be written causes exit code 6 before the
@@ -505,7 +501,7 @@ def test_what_cannot_be_written_is_known_before_the_work(
     assert files_in(study) == before
 
 
-def test_what_comes_by_standard_input_is_not_replaced(study: Path) -> None:
+def test_standard_input_from_a_file_is_not_replaced(study: Path) -> None:
     before = (study / "shaken.yaml").read_bytes()
     command = [sys.executable, "-m", "tdint_cli", "modes", "-", "-o", "shaken.yaml", "--overwrite"]
     with (study / "shaken.yaml").open("rb") as stream:
@@ -514,9 +510,7 @@ def test_what_comes_by_standard_input_is_not_replaced(study: Path) -> None:
     assert (study / "shaken.yaml").read_bytes() == before
 
 
-def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
-    study: Path, tdint: Command
-) -> None:
+def test_a_run_removes_only_files_of_an_earlier_run(study: Path, tdint: Command) -> None:
     whole = words_of("run shaken.yaml MOTION -o out --overwrite")
     tdint(
         *whole, "--history", "--plot", "--floor-spectra", "roof", "--export-floors", "mseed", code=0
@@ -552,7 +546,7 @@ def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
     ],
 )
 @pytest.mark.parametrize("of", ["campaign study.yaml", "run shaken.yaml MOTION --scale 1,2"])
-def test_names_are_looked_at_before_the_runs(
+def test_output_names_are_checked_before_the_runs(
     study: Path, tdint: Command, words: tuple[str, ...], said: str, of: str
 ) -> None:
     for name in ("mine.png", "mine.html", "many"):
@@ -609,7 +603,7 @@ def test_a_single_table_is_written_as_parquet(folder, tdint, line):
 @pytest.mark.parametrize(
     "line", ["spectrum motion.mseed", "run shaken.yaml", "ida shaken.yaml motion.mseed"]
 )
-def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
+def test_parquet_is_refused_for_commands_with_several_tables(folder, tdint, line):
     result = tdint(*line.split(), "-o", "a.parquet", code=2)
     assert result.stderr.splitlines() == [
         "Error: -o a.parquet: this command writes only CSV; Parquet is supported by commands with "
@@ -617,7 +611,7 @@ def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
     ]
 
 
-def test_parquet_without_pyarrow_is_refused_before_the_work(folder, tdint, monkeypatch):
+def test_parquet_without_pyarrow_is_refused_before_the_computation(folder, tdint, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     result = tdint("modes", "none.yaml", "-o", "a.parquet", code=2)
     assert result.stderr.splitlines() == [

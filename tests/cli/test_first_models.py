@@ -14,7 +14,7 @@ from tdint.units import STANDARD_GRAVITY
 
 
 @pytest.mark.parametrize(("units", "newton"), [("si", 1e3), ("us", 4448.2216152605)])
-def test_weights_and_the_period_make_a_building(folder, tdint, units, newton):
+def test_weights_and_period_define_a_building(folder, tdint, units, newton):
     """The period agrees with the eigenvalues of dense matrices, and the first mode is a straight
     line."""
     tdint(
@@ -54,7 +54,7 @@ def curves(file: str, *stories: tuple[list[float], list[float]]) -> None:
     Path(file).write_text("\n".join(lines) + "\n")
 
 
-def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
+def test_fitted_laws_reproduce_their_pushover_curves(folder, tdint):
     curves("two.csv", ([0, 12, 80], [0, 600, 940]), ([0, 8, 80], [0, 480, 912]))
     result = tdint(*FROM_CURVES, "4000,3500", "--from-pushover", "two.csv", code=0)
     assert "Misfit of the stories" in result.stderr
@@ -81,7 +81,7 @@ def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
     assert story.law.parameters[:3] == pytest.approx((1e6, 1.4e6, 0.04), rel=1e-4)
 
 
-def test_a_curve_without_a_corner_is_a_law_that_the_model_takes(folder, tdint):
+def test_a_curve_without_a_corner_is_fitted_by_a_valid_law(folder, tdint):
     """The hardening ratio of a law must be less than 1. For a straight line and for a curve with
     increasing slope, the fit is just below this limit."""
     curves("line.csv", ([0, 80], [0, 800]), ([0, 40, 80], [0, 400, 1000]))
@@ -91,7 +91,7 @@ def test_a_curve_without_a_corner_is_a_law_that_the_model_takes(folder, tdint):
         assert story.stiffness == pytest.approx(1e7, rel=1e-6)
 
 
-def test_a_falling_curve_in_four_points(folder, tdint):
+def test_a_falling_curve_is_fitted_by_a_multilinear_law(folder, tdint):
     """The law of the model reproduces the curve, including the part after its maximum shear, and
     the model runs; hysteresis loops reload along straight lines."""
     drift, shear = [0, 10, 40, 60, 80], [0, 1000, 1400, 700, 500]
@@ -133,7 +133,7 @@ BAD_CURVES = {
         ("--weights 1 --type C1", 2, "--type"),
     ],
 )
-def test_what_makes_no_building(folder, tdint, line, code, message):
+def test_invalid_buildings_and_motions_are_refused(folder, tdint, line, code, message):
     for name, text in BAD_CURVES.items():
         Path(name).write_text(text)
     tdint.refused(message, "init", "b.yaml", *line.split(), code=code)
@@ -147,7 +147,7 @@ def test_what_makes_no_building(folder, tdint, line, code, message):
     ],
     ids=["sine", "sweep"],
 )
-def test_motions_for_teaching(folder, tdint, motion, ends, phase):
+def test_artificial_motions_for_teaching(folder, tdint, motion, ends, phase):
     """The motions end with 5 s of rest and have a duration of at least 20 s."""
     tdint("init", "f.yaml", "--motion", motion, code=0)
     assert "-0" not in Path("f-motion.txt").read_text().splitlines()
@@ -180,7 +180,7 @@ def test_shapes_of_modes(folder, tdint, drawn):
             )
 
 
-def test_modes_have_damping_with_p_delta(folder, tdint):
+def test_modes_have_damping_ratios_with_p_delta(folder, tdint):
     """The damping ratio is the ratio of the uncoupled mode: phi^T C phi / (2 omega)."""
     tdint("init", "f.yaml", "--weights", "4200,2x3900,3400")
     Path("f.yaml").write_text(Path("f.yaml").read_text().replace("p_delta: false", "p_delta: true"))

@@ -23,7 +23,7 @@ def run(folder, tdint):
     return functools.partial(tdint, "run", "shaken.yaml", "-o", "out")
 
 
-def test_floor_spectra_are_those_of_the_exported_motion(run, tdint, drawn):
+def test_floor_spectra_equal_spectra_of_the_exported_motions(run, tdint, drawn):
     """By the file, to 1e-9: the table's digits. A rigid oscillator feels the largest of the
     history's samples (peaks of stories.csv lie between them, too). Stations say the floors."""
     options = ("--floor-damping", "2%,5%", "--floor-period", "0,0.05,0.5")
@@ -61,7 +61,7 @@ def test_floor_spectra_are_those_of_the_exported_motion(run, tdint, drawn):
     tdint("info", "out/floors.mseed", "--units", "g", code=4)
 
 
-def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
+def test_a_sampling_interval_that_miniseed_cannot_store_is_reported(tmp_path):
     samples = np.sin(np.arange(50.0))
     for dt, told in ((0.01, False), (1.0 / 120.0, False), (0.0123456789, True)):
         content, notes = to_mseed([Record(samples, dt, "", ".F01..HNX", "HNX", "floor 1")])
@@ -85,11 +85,11 @@ def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
         (["--export-floors", "mseed"], "--export-floors requires -o DIR"),
     ],
 )
-def test_wrong_use(folder, tdint, arguments, message):
+def test_usage_errors(folder, tdint, arguments, message):
     tdint.refused(message, "run", "shaken.yaml", *arguments)
 
 
-def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
+def test_floor_spectra_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
     """Each run's spectra are those of a single call; of a pair the larger component counts at each
     period."""
     options = ("--floor-spectra", "1,roof", "--floor-period", "0.05,0.3", "--units", "m/s^2")

@@ -55,7 +55,7 @@ def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
     )
 
 
-def test_a_folder_of_a_study(folder, tdint, make_record):
+def test_fragility_of_an_ida_directory(folder, tdint, make_record):
     for samples in (60, 120):
         make_record(folder / f"{samples}.mseed", "HNE", samples=samples)
     records = ("motion.mseed", "60.mseed", "120.mseed", "--component", "HNE", "--units", "m/s^2")
@@ -68,7 +68,7 @@ def test_a_folder_of_a_study(folder, tdint, make_record):
     assert float(cloud["theta"]) == pytest.approx(float(found[1]["theta"]), rel=0.5)
 
 
-def test_runs_of_a_campaign(folder, tdint):
+def test_runs_of_a_campaign_at_common_levels_are_stripes(folder, tdint):
     """Runs at common levels are stripes. A run without a result is excluded and reported.
     tests/campaign/test_fit_table.py tests the bounds."""
     header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
@@ -116,13 +116,13 @@ def test_runs_of_a_campaign(folder, tdint):
         (None, (), 3, "this directory contains no capacities.csv and no runs.csv"),
     ],
 )
-def test_runs_that_make_no_fragility(folder, tdint, text, options, code, message):
+def test_unusable_runs_are_refused(folder, tdint, text, options, code, message):
     if text:
         (folder / "runs.csv").write_text(text)
     tdint.refused(message, "fragility", ".", "--threshold", "3%", *options, code=code)
 
 
-def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
+def test_thresholds_that_cannot_be_fitted_are_reported_and_the_others_fitted(folder, tdint):
     (folder / "c.csv").write_text(
         "threshold,capacity,censored,im_name,unit\n"
         "0.01,1,false,pga,m/s^2\n0.01,2,false,pga,m/s^2\n0.1,3,true,pga,m/s^2\n0.1,,true,pga,m/s^2\n"
@@ -220,6 +220,6 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
         ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the header contains the column im twice"),
     ],
 )
-def test_tables_that_are_refused(folder, tdint, text, arguments, code, message):
+def test_invalid_tables_are_refused(folder, tdint, text, arguments, code, message):
     (folder / "t.csv").write_text(text)
     tdint.refused(message, "fragility", "t.csv", *arguments, code=code)

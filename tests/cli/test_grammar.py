@@ -50,7 +50,7 @@ from tdint_cli.options.grammar import BESIDE, with_named_files
         ),
     ],
 )
-def test_a_list_takes_commas_and_an_option_may_be_repeated(folder, tdint, line, count, values):
+def test_lists_accept_commas_and_repeated_options(folder, tdint, line, count, values):
     """And a grid may be a single number."""
     table = rows(tdint(*line.split(), code=0).stdout)
     assert len(table) == count
@@ -58,7 +58,7 @@ def test_a_list_takes_commas_and_an_option_may_be_repeated(folder, tdint, line, 
         assert list(dict.fromkeys(float(row[name]) for row in table)) == expected
 
 
-def test_a_comma_separates_methods_where_it_does_not_separate_parameters():
+def test_commas_separate_methods_but_not_parameters():
     texts = (
         "newmark:beta=0.25,gamma=0.5,newmark:beta=0.25:gamma=0.5,hht",
         "impulse4",
@@ -90,7 +90,7 @@ def test_a_comma_separates_methods_where_it_does_not_separate_parameters():
         (["--rotd", "50,101"], "101 is not in the range 0<=x<=100"),
     ],
 )
-def test_a_wrong_value_is_told_with_what_would_be_right(folder, tdint, arguments, message):
+def test_an_invalid_value_is_refused_with_a_valid_example(folder, tdint, arguments, message):
     tdint.refused(message, "spectrum", "other.mseed", *arguments)
 
 
@@ -110,11 +110,11 @@ def test_a_wrong_value_is_told_with_what_would_be_right(folder, tdint, arguments
         ("--history b.png", [f"--history={BESIDE}", "b.png"]),
     ],
 )
-def test_the_word_behind_plot_is_its_file_if_it_names_a_picture(line, expected):
+def test_the_argument_after_plot_is_its_file_if_it_names_a_figure(line, expected):
     assert with_named_files(line.split()) == expected
 
 
-def test_an_empty_word_behind_plot_is_a_name_that_is_missing(tdint):
+def test_an_empty_argument_after_plot_is_a_missing_name(tdint):
     assert with_named_files(["--plot", "", "a"]) == ["--plot=", "a"]
     assert (
         tdint("info", "--plot", "", "other.mseed", code=2).stderr
@@ -122,7 +122,7 @@ def test_an_empty_word_behind_plot_is_a_name_that_is_missing(tdint):
     )
 
 
-def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
+def test_a_figure_is_written_next_to_the_output_or_to_its_own_name(folder, tdint):
     """In folders that are made."""
     for line in (
         "info --plot other.mseed -o a/info.csv",
@@ -189,7 +189,7 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
         (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs have this file name"),
     ],
 )
-def test_a_picture_that_cannot_be_is_refused_before_the_work(
+def test_an_invalid_figure_is_refused_before_the_computation(
     folder, tdint, arguments, code, message
 ):
     tdint.refused(message, *arguments, code=code)
@@ -208,7 +208,7 @@ TABLES = [
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_table_is_a_file_with_a_suffix(here, tdint, name):
+def test_a_table_requires_a_file_name_with_a_suffix(here, tdint, name):
     """`-o sp` was a folder of `tdint run` and a file named sp of `tdint spectrum`."""
     words = [*WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
     folder = ", or sp/ for a directory" if "spectrum" in name else ""
@@ -220,7 +220,7 @@ def test_a_table_is_a_file_with_a_suffix(here, tdint, name):
     assert not list(here.iterdir())
 
 
-def test_model_or_record_stand_in_their_places_or_come_by_standard_input(folder, tdint):
+def test_model_and_record_are_positional_or_read_from_standard_input(folder, tdint):
     """A record behind the model is that of the option."""
     expected = tdint("run", "shaken.yaml", "other.mseed", code=0).stdout
     assert tdint("run", "shaken.yaml", "--record", "other.mseed").stdout == expected
@@ -236,7 +236,7 @@ def test_model_or_record_stand_in_their_places_or_come_by_standard_input(folder,
     tdint.refused("standard input is used for the model", "run", "-", "-", stdin=b"")
 
 
-def test_quiet_silences_words_and_neither_data_nor_errors(folder, tdint):
+def test_quiet_suppresses_messages_but_not_data_and_errors(folder, tdint):
     loud = tdint("run", "forced.yaml")
     assert "Maximum" in loud.stderr
     for words in (("-q", "run", "forced.yaml"), ("run", "forced.yaml", "--quiet")):
@@ -247,7 +247,7 @@ def test_quiet_silences_words_and_neither_data_nor_errors(folder, tdint):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_options_stand_under_headings(name, tdint):
+def test_options_are_listed_under_headings_in_order(name, tdint):
     """What several commands have stands under the same one."""
     text = tdint(name, "--help-all").stdout
     places = [
@@ -305,7 +305,7 @@ def a_value(parameter: click.Option) -> list[str]:
 
 
 @pytest.mark.parametrize(("name", "parameter"), NEEDY, ids=lambda part: getattr(part, "name", part))
-def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, parameter):
+def test_an_option_without_effect_is_refused(here, tdint, name, parameter):
     """Before any work: the files that are named do not exist. With what it needs the command goes
     on, and misses them.
 
@@ -341,7 +341,7 @@ def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, paramete
     assert not list(here.iterdir())
 
 
-def test_options_that_act_are_declared_so():
+def test_options_that_depend_on_others_declare_them():
     """What acts on another option's work alone, by command: whoever adds such an option adds
     `needs`."""
     found = {(name, max(parameter.opts, key=len)) for name, parameter in NEEDY}
@@ -490,7 +490,7 @@ def idle_options():
 
 
 @pytest.mark.parametrize(("name", "mode", "parameter", "chooses"), list(idle_options()))
-def test_an_option_that_a_mode_does_not_take_is_refused(
+def test_an_option_that_a_mode_does_not_support_is_refused(
     here, tdint, name, mode, parameter, chooses
 ):
     """Before any work. `tdint chart --problems standard --highpass 0.1` and `tdint campaign status
@@ -511,7 +511,7 @@ def test_an_option_that_a_mode_does_not_take_is_refused(
 
 
 @pytest.mark.parametrize("name", MODES)
-def test_modes_name_parameters_of_their_command(name):
+def test_modes_contain_only_parameters_of_their_command(name):
     parameters = {parameter.name for parameter in PARAMETERS[name]}
     assert [
         mode.words
@@ -523,14 +523,14 @@ def test_modes_name_parameters_of_their_command(name):
     }
 
 
-def test_an_option_is_not_taken_for_the_value_of_another(folder, tdint):
+def test_an_option_is_not_used_as_the_value_of_another(folder, tdint):
     words = ("scale", "motion.mseed", "--pga", "0.3g")
     tdint.refused("--pairs requires a value, but -q is an option", *words, "--pairs", "-q")
     tdint(*words, "--units", "m/s^2", "-q", code=0)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_options_of_before_name_what_does_their_work(name, tdint):
+def test_replaced_options_are_refused_with_their_replacement(name, tdint):
     """Where the command has that; elsewhere there was none."""
     own = {flag for option in PARAMETERS[name] for flag in option.opts}
     for before, (now, _) in grammar._FORMER.items():
@@ -543,5 +543,5 @@ def test_options_of_before_name_what_does_their_work(name, tdint):
 @pytest.mark.parametrize(
     ("now", "example"), [one for one in grammar._FORMER.values() if one[0] == "--style"]
 )
-def test_what_does_their_work_is_a_style(now, example):
+def test_the_replacement_of_a_former_option_is_a_valid_style(now, example):
     assert parse_style(shlex.split(example)[0]) != ON_SCREEN

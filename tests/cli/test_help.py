@@ -38,7 +38,7 @@ def screen(*words):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_has_one_screen_and_help_all_and_completion_everything(name):
+def test_help_fits_one_screen_and_help_all_lists_all_options(name):
     command, short, long = command_of(name), screen(name, "--help"), screen(name, "--help-all")
     options = [option for option in command.params if isinstance(option, click.Option)]
     assert len(short.splitlines()) <= LINES and sum(option.common for option in options) <= COMMON

@@ -26,7 +26,7 @@ FEW = (*UNITS, "--max-im", "1.2m/s^2", "--threshold", "0.2%")
         "ida soft.yaml motion.mseed --units m/s^2 --im pga --max-im 0.1g",
     ],
 )
-def test_a_building_that_is_unusual_is_told(folder, tdint, line):
+def test_unusual_buildings_cause_a_warning(folder, tdint, line):
     """A stiffness in kN/m that is read as N/m causes a warning: T = 2 pi sqrt(2e5 / 4e4) = 14 s."""
     (folder / "soft.yaml").write_text("stories: [{mass: 2e5, height: 3, stiffness: 4e4}]")
     assert "Warning: fundamental period 14 s, usual: " in tdint(*line.split(), "-q", code=0).stderr
@@ -156,9 +156,7 @@ def test_a_study_and_its_files(studied, tdint):
         (["UPDATE chunks SET runs = 1e9"], "they are run again"),
     ],
 )
-def test_runs_that_are_not_there_or_not_as_they_were_written_are_done_again(
-    studied, tdint, statements, said
-):
+def test_missing_or_corrupt_runs_are_run_again(studied, tdint, statements, said):
     """The study continues as after an interruption, and its files are equal to the last byte."""
     before = written(studied / "out")
     for name in before:
@@ -171,7 +169,7 @@ def test_runs_that_are_not_there_or_not_as_they_were_written_are_done_again(
 @pytest.mark.parametrize(
     "statement", ["DELETE FROM meta WHERE key = 'fingerprint'", "UPDATE records SET sha256 = ''"]
 )
-def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint, statement):
+def test_an_invalid_study_is_refused_with_a_remedy(studied, tdint, statement):
     before = written(studied / "out")
     sql(statement)
     result = tdint(*STUDY[:-1], code=6)
@@ -182,7 +180,7 @@ def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint
     assert written(studied / "out")["capacities.csv"] == before["capacities.csv"]
 
 
-def test_a_study_replaces_no_picture_of_others(studied, tdint, drawn):
+def test_a_study_does_not_replace_figures_of_other_commands(studied, tdint, drawn):
     """A figure of another command is not replaced, also in another directory; the figure of the
     study is replaced without --overwrite. tests/cli/test_files.py tests tables."""
     call = (*STUDY[:-1], "--plot=elsewhere.png")
@@ -224,7 +222,7 @@ def test_a_study_in_other_units_and_back(studied, tdint):
     assert [rows(studied / "out" / name)[0]["unit"] for name in names] == ["m/s^2"] * 2
 
 
-def test_another_study_needs_another_folder_or_overwrite(studied, tdint):
+def test_another_study_requires_another_directory_or_overwrite(studied, tdint):
     arguments = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--precision", "20%", "-o", "out")
     arguments += ("--pair-demand", "separate")
     result = tdint.refused("setting precision: 0.05 in the store, 0.2 in this study", *arguments)
@@ -233,7 +231,7 @@ def test_another_study_needs_another_folder_or_overwrite(studied, tdint):
     assert len(rows(studied / "out" / "capacities.csv")) == 8
 
 
-def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
+def test_a_bad_record_is_reported_and_the_others_run(folder, tdint):
     result = tdint(
         "ida", FRAME, "motion.mseed", "none.mseed", "--component", "HNE", *FEW, "-o", "kept", code=4
     )
@@ -265,11 +263,11 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
         (("--plot",), 2, "--plot without a file name"),
     ],
 )
-def test_studies_that_are_refused(folder, tdint, arguments, code, message):
+def test_invalid_studies_are_refused(folder, tdint, arguments, code, message):
     tdint.refused(message, "ida", "shaken.yaml", "other.mseed", *UNITS, *arguments, code=code)
 
 
-def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
+def test_runs_without_a_result_are_reported(folder, tdint, monkeypatch):
     """If runs fail near the collapse, no capacity is computed from them, and the imprecise capacity
     is reported."""
     original = Batch.results

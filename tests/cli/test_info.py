@@ -19,7 +19,7 @@ def errors(result) -> list[str]:
     ]
 
 
-def test_a_row_per_component_in_order(folder, tdint):
+def test_each_component_has_a_row_in_order(folder, tdint):
     """The numbers are those of the library: test_interface.py."""
     result = tdint("info", "motion.mseed", "other.mseed")
     assert (result.exit_code, errors(result)) == (0, [])
@@ -43,7 +43,7 @@ def test_a_row_per_component_in_order(folder, tdint):
     assert float(row["housner_intensity_m"]) == pytest.approx(fine, rel=1e-4)
 
 
-def test_units_and_how_they_are_known(folder, tdint, make_record):
+def test_units_and_their_source(folder, tdint, make_record):
     (folder / "a.at2").write_text(format_files.at2())
     (folder / "b.y0a").write_text(format_files.usc())
     make_record(folder / "c.mseed", "HNE", integer=True)
@@ -55,7 +55,7 @@ def test_units_and_how_they_are_known(folder, tdint, make_record):
     assert row["units"] == "2e-3 gal (given)"
 
 
-def test_a_record_of_zeros_has_empty_cells_and_a_picture(folder, tdint, drawn):
+def test_a_record_of_zeros_has_empty_cells_and_a_figure(folder, tdint, drawn):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
     (row,) = rows(tdint("info", "zero.txt", "--plot", "zero.png").stdout)
     assert (row["d5_75_s"], row["d5_95_s"], row["housner_intensity_m"], row["leading_zeros"]) == (
@@ -106,7 +106,7 @@ def test_omitted_components_of_a_figure_are_reported(folder, tdint, other, said)
     assert told == ["note: the figure shows only the first 3 components; 1 are omitted"] * said
 
 
-def test_a_name_with_a_formula_behind_a_semicolon_is_quoted(folder, tdint):
+def test_a_name_with_a_formula_after_a_semicolon_is_quoted(folder, tdint):
     """A spreadsheet that parts cells there would run it; other readers get the name as it is."""
     (folder / "a;=1+2.mseed").write_bytes((folder / "motion.mseed").read_bytes())
     told = tdint("info", "a;=1+2.mseed", code=0).stdout
@@ -114,14 +114,14 @@ def test_a_name_with_a_formula_behind_a_semicolon_is_quoted(folder, tdint):
     assert rows(told)[0]["record"] == "a;=1+2.mseed"
 
 
-def test_samples_too_far_apart_for_a_spectrum_have_all_else(folder, tdint):
+def test_long_sampling_intervals_leave_only_spectral_measures_empty(folder, tdint):
     samples = "".join(f"{10 * i},{(-1) ** i}\n" for i in range(20))
     (folder / "slow.csv").write_text("time_s,acceleration_m_s2\n" + samples)
     (row,) = rows(tdint("info", "slow.csv", code=0).stdout)
     assert row["pga_m_s2"] == "1" and row["housner_intensity_m"] == ""
 
 
-def test_the_predominant_period_is_that_of_the_largest_response(folder, tdint):
+def test_the_predominant_period_is_the_period_of_the_maximum_response(folder, tdint):
     """A long sine: the response with 5 % damping is largest at its period, within the distance of
     1 % between two periods."""
     samples = [f"{math.sin(2.0 * math.pi * 0.01 * k / 0.8):.9f}" for k in range(4000)]

@@ -21,7 +21,7 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
 
 
-def test_the_first_commands_of_the_readme_run_in_an_empty_folder(
+def test_the_first_commands_of_the_readme_run_in_an_empty_directory(
     here: Path, tdint: Command
 ) -> None:
     commands = [shlex.split(line, comments=True) for line in readmes.block("first").splitlines()]
@@ -37,7 +37,7 @@ def test_the_first_commands_of_the_readme_run_in_an_empty_folder(
     assert summary["status"] == "done" and summary["building"]["stories"] == 5
 
 
-def test_the_model_of_the_readme_is_sound(folder: Path, tdint: Command) -> None:
+def test_the_model_of_the_readme_is_valid(folder: Path, tdint: Command) -> None:
     (folder / "workshop.yaml").write_text(readmes.block("workshop"))
     (row,) = rows(tdint("check", "workshop.yaml").stdout)
     assert (row["stories"], float(row["mass_kg"]), float(row["t1_damping"])) == (
@@ -49,7 +49,7 @@ def test_the_model_of_the_readme_is_sound(folder: Path, tdint: Command) -> None:
 
 @pytest.mark.parametrize("units", ["si", "us"])
 @pytest.mark.parametrize(("stories", "period"), [(1, 0.3), (2, 0.5), (5, 0.8), (40, 4.0)])
-def test_the_period_is_the_one_asked_for(
+def test_the_model_has_the_requested_period(
     folder: Path, tdint: Command, stories: int, period: float, units: str
 ) -> None:
     tdint(
@@ -70,7 +70,7 @@ def test_the_period_is_the_one_asked_for(
     np.testing.assert_allclose(building.yield_drift, building.yield_drift[0], rtol=1e-5)
 
 
-def test_both_systems_of_units_make_about_the_same_building(folder: Path, tdint: Command) -> None:
+def test_both_systems_of_units_give_nearly_the_same_building(folder: Path, tdint: Command) -> None:
     for units in ("si", "us"):
         tdint("init", f"{units}.yaml", "--units", units, "--stories", 3, code=0)
     si, us = (load_model(f"{units}.yaml").stories[0] for units in ("si", "us"))
@@ -81,7 +81,7 @@ def test_both_systems_of_units_make_about_the_same_building(folder: Path, tdint:
     np.testing.assert_allclose(*motions, atol=1e-6)
 
 
-def test_the_motion_is_the_pulse_it_says(folder: Path, tdint: Command) -> None:
+def test_the_motion_is_the_pulse_of_its_parameters(folder: Path, tdint: Command) -> None:
     assert tdint("init").exit_code == 0
     record = read_record("building-motion.txt")
     pulse = VelocityPulse()
@@ -101,7 +101,7 @@ def test_the_motion_is_the_pulse_it_says(folder: Path, tdint: Command) -> None:
     np.testing.assert_allclose(trapezoids[: t.size], shape, atol=5e-4 * pulse.velocity)
 
 
-def test_a_model_of_a_type(folder: Path, tdint: Command) -> None:
+def test_a_model_of_a_building_type(folder: Path, tdint: Command) -> None:
     words = ("--type", "C1", "--year", 1985, "--stories", 8, "--area")
     tdint("init", "c1.yaml", *words, 600, code=0)
     tdint("init", "us.yaml", *words, 600 / 0.3048**2, "--units", "us", code=0)
@@ -110,7 +110,7 @@ def test_a_model_of_a_type(folder: Path, tdint: Command) -> None:
     assert load_model("us.yaml").stories[0].mass == pytest.approx(shipped.stories[0].mass, rel=1e-5)
 
 
-def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: Command) -> None:
+def test_a_model_on_standard_output_has_no_ground_motion(folder: Path, tdint: Command) -> None:
     text = tdint("init", "-", "--stories", 3).stdout
     done = tdint("check", "-", stdin=text.encode(), code=0)
     assert rows(done.stdout)[0]["record"] == ""
@@ -143,7 +143,7 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
         (("check", "none.yaml"), 3, "none.yaml: file not found"),
     ],
 )
-def test_what_is_refused(
+def test_invalid_arguments_are_refused(
     folder: Path, tdint: Command, arguments: tuple[Any, ...], code: int, message: str
 ) -> None:
     tdint.refused(message, *arguments, code=code)
@@ -172,7 +172,7 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
     ],
     ids=["usual", "long", "weak", "bearing", "eight samples", "six samples"],
 )
-def test_long_steps_and_weak_bases_are_told(
+def test_long_steps_and_weak_bases_cause_warnings(
     folder: Path, tdint: Command, period: float, force: float, more: str, rest: str, told: str
 ) -> None:
     """A step beyond a tenth of the period; a base shear at yield below 3 % of the weight, but not
@@ -199,9 +199,7 @@ excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}
 """Numbers in kN and t, read as N and kg: the period, 0.7 s, and the strength are usual."""
 
 
-def test_whatever_integrates_a_model_shows_the_warnings_of_check_first(
-    folder: Path, tdint: Command
-) -> None:
+def test_all_analyses_report_the_warnings_of_check_first(folder: Path, tdint: Command) -> None:
     """Before all other messages, and with --quiet: a run, several runs, campaigns, modes, a
     pushover curve, and Python."""
     (folder / "plain.yaml").write_text(KN_AND_T)
@@ -234,14 +232,14 @@ def test_whatever_integrates_a_model_shows_the_warnings_of_check_first(
         assert f"; warning: plain.yaml: {expected[:25]}" in repr(results)
 
 
-def test_a_run_that_fails_shows_the_warnings_of_check_as_well(folder: Path, tdint: Command) -> None:
+def test_a_failing_run_reports_the_warnings_of_check(folder: Path, tdint: Command) -> None:
     (folder / "plain.yaml").write_text(KN_AND_T)
     words = ("run", "plain.yaml", "--method", "central-difference", "--dt", "1")
     first, *_ = tdint(*words, code=5).stderr.splitlines()
     assert "mass of a floor 200 kg" in first
 
 
-def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:
+def test_all_errors_of_all_files_are_reported(folder: Path, tdint: Command) -> None:
     (folder / "bad.yaml").write_text(
         "storeys: [{mass: -1, stiffness: 1}]\nanalysis: {method: newmrk}\n"
         "excitation: {record: {file: motoin.mseed, inventory: motion.mseed}}\n"
@@ -284,11 +282,13 @@ def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:
     ("words", "schema"),
     [((), model_schema), (("model",), model_schema), (("campaign",), campaign_schema)],
 )
-def test_the_schemas(tdint: Command, words: tuple[str, ...], schema: Callable[[], object]) -> None:
+def test_check_writes_the_schemas(
+    tdint: Command, words: tuple[str, ...], schema: Callable[[], object]
+) -> None:
     assert json.loads(tdint("check", "--schema", *words, code=0).stdout) == schema()
 
 
-def test_an_unusual_peak_is_told_before_a_run_and_of_a_campaign_in_a_line(
+def test_an_unusual_peak_causes_one_warning_for_a_model_or_campaign(
     folder: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
     text = (folder / "shaken.yaml").read_text()
@@ -351,7 +351,7 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
         *(([name], "") for name in ("a\nb.yaml", "\udcff.yaml", "/")),
     ],
 )
-def test_a_name_or_a_period_that_no_model_has(
+def test_invalid_names_and_periods_are_refused(
     here: Path, tdint: Command, words: list[str], message: str
 ) -> None:
     tdint.refused(message, "init", *words)

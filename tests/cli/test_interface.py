@@ -155,7 +155,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_functions_give_what_commands_print(name, study, tdint):
+def test_functions_return_the_printed_tables(name, study, tdint):
     words, call = CASES[name]
     printed = tdint(*words, code=0)
     text = (
@@ -196,7 +196,7 @@ def test_functions_give_what_commands_print(name, study, tdint):
         ("pushover --target", "drift_m=drift"),
     ],
 )
-def test_a_column_has_what_it_is_called_by(name, pairs, study):
+def test_columns_equal_the_attributes_of_the_result(name, pairs, study):
     result = CASES[name][1]()
     first = result[0] if hasattr(result, "__getitem__") else result
     for column, attribute in (pair.split("=") for pair in pairs.split()):
@@ -218,14 +218,14 @@ def test_the_examples_and_the_chart(study, tdint):
     )
 
 
-def test_a_first_model_and_its_loops():
+def test_a_model_template_and_its_compiled_kernels():
     model = package.load_model(io.StringIO(package.model_template(3, period=0.4)))
     assert 2.0 * np.pi / package.modes(model).omega[0] == pytest.approx(0.4, rel=1e-8)
     package.compile_model(model)
     assert package.compile_model(model) == []  # all of it is there now
 
 
-def test_every_command_has_its_function_and_help_lists_them():
+def test_every_command_has_a_function_and_help_lists_them():
     named = {
         "compile": "compile_model",
         "examples": "paper_examples",
@@ -254,7 +254,7 @@ def test_every_command_has_its_function_and_help_lists_them():
         package.campaign("nowhere.yaml")
 
 
-def test_importing_loads_nothing():
+def test_importing_loads_no_heavy_package():
     """And a function no more than its own: `run` neither pictures nor the command line."""
     code = (
         "import sys, tdint\nloaded = lambda: [m for m in ('numpy', 'matplotlib', 'click') if m in "
@@ -265,7 +265,7 @@ def test_importing_loads_nothing():
     assert done.stdout.splitlines() == ["[]", "['numpy']"]
 
 
-def test_a_campaign_goes_on_where_it_stopped(study):
+def test_an_interrupted_campaign_continues(study):
     half = package.campaign("campaign.yaml", "kept", max_runs=1, jobs=1)
     whole = package.campaign("campaign.yaml", "kept", jobs=2)
     assert sum(half.statuses.values()) <= sum(whole.statuses.values()) == whole.asked == 4
@@ -310,7 +310,7 @@ def test_a_campaign_goes_on_where_it_stopped(study):
         (lambda: package.to_dict([motion(), package.methods()]), UsageError, "different columns"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_a_line(call, kind, message, study):
+def test_invalid_arguments_are_refused_in_one_line(call, kind, message, study):
     with pytest.raises(kind, match=message) as caught:
         call()
     assert len(str(caught.value).splitlines()) == 1

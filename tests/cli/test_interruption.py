@@ -50,7 +50,7 @@ def started(ends, *words):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_a_signal_ends_the_command_inside_of_a_library(tmp_path):
+def test_a_signal_ends_the_command_inside_a_library(tmp_path):
     """The signals are Ctrl-C and the hang-up of a terminal, one command for each."""
     ends = started([ASKED[0], *OTHERS[:1]], "-c", STUCK, str(tmp_path))
     time.sleep(0.1)  # into LAPACK
@@ -78,7 +78,7 @@ start()
 """
 
 
-def test_a_signal_before_all_else_ends_the_command_without_a_traceback():
+def test_a_signal_during_start_ends_the_command_without_a_traceback():
     ended = subprocess.run([sys.executable, "-c", EARLY], capture_output=True, text=True)
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
 
@@ -104,7 +104,7 @@ finally:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for():
+def test_repeated_signals_are_reported_once():
     """The signal is sent once and three times, to one command each."""
     ends = started(zip([*ASKED, *OTHERS[-1:]], (1, 3, 3), strict=False), "-c", LINGERING)
     for again, pause in enumerate((0.1, 0.1, 0.05)):
@@ -119,7 +119,7 @@ def test_what_ends_a_command_is_said_once_however_often_it_is_asked_for():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("number", [signal.SIGINT, *(number for number, _, _ in OTHERS)])
-def test_what_is_raised_after_a_signal_is_the_signal(capsys, number):
+def test_an_exception_after_a_signal_is_reported_as_the_signal(capsys, number):
     """Modules that are being imported convert the interrupt into other exceptions."""
 
     def command():
@@ -142,7 +142,7 @@ def test_what_is_raised_after_a_signal_is_the_signal(capsys, number):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_a_signal_that_is_ignored_is_ignored(capsys):
+def test_an_ignored_signal_is_ignored(capsys):
     """This is the case with `nohup`."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
@@ -159,7 +159,7 @@ def test_a_signal_that_is_ignored_is_ignored(capsys):
         RuntimeError("can't start new thread"),
     ],
 )
-def test_want_of_memory_is_one_line_whoever_tells_it(capsys, error):
+def test_lack_of_memory_is_one_line_for_every_source(capsys, error):
     def command():
         raise ValueError("something else") from error
 

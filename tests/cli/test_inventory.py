@@ -32,7 +32,7 @@ def test_a_table_of_buildings_and_their_models(folder, tdint):
     assert "energy error" in tdint("run", "models/school.yaml", *motion, code=0).stderr
 
 
-def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
+def test_invalid_rows_change_only_the_exit_code(folder, tdint):
     (folder / "b.csv").write_text(BAD)
     result = tdint("inventory", "b.csv", "--units", "m", "-o", "models.csv")
     assert (result.exit_code, result.stdout) == (3, "")
@@ -62,13 +62,13 @@ def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
         (["forced.yaml", "--units", "m"], 3, "forced.yaml:1: no column id"),
     ],
 )
-def test_what_is_refused(folder, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     (folder / "b.csv").write_text(BAD)
     (folder / "odd.csv").write_text(BAD.replace("good", "../up"))
     tdint.refused(message, "inventory", *arguments, code=code)
 
 
-def test_a_pushover(folder, tdint, drawn):
+def test_a_pushover_curve(folder, tdint, drawn):
     """Two equal stories with 8000 N/m and a yield force of 50 N: under equal forces, the lower
     story yields at a base shear of 50 N."""
     words = (
@@ -93,7 +93,7 @@ def test_a_pushover(folder, tdint, drawn):
     assert (folder / "x.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_a_pushover_to_a_design_spectrum(folder, tdint):
+def test_a_pushover_with_a_design_spectrum(folder, tdint):
     """Values of the building are printed once and stored in the JSON file. test_interface.py tests
     the rows of each method."""
     target = "ec8:type=1,soil=C,ag=0.05g"
@@ -136,11 +136,11 @@ def test_a_target_beyond_the_curve_is_refused(folder, tdint):
         (["missing.yaml"], 3, "missing.yaml: file not found"),
     ],
 )
-def test_what_a_pushover_refuses(folder, tdint, arguments, code, message):
+def test_invalid_pushover_arguments_are_refused(folder, tdint, arguments, code, message):
     tdint.refused(message, "pushover", *arguments, code=code)
 
 
-def test_of_many_faults_the_first_ten_and_their_number_are_shown(folder, tdint):
+def test_of_many_errors_the_first_ten_and_their_number_are_reported(folder, tdint):
     (folder / "many.csv").write_text(BAD.partition("\n")[0] + "\n" + "a,x,1985,C1,400\n" * 100)
     lines = tdint("inventory", "many.csv", "--units", "m", code=3).stderr.splitlines()
     errors = [line for line in lines if line.startswith("Error")]

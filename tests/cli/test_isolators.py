@@ -26,7 +26,7 @@ def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = ""):
 
 
 @pytest.mark.parametrize("below", [0, 2])
-def test_rayleigh_damping_does_not_reach_isolators(tmp_path, below):
+def test_rayleigh_damping_excludes_isolators(tmp_path, below):
     """What moves as a block on an isolator is not damped; the floors above are damped as on a fixed
     base."""
     first = "mass: 20, height: 3, stiffness: 9000"
@@ -46,7 +46,7 @@ def test_rayleigh_damping_does_not_reach_isolators(tmp_path, below):
         assert damping[:below, :below] == pytest.approx(alone, abs=1e-12)
 
 
-def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
+def test_rayleigh_damping_includes_isolators_on_request(tmp_path):
     plain = assemble(model(tmp_path, "mass: 25, stiffness: 300", more=RAYLEIGH)).damping_matrix()
     asked = assemble(
         model(tmp_path, "mass: 25, stiffness: 300, isolator: rayleigh", more=RAYLEIGH)
@@ -55,7 +55,7 @@ def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
 
 
 @pytest.mark.parametrize("damping", [RAYLEIGH, "damping: 3%\n"])
-def test_a_report_says_where_rayleigh_damping_is_not(tmp_path, damping):
+def test_a_report_states_that_rayleigh_damping_excludes_isolators(tmp_path, damping):
     """The ratio of the first mode is not the one given then."""
     said = {
         how: damping_text(
@@ -69,7 +69,7 @@ def test_a_report_says_where_rayleigh_damping_is_not(tmp_path, damping):
     )
 
 
-def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):
+def test_p_delta_uses_weight_over_height_of_an_isolator(tmp_path):
     """Its modes are those of springs softer by W/h, of which the isolator has no other use of its
     height."""
     weights = STANDARD_GRAVITY * np.array([85.0, 60.0, 40.0, 20.0])
@@ -85,7 +85,7 @@ def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):
         model(tmp_path, "mass: 25, stiffness: 3000, isolator: true", more="p_delta: true\n")
 
 
-def test_its_drift_is_a_displacement_and_no_collapse(folder, tdint):
+def test_isolator_drift_is_a_displacement_and_no_collapse(folder, tdint):
     """0.3 m on bearings of half a meter is no drift ratio of 60 %."""
     text = "name: {name}\nstories:\n  - {{mass: 25, stiffness: 50, {isolator}}}\n"
     for name, isolator in (("yes", "isolator: rayleigh, height: 0.5"), ("no", "height: 0.5")):
@@ -112,7 +112,7 @@ def test_its_drift_is_a_displacement_and_no_collapse(folder, tdint):
     assert "\nMean isolator displacement " in several.stderr
 
 
-def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
+def test_a_story_that_becomes_unstable_by_p_delta_causes_a_warning(folder, tdint):
     text = (
         "p_delta: true\nstories:\n  - {mass: 40, height: 2, stiffness: 3000, law: {type: bilinear, "
         "yield_force: 60, hardening: %s}}\n"
@@ -154,7 +154,7 @@ def test_the_stiffness_after_yield(tmp_path, law, stiffness):
     assert stiffness_after_yield(story) == pytest.approx(stiffness, rel=1e-12)
 
 
-def test_the_report_tells_the_period_of_the_secant_stiffness(folder, tdint):
+def test_the_report_contains_the_period_of_the_secant_stiffness(folder, tdint):
     """A rigid block on one isolator: 2 pi sqrt(m d / V), before it yields 2 pi sqrt(m / k)."""
     Path("block.yaml").write_text(
         "stories:\n  - {mass: 25, stiffness: 3000, isolator: true, law: {type: bilinear, "
@@ -172,7 +172,7 @@ def test_the_report_tells_the_period_of_the_secant_stiffness(folder, tdint):
     assert "for the initial stiffness of the isolators" in tdint("modes", "block.yaml").stderr
 
 
-def test_what_is_unusual_is_as_meant(folder, tdint):
+def test_plausibility_off_suppresses_warnings_with_a_reason(folder, tdint):
     text = Path("shaken.yaml").read_text()
     Path("odd.yaml").write_text(text + "collapse_drift: 0.5\n")
     Path("meant.yaml").write_text(
@@ -189,7 +189,7 @@ def test_what_is_unusual_is_as_meant(folder, tdint):
     )
 
 
-def test_what_is_said_of_many_files_is_one_line(capsys):
+def test_a_note_about_many_files_is_one_line(capsys):
     """Behind what is said of single ones, which changes a number more often."""
     note(
         *(f"{name}.csv: the inventory is not used" for name in "abcd"),

@@ -33,7 +33,7 @@ def test_one_cycle(folder, tdint):
     assert (table[8]["drift_m"], table[12]["drift_m"], table[16]["drift_m"]) == ("0", "-0.03", "0")
 
 
-def test_what_is_told(folder, tdint):
+def test_messages_contain_stiffness_yield_drift_and_cycles(folder, tdint):
     result = tdint(
         "law", "shaken.yaml", "--drift", "0.5dy", "--drift", "3cm", "--cycles", "2", "--points", "2"
     )
@@ -47,7 +47,7 @@ def test_what_is_told(folder, tdint):
     ]
 
 
-def test_a_linear_story_of_a_stream(folder, tdint):
+def test_a_linear_story_from_standard_input(folder, tdint):
     text = (folder / "forced.yaml").read_text().replace(", height: 3", "")
     result = tdint("law", "-", "--drift", "10mm", "--points", "1", stdin=text.encode(), code=0)
     assert [row["shear_N"] for row in rows(result.stdout)] == ["0", "8", "0", "-8", "0"]
@@ -67,7 +67,7 @@ def test_a_linear_story_of_a_stream(folder, tdint):
 
 
 @pytest.mark.parametrize("units", ["m", "dy"])
-def test_any_path(folder, tdint, units):
+def test_a_drift_path_from_a_file(folder, tdint, units):
     """To 0.03 m, where the force is 69 N, back by 0.01 m along k = 8000 N/m, and on: one row for
     each."""
     scale = 1.0 if units == "m" else 1.0 / 0.00625
@@ -102,7 +102,7 @@ def test_p_delta(tdint):
 
 
 @pytest.mark.parametrize(("model", "drift"), [("forced.yaml", "1e-9mm"), ("shaken.yaml", "1e9m")])
-def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
+def test_figures_of_any_drift(folder, tdint, model, drift, drawn):
     tdint("law", model, "--drift", drift, "--points", "1", "--plot", "x.png", code=0)
     assert (folder / "x.png").exists()
 
@@ -162,7 +162,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
         ),
     ],
 )
-def test_what_is_refused(folder, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     (folder / "no-height.yaml").write_text(
         (folder / "forced.yaml").read_text().replace(", height: 3", "")
     )

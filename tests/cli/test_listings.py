@@ -24,7 +24,7 @@ def test_modes(folder, tdint):
     tdint.refused("Error: missing.yaml: file not found", "modes", "missing.yaml", code=3)
 
 
-def test_of_coupled_damping_each_mode_has_its_own(folder, tdint):
+def test_each_mode_has_its_own_ratio_of_coupled_damping(folder, tdint):
     """As the first one in the summary of a run."""
     result = tdint("modes", "forced.yaml", code=0)
     first, second = (float(row["damping"]) for row in rows(result.stdout))

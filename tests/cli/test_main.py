@@ -13,7 +13,7 @@ from tdint_cli.main import COMMANDS, GROUPS, cli
 HEAVY = ("numpy", "scipy", "numba", "obspy", "matplotlib", "yaml", "pkg_resources")
 
 
-def test_help_and_version_load_click_alone():
+def test_help_and_version_import_only_click():
     """One after the other in one process: the first that loads more is named. The group imports no
     command."""
     calls = [["--help"], ["-h"], ["--version"], *([name, "-h"] for name in COMMANDS)]
@@ -32,7 +32,7 @@ def test_help_and_version_load_click_alone():
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_table_says_what_the_command_says_and_every_option_is_explained(name):
+def test_the_command_list_matches_the_command_help_and_every_option_has_help(name):
     sentence = COMMANDS[name][1]
     command = cli.get_command(click.Context(cli), name)
     assert command.name == name

@@ -89,7 +89,7 @@ def positions(geometry: dict[str, Any] | None) -> list[float] | None:
 
 
 @pytest.mark.usefixtures("mapped")
-def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command) -> None:
+def test_columns_of_the_inventory_follow_the_columns_of_the_runs(tdint: Command) -> None:
     """Columns of the inventory follow the other columns. Their texts are unchanged, except for
     texts that a spreadsheet would execute, and duplicate column names have a prefix. Changed
     additional columns do not cause new runs. Shards keep these columns."""
@@ -118,7 +118,9 @@ def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command)
     tdint("campaign", "campaign.yaml", "-o", "out", code=2)
 
 
-def test_a_map_by_the_rules_of_geojson(mapped: list[dict[str, Any]], tdint: Command) -> None:
+def test_a_map_follows_the_geojson_specification(
+    mapped: list[dict[str, Any]], tdint: Command
+) -> None:
     """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, only finite
     numbers. The properties contain the larger component of runs.csv, in the units of the tables."""
     assert all(
@@ -164,7 +166,7 @@ def test_a_map_by_the_rules_of_geojson(mapped: list[dict[str, Any]], tdint: Comm
         ),
     ],
 )
-def test_what_a_map_refuses(
+def test_invalid_maps_are_refused(
     region: Path, tdint: Command, change: tuple[str, str], more: tuple[str, ...], message: str
 ) -> None:
     Path("buildings.csv").write_text(BUILDINGS.replace(*change, 1))
@@ -174,7 +176,7 @@ def test_what_a_map_refuses(
 
 
 @pytest.mark.usefixtures("mapped")
-def test_a_map_goes_with_its_places(tdint: Command) -> None:
+def test_a_map_is_updated_or_removed_with_its_coordinates(tdint: Command) -> None:
     """The map is updated with the other tables, and removed if the inventory no longer has
     coordinates."""
     Path("buildings.csv").write_text(BUILDINGS.replace("1e6", "3e6"))
@@ -207,7 +209,7 @@ def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
     )
 
 
-def test_damage_has_them_too(region: Path, tdint: Command) -> None:
+def test_damage_tables_contain_the_columns_of_the_inventory(region: Path, tdint: Command) -> None:
     """damage.csv and damage.parquet contain the columns of the inventory; the map contains the
     means over the runs of damage.csv."""
     damage = (

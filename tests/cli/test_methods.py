@@ -26,19 +26,19 @@ def column(result, name: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_all_methods_at_their_defaults(tdint, name):
+def test_all_methods_with_default_parameters(tdint, name):
     result = tdint(name, *SMALL[name], code=0)
     assert list(dict.fromkeys(column(result, "method"))) == ALL
     assert "nan" not in result.stdout
 
 
-def test_a_method_is_measured_once(tdint):
+def test_a_repeated_method_is_evaluated_once(tdint):
     words = ("overshoot", *SMALL["overshoot"], "--method", "newmark")
     once, twice = tdint(*words), tdint(*words, "--method", "newmark:beta=1/4:gamma=0.5", code=0)
     assert twice.stdout == once.stdout
 
 
-def test_a_label_is_what_was_typed(here, tdint, folder):
+def test_a_label_is_the_typed_specification(here, tdint, folder):
     """Parameters by colons; those by commas are read with a line that says how to write them."""
     typed = "newmark:beta=1/4:gamma=0.50"
     assert set(
@@ -60,7 +60,7 @@ def test_a_label_is_what_was_typed(here, tdint, folder):
     assert row["parameters"] == "beta=0.25 in [0 to 1]; gamma=0.5 in [0.5 to 1]"
 
 
-def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
+def test_a_table_with_the_suffix_of_a_workbook_causes_a_warning(here, tdint):
     command = ("stability", *SMALL["stability"], "--method", "newmark")
     assert (
         "Warning: -o x.xlsx: the table is written as CSV"
@@ -93,7 +93,7 @@ def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
         ),
     ],
 )
-def test_what_is_refused(here, tdint, name, arguments, code, message):
+def test_invalid_arguments_are_refused(here, tdint, name, arguments, code, message):
     tdint.refused(message, name, *SMALL[name], *arguments, code=code)
 
 
@@ -115,7 +115,7 @@ def test_what_is_refused(here, tdint, name, arguments, code, message):
         "order --frequency-ratio 0.2:11:3",
     ],
 )
-def test_values_out_of_range(tdint, line):
+def test_values_out_of_range_are_refused(tdint, line):
     tdint.refused(f"Invalid value for '{line.split()[1]}'", *line.split())
 
 
@@ -130,7 +130,7 @@ def test_the_default_steps(tdint):
     ) == ["0.25"]
 
 
-def test_critical_steps_are_told(tdint):
+def test_critical_steps_are_reported(tdint):
     """Of each method at each damping, whatever the steps of the table."""
     methods = ("--method", "central-difference,newmark-average,rk5", "--damping", "0,0.05")
     result = tdint("stability", *SMALL["stability"], *methods)
@@ -182,12 +182,12 @@ def test_beta_scan(here, tdint):
 
 
 @pytest.mark.parametrize("steps", ["1e6", "1e-6:1e-5:3"])
-def test_pictures_of_any_steps(here, tdint, steps, drawn):
+def test_figures_of_any_steps(here, tdint, steps, drawn):
     tdint("stability", "--method", "exact,rk5", "--dt-over-t", steps, "--plot", "x.png", code=0)
     assert (here / "x.png").exists()
 
 
-def test_names_are_told_apart_in_a_picture(here, tdint):
+def test_similar_names_remain_distinct_in_a_figure(here, tdint):
     methods = ("impulse:beta=0.0069444", "impulse:beta=0.00694441", "impulse", "wilson:theta=1.4")
     options = [part for method in methods for part in ("--method", method)]
     tdint("stability", *SMALL["stability"], *options, "--plot", "x.svg", code=0)
@@ -200,7 +200,7 @@ def test_names_are_told_apart_in_a_picture(here, tdint):
 # ---- overshoot
 
 
-def test_overshoot_words(tdint):
+def test_overshoot_messages(tdint):
     methods = ("newmark-average", "generalized-alpha", "wilson", "cr", "rk5")
     lines = tdint("overshoot", "--method", ",".join(methods)).stderr.splitlines()
     assert lines[0] == "Powers of omega dt in the first time step, for omega dt to infinity:"
@@ -215,7 +215,7 @@ def test_overshoot_words(tdint):
     assert "zero" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
 
 
-def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint, drawn):
+def test_an_unstable_motion_has_empty_cells(here, tdint, drawn):
     last = rows(
         tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout
     )[-1]
@@ -276,7 +276,7 @@ def test_order_over_the_frequency_ratio(here, tdint, monkeypatch):
         np.testing.assert_allclose([float(row[quantity]) for row in table], 2.0, atol=0.1)
 
 
-def test_a_single_ratio_and_loads_without_one(tdint):
+def test_a_single_ratio_and_loads_without_a_ratio(tdint):
     assert column(
         tdint("order", "--method", "newmark", "--frequency-ratio", "0.5"), "frequency_ratio"
     ) == ["0.5"]
@@ -293,7 +293,7 @@ def test_a_single_ratio_and_loads_without_one(tdint):
 @pytest.mark.parametrize(
     ("command", "law"), [("order --load free", "polynomial"), ("overshoot", "hardening")]
 )
-def test_methods_that_cannot_do_the_law_are_named(tdint, command, law):
+def test_methods_that_do_not_support_the_law_are_reported(tdint, command, law):
     words = (*command.split(), "--law", law, "--method")
     result = tdint(*words, "exact,newmark-average", code=0)
     assert set(column(result, "method")) == {"newmark-average"}
@@ -305,7 +305,7 @@ def test_methods_that_cannot_do_the_law_are_named(tdint, command, law):
     )
 
 
-def test_errors_that_are_rounding_are_told(here, tdint, drawn):
+def test_rounding_errors_are_reported_as_the_reason_of_a_missing_order(here, tdint, drawn):
     result = tdint(
         "order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg"
     )
@@ -314,7 +314,7 @@ def test_errors_that_are_rounding_are_told(here, tdint, drawn):
     assert "errors are rounding" in (here / "x.svg").read_text(encoding="utf-8")
 
 
-def test_a_method_that_fails_does_not_keep_the_others_from_being_measured(tdint, monkeypatch):
+def test_a_failing_method_does_not_prevent_the_others(tdint, monkeypatch):
     from tdint.analysis.assessment import order as accuracy
     from tdint.errors import AnalysisError
 
@@ -333,7 +333,7 @@ def test_a_method_that_fails_does_not_keep_the_others_from_being_measured(tdint,
     assert (alone.exit_code, alone.stdout) == (5, "")
 
 
-def test_the_choices_are_those_of_the_library():
+def test_the_choices_equal_the_options_of_the_library():
     choices = {
         parameter.name: getattr(parameter.type, "choices", None)
         for parameter in order.command.params
@@ -347,7 +347,7 @@ def test_the_choices_are_those_of_the_library():
     [("stability", "--dt-over-t", "0.1"), pytest.param(("overshoot",), marks=pytest.mark.slow)],
     ids=" ".join,
 )
-def test_pictures_of_all_methods_are_a_selection(here, tdint, command):
+def test_figures_show_a_selection_of_the_methods(here, tdint, command):
     """The table has all; the picture has the selection, or all with --all."""
     table = tdint(*command, "--plot=few.svg").stdout
     tdint(*command, "--plot=all.svg", "--all")

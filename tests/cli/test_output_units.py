@@ -75,13 +75,15 @@ def check_round_trip(si: str, us: str) -> None:
     ],
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
 )
-def test_a_table_and_back(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> None:
+def test_a_table_in_other_units_converts_back(
+    folder: Path, tdint: Command, arguments: tuple[Any, ...]
+) -> None:
     si, us = tdint(*arguments), tdint(*arguments, "--output-units", "kip,in,g")
     assert (si.exit_code, us.exit_code) == (0, 0), us.stderr
     check_round_trip(si.stdout, us.stdout)
 
 
-def test_the_files_of_a_run_and_back(folder: Path, tdint: Command) -> None:
+def test_the_files_of_a_run_in_other_units_convert_back(folder: Path, tdint: Command) -> None:
     run = ("run", "shaken.yaml", "--history", "--floor-spectra", "roof", "--floor-period", 0.5)
     tdint(*run, "-o", "si", code=0)
     done = tdint(*run, "-o", "us", "--output-units", "kip,in,g", code=0)
@@ -117,7 +119,7 @@ def test_the_files_of_a_run_and_back(folder: Path, tdint: Command) -> None:
     ],
     ids=lambda arguments: "-".join(str(word) for word in arguments if str(word).isalpha()),
 )
-def test_pictures(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> None:
+def test_figures_have_no_si_units(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> None:
     """No label, name or legend in a picture is in SI units any more."""
     in_si = re.compile(r"[( ](m|m/s|m/s²|[kM]?N|[kM]?J)(\)|$)")
     tdint(*arguments, "--plot=us.svg", "--output-units", "kip,in,g", code=0)
@@ -126,9 +128,7 @@ def test_pictures(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> N
     assert any(re.search(r"[( ](in|in/s|g|kip|kip·in)(\)|$)", text) for text in us)
 
 
-def test_a_model_names_its_units_and_the_command_line_comes_before_it(
-    folder: Path, tdint: Command
-) -> None:
+def test_units_of_a_model_are_replaced_by_the_command_line(folder: Path, tdint: Command) -> None:
     with (folder / "forced.yaml").open("a") as stream:
         stream.write("output_units: [kN, mm]\n")
     table = tdint("run", "forced.yaml").stdout
@@ -138,7 +138,7 @@ def test_a_model_names_its_units_and_the_command_line_comes_before_it(
     assert "peak_shear_kip" in tdint("run", "forced.yaml", "--output-units", "kip,in,g").stdout
 
 
-def test_the_columns_beside_a_spectrum(folder: Path, tdint: Command) -> None:
+def test_columns_of_a_spectrum_in_other_units(folder: Path, tdint: Command) -> None:
     spectrum = (
         "spectrum",
         "motion.mseed",
@@ -176,7 +176,7 @@ def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Command) -> 
     assert "peak_base_shear_kip" in (folder / "study" / "runs.csv").read_text()
 
 
-def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Command) -> None:
+def test_a_history_is_compressed_and_thinned(folder: Path, tdint: Command) -> None:
     run = ("run", "forced.yaml")
     tdint(*run, "--history", "-o", "out", code=0)
     whole = (folder / "out" / "history.csv").read_text().splitlines(keepends=True)
@@ -209,13 +209,13 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
         (("--output-units", "kips,in"), "unknown unit 'kips'; did you mean 'kip'?"),
     ],
 )
-def test_what_cannot_be(
+def test_invalid_arguments_are_refused(
     folder: Path, tdint: Command, arguments: tuple[Any, ...], message: str
 ) -> None:
     tdint.refused(message, "run", "forced.yaml", *arguments)
 
 
-def test_every_so_many_steps_are_views(folder: Path) -> None:
+def test_a_thinned_history_is_a_view(folder: Path) -> None:
     """Of a long history no second one is made. The numbers:
     tests/analysis/run/test_history_pieces.py."""
     from tdint import load_model, run

@@ -85,7 +85,7 @@ def test_components_that_do_not_belong_together_are_refused(folder, tdint, old, 
     tdint("run", "one.yaml", "in", "--pair-demand", "separate", code=0)
 
 
-def test_a_missing_component_is_named(folder, tdint):
+def test_a_missing_component_is_reported(folder, tdint):
     write_pair(folder)
     (folder / "RSN1_EQ_GIL337.AT2").unlink()
     tdint.refused(
@@ -137,7 +137,7 @@ def suite(folder, tdint, matched_files):
 @pytest.mark.parametrize(
     ("demand", "combine"), [("larger", max), ("mean", np.mean), ("separate", None)]
 )
-def test_a_limit_of_matched_pairs_counts_them_as_declared(suite, tdint, demand, combine):
+def test_a_limit_of_matched_pairs_uses_the_specified_demand(suite, tdint, demand, combine):
     """This is the unsafe case: the average over separate components meets a limit that the average
     of the larger components exceeds."""
     runs = rows(tdint("run", "one.yaml", "m", code=0).stdout)
@@ -156,7 +156,7 @@ def test_a_limit_of_matched_pairs_counts_them_as_declared(suite, tdint, demand, 
     assert "3 pairs" in line and "larger" in line
 
 
-def test_tables_state_how_pairs_count(suite, tdint):
+def test_tables_contain_the_demand_of_pairs(suite, tdint):
     for demand, combine, count in (("larger", max, 3), ("mean", np.mean, 3), ("separate", None, 6)):
         call = ("run", "one.yaml", "m", "-o", demand, "--pair-demand", demand)
         tdint(*call, code=0)
@@ -172,7 +172,7 @@ def test_tables_state_how_pairs_count(suite, tdint):
         assert float(profile[0]["mean"]) == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_choice_without_pairs_is_refused(suite, tdint):
+def test_a_pair_demand_without_pairs_is_refused(suite, tdint):
     tdint.refused(
         "the records contain no pairs",
         *["run", "one.yaml", "m/A067.mseed", "m/B067.mseed", "--pair-demand", "mean"],
@@ -241,7 +241,7 @@ def test_capacities_of_pairs(suite, tdint):
     assert re.search(r": 3 pairs, \d+ runs with ", result.stderr)
 
 
-def test_the_mean_curve_of_a_pair_is_found_by_hand():
+def test_the_mean_curve_of_a_pair_equals_the_analytical_curve():
     """The mean of two straight lines through the origin is a line with the mean slope."""
     record = Record(np.ones(10), 0.01, "", "", "", "")
     curves = []

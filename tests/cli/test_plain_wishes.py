@@ -44,7 +44,7 @@ def test_several_models_point_to_campaigns_and_several_methods_to_the_chart(
         (["1/a/x.at2", "2/a/x.at2"], ["1/a/x.at2", "2/a/x.at2"]),
     ],
 )
-def test_records_of_one_name_are_told_apart(sources, wanted):
+def test_records_with_equal_names_get_distinct_names(sources, wanted):
     assert [record_names(sources)[source] for source in sources] == wanted
 
 
@@ -55,7 +55,7 @@ class Line:
         self.record = Record(np.zeros(4), 0.01, "", "", component, "file")
 
 
-def test_verticals_have_no_part_in_a_median_of_horizontals():
+def test_vertical_components_are_excluded_from_a_median_of_horizontals():
     assert in_median([Line("HNE"), Line("HNZ"), Line("UP"), Line("090")]) == [
         True,
         False,
@@ -65,7 +65,7 @@ def test_verticals_have_no_part_in_a_median_of_horizontals():
     assert in_median([Line("HNZ"), Line("UP")]) == [True, True]
 
 
-def test_titles_say_the_scale():
+def test_titles_contain_the_scale():
     record = Record(np.ones(4), 0.01, "", "", "HNE", "file")
     assert changed([record]) == ""
     assert changed([record.scaled(1.7)]) == " x 1.7"

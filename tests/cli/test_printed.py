@@ -21,7 +21,7 @@ POINTS = 72.0 / 25.4
 STABILITY = ("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", "0.01:1:9")
 
 
-def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(
+def test_a_pdf_has_the_requested_width_truetype_fonts_and_text_of_six_to_eight_points(
     here, tdint, drawn
 ):
     """The font size is read from the page streams: `/F1 8 Tf`."""
@@ -43,7 +43,7 @@ def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_point
     }  # exponents are smaller
 
 
-def test_words_are_those_of_the_paper(here, tdint, drawn):
+def test_labels_and_styles_can_be_replaced(here, tdint, drawn):
     """Titles and labels can be replaced; a style sheet is applied."""
     (here / "own.mplstyle").write_text("lines.linewidth: 4.5\n")
     style = ("--style", "own.mplstyle,width=7in,label:impulse4='present, method',title=no")
@@ -77,7 +77,7 @@ def test_words_are_those_of_the_paper(here, tdint, drawn):
         ("none.mplstyle", "style sheet none.mplstyle: "),
     ],
 )
-def test_what_cannot_be_drawn_is_one_line(here, tdint, words, message):
+def test_invalid_styles_are_refused_in_one_line(here, tdint, words, message):
     assert message in tdint(*STABILITY, "--style", words, "--plot=a.svg", code=2).stderr
     assert not (here / "a.svg").exists()
 
@@ -104,7 +104,7 @@ def test_symbols():
     assert in_print(" trio:rho_inf=1", PrintedAs(labels=(("trio", "ours"),))) == " ours"
 
 
-def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
+def test_a_campaign_keeps_the_style_of_its_file(folder, tdint, monkeypatch):
     """The command line takes precedence over the campaign file. The path of a style sheet is
     relative to the campaign file, for any working directory."""
     asked = []
@@ -142,7 +142,7 @@ def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
         ("font=No Such Font", "study.yaml: font 'No Such Font' is not installed on this machine"),
     ],
 )
-def test_looks_that_cannot_be_are_told_before_the_runs(folder, tdint, style, message):
+def test_invalid_styles_of_a_campaign_are_reported_before_the_runs(folder, tdint, style, message):
     (folder / "study.yaml").write_text(f"{STUDY}style: {style}\n")
     result = tdint.refused(message, "campaign", "study.yaml", "-o", "out", "--plot", code=3)
     assert len(result.stderr.splitlines()) == 1
@@ -187,7 +187,7 @@ DRAWN = {
     "--vary damping=2%:5%,mass_factor=0.9:1.1,story\\ 2.stiffness_factor=0.8:1.2",
     "fragility": "fragility stripes.csv",
     "stability": "stability",
-    "stability beside 1/144": "stability --beta-scan",
+    "stability near 1/144": "stability --beta-scan",
     "overshoot": "overshoot",
     "order": "order --method impulse4,hht,newmark-average --load free",
     "failures": "failures --method impulse4,hht,newmark-average,wilson",
@@ -261,7 +261,7 @@ def studied(folder, tdint, request):
 @pytest.mark.parametrize(
     "line", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in DRAWN]
 )
-def test_words_keep_to_the_page_and_off_each_other(tdint, monkeypatch, line):
+def test_texts_are_within_the_page_and_do_not_overlap(tdint, monkeypatch, line):
     found = []
 
     def measured(self, stream):
@@ -280,7 +280,7 @@ def test_words_keep_to_the_page_and_off_each_other(tdint, monkeypatch, line):
     assert found and [one for one in found if one[1]] == []
 
 
-def test_a_word_beyond_the_page_and_one_over_another_are_found():
+def test_texts_beyond_the_page_and_overlaps_are_detected():
     figure = Figure(figsize=(2.0, 2.0))
     FigureCanvasAgg(figure)
     figure.text(0.1, 0.5, "within")

@@ -61,7 +61,7 @@ def processed(folder):
         (("info",), "pga_m_s2"),
     ],
 )
-def test_numbers_are_those_of_the_processed_record(folder, tdint, processed, command, column):
+def test_results_equal_those_of_the_processed_record(folder, tdint, processed, command, column):
     """What was done is told on standard error and in the JSON file."""
     name, *words = command
     result = tdint(
@@ -87,13 +87,13 @@ def test_numbers_are_those_of_the_processed_record(folder, tdint, processed, com
     assert (record["samples"], record["dt_s"]) == (processed.acceleration.size, 0.005)
 
 
-def test_notes_name_the_component_where_a_file_has_several(folder, tdint):
+def test_notes_name_the_component_of_files_with_several(folder, tdint):
     told = notes(tdint("info", "motion.mseed", *OPTIONS))
     assert told[0] == "motion.mseed: trimmed to the part from 0.5 to 2.5 s"
     assert [line for line in told if "a line from" in line][1].startswith("motion.mseed: HNN: ")
 
 
-def test_nothing_is_changed_unless_asked_for(folder, tdint):
+def test_records_are_unchanged_by_default(folder, tdint):
     result = tdint(
         "spectrum", "other.mseed", "--period", "0.5", "-o", "out.csv", "--units", "m/s^2"
     )
@@ -103,7 +103,9 @@ def test_nothing_is_changed_unless_asked_for(folder, tdint):
     assert summary["records"][0]["processing"] == []
 
 
-def test_a_step_that_does_not_fit_one_record_does_not_stop_the_others(folder, tdint, make_record):
+def test_an_invalid_processing_step_of_one_record_does_not_stop_the_others(
+    folder, tdint, make_record
+):
     make_record(folder / "short.mseed", "HNE", samples=100)
     result = tdint("info", "short.mseed", "other.mseed", "--trim", "1:2")
     assert (result.exit_code, len(result.stdout.splitlines())) == (4, 2)
@@ -158,7 +160,7 @@ def test_model_command_line_and_library_agree(folder, tdint):
     assert summary["record"]["processing"] == list(record.processing)
 
 
-def test_an_option_replaces_what_the_model_says_of_the_same_step(folder, tdint):
+def test_an_option_replaces_the_same_step_of_the_model(folder, tdint):
     text = (
         (folder / "shaken.yaml")
         .read_text()
@@ -180,7 +182,7 @@ def test_an_option_replaces_what_the_model_says_of_the_same_step(folder, tdint):
     tdint.refused(message, "run", "shaken.yaml", "--highpass", "25")
 
 
-def test_processing_needs_a_record(folder, tdint):
+def test_processing_requires_a_record(folder, tdint):
     tdint.refused(
         "processing requires a record, but the model specifies no record",
         "run",

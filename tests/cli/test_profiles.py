@@ -71,7 +71,7 @@ OF = (
 )
 
 
-def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> None:
+def test_profiles_equal_statistics_of_the_stories(study: Path, tdint: Command) -> None:
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     stories, profiles = rows("out/stories.csv"), rows("out/profiles.csv")
     columns = {
@@ -98,7 +98,7 @@ def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> Non
         assert (row["runs"], row["collapsed"], row["failed"]) == ("3", "0", "0")
 
 
-def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Command) -> None:
+def test_errors_of_the_runs_are_propagated_to_the_statistics(study: Path, tdint: Command) -> None:
     """The error of a statistic is the maximum change if all values change within their errors."""
     Path("study.yaml").write_text(
         STUDY.replace("{method: newmark-average}", "{method: moment4, check: true}")
@@ -131,7 +131,7 @@ def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Co
     assert list(summary["profiles"]["columns"])[-1] == "max_error"
 
 
-def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command) -> None:
+def test_the_limit_applies_to_the_mean_in_the_governing_story(study: Path, tdint: Command) -> None:
     """The limit applies to the maximum over stories of the mean drift, which differs from the mean
     of the maximum drifts."""
     run = (
@@ -172,7 +172,7 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command
     )
 
 
-def test_a_gate_does_not_pass_before_all_runs_are_done(
+def test_a_requirement_is_not_met_before_all_runs_are_completed(
     study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
     """The limit is so large that the complete study meets it. Parts of the study nevertheless cause
@@ -208,7 +208,7 @@ def test_a_gate_does_not_pass_before_all_runs_are_done(
     assert "is not met: 1 record could not be used" in again.stderr
 
 
-def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) -> None:
+def test_collapsed_runs_are_counted_and_excluded_from_means(study: Path, tdint: Command) -> None:
     """One of three motions causes collapse. The mean is over the other two motions, and no limit is
     met."""
     factors = {"motion.mseed": "40", "other.mseed": "0.5", "third.mseed": "0.6"}
@@ -235,9 +235,7 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) 
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
 
 
-def test_of_many_buildings_ten_are_named_and_the_others_counted(
-    study: Path, tdint: Command
-) -> None:
+def test_at_most_ten_of_many_buildings_are_listed(study: Path, tdint: Command) -> None:
     """A building that is listed twice is reported. The table states the number of excluded motions
     of each mean."""
     names = [f"weak-{place}.yaml" for place in range(7)]
@@ -269,7 +267,7 @@ def test_of_many_buildings_ten_are_named_and_the_others_counted(
     )
 
 
-def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Command) -> None:
+def test_levels_of_a_measure_have_their_own_column(study: Path, tdint: Command) -> None:
     levels = "intensity: {measure: pga, levels: [0.1 g, 0.2 g]}"
     Path("study.yaml").write_text(STUDY.replace("intensity: {scales: [0.5, 1]}", levels))
     verdicts = tdint("campaign", "study.yaml", "-o", "out", "--limit", "2%", code=0).stderr
@@ -295,7 +293,7 @@ def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Command) 
     assert float(row["mean"]) == pytest.approx(statistics.fmean(values), rel=1e-11)
 
 
-def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint: Command) -> None:
+def test_output_units_change_numbers_and_units(study: Path, tdint: Command) -> None:
     run = ("run", "stiff.yaml", *MOTIONS, "--units", "m/s^2", "--method", "newmark-average")
     tdint(*run, "-o", "si")
     tdint(*run, "-o", "mm", "--output-units", "kN,mm")
@@ -309,7 +307,7 @@ def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint
             assert float(mm["mean"]) == pytest.approx(factor * float(si["mean"]), rel=1e-10)
 
 
-def test_a_mean_is_told_when_all_runs_are_done(
+def test_profiles_are_written_after_all_runs_are_completed(
     study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
     make_record(
@@ -324,7 +322,7 @@ def test_a_mean_is_told_when_all_runs_are_done(
     assert Path("all/profiles.png").exists()
 
 
-def test_a_wish_goes_without(study: Path, tdint: Command) -> None:
+def test_profiles_can_be_disabled(study: Path, tdint: Command) -> None:
     Path("study.yaml").write_text(STUDY.replace("stories: true", "profiles: false"))
     campaign = ("campaign", "study.yaml", "-o", "out")
     tdint(*campaign, code=0)
@@ -345,11 +343,13 @@ def test_a_wish_goes_without(study: Path, tdint: Command) -> None:
         ),
     ],
 )
-def test_what_is_refused(study: Path, tdint: Command, words: tuple[str, ...], message: str) -> None:
+def test_invalid_arguments_are_refused(
+    study: Path, tdint: Command, words: tuple[str, ...], message: str
+) -> None:
     assert message in tdint(*words, code=2).stderr
 
 
-def test_ratios_are_those_of_the_profiles(study: Path, tdint: Command) -> None:
+def test_ratios_equal_quotients_of_the_profiles(study: Path, tdint: Command) -> None:
     result = tdint("campaign", "study.yaml", "-o", "out", "--baseline", "shaken", "--plot", code=0)
     profiles, ratios = rows("out/profiles.csv"), rows("out/ratios.csv")
     assert {(row["building"], row["baseline"]) for row in ratios} == {("stiff", "shaken")}
@@ -373,7 +373,7 @@ def test_ratios_are_those_of_the_profiles(study: Path, tdint: Command) -> None:
                 assert row[f"{name}_ratio"] == ""
 
 
-def test_without_a_motion_there_is_no_number() -> None:
+def test_statistics_without_ground_motions_are_nan() -> None:
     """If all runs of a building collapse, the cells are empty. With one motion, all statistics
     equal its value."""
     for values in vars(Statistics.of(np.empty((0, 3)))).values():

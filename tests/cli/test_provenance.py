@@ -11,7 +11,7 @@ import tdint
 from tdint.system import __version__, version_of_sources
 
 
-def test_options_and_units_are_told(folder, tdint):
+def test_options_and_units_are_recorded(folder, tdint):
     model = (folder / "shaken.yaml").read_bytes()
     words = ("--story", 2, "--drift", "1%,5mm", "--output-units", "kN,mm", "-o", "law.csv.gz")
     tdint("law", "-", *words, stdin=model, code=0)
@@ -22,7 +22,7 @@ def test_options_and_units_are_told(folder, tdint):
     assert about["inputs"] == [{"file": "-", "sha256": hashlib.sha256(model).hexdigest()}]
 
 
-def test_a_checkout_does_not_call_itself_a_release(tmp_path, monkeypatch):
+def test_a_changed_checkout_is_not_reported_as_a_release(tmp_path, monkeypatch):
     """Nor does a package with an edited file; the hash is that of its sources, wherever they
     are."""
     own = Path(tdint.__file__).parent

@@ -165,7 +165,7 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
         assert told["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
 
 
-def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
+def test_the_verdict_of_a_run_is_the_first_result(folder: Path, tdint: Command) -> None:
     """The result with limit, value and story is in words and in color. With --require, it also
     determines the exit code of one run."""
     drifts = [
@@ -209,7 +209,7 @@ def test_a_collapse_is_the_headline(folder: Path, tdint: Command) -> None:
     assert re.search(r"story \d .* [0-9.]+\ss", verdicts[0][1])
 
 
-def test_targets_are_printed_in_the_words_of_the_code() -> None:
+def test_targets_are_printed_with_the_symbols_of_the_code() -> None:
     """Parameters have their symbols and units; files and unknown texts are unchanged."""
     expected = {
         "asce7:sds=1.0,sd1=0.6,tl=8": "ASCE 7, SDS = 1.0 g, SD1 = 0.6 g, TL = 8 s",
@@ -221,9 +221,7 @@ def test_targets_are_printed_in_the_words_of_the_code() -> None:
     assert {source: spectrum_text(source) for source in expected} == expected
 
 
-def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(
-    folder: Path, tdint: Command
-) -> None:
+def test_the_page_of_a_scaled_suite_shows_the_scaled_motions(folder: Path, tdint: Command) -> None:
     given = (
         "run",
         "shaken.yaml",
@@ -245,9 +243,7 @@ def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(
     assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
 
 
-def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(
-    folder: Path, tdint: Command
-) -> None:
+def test_a_page_uses_the_units_and_the_head_of_the_model(folder: Path, tdint: Command) -> None:
     text = (
         "name: twin\nunits: {length: m, force: kN, mass: t}\nreport: 'Project: tower; Author: A. "
         "B.'\n"
@@ -328,7 +324,7 @@ def test_the_figure_of_a_collapse_states_the_peak_of_the_record(
     assert late == pytest.approx(float(pga) / 9.80665, rel=2e-3) and early < 0.9 * late
 
 
-def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
+def test_the_page_of_a_campaign_explains_selection_and_limits(folder: Path, tdint: Command) -> None:
     scaled = tdint(
         "scale",
         "motion.mseed",
@@ -407,7 +403,7 @@ def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
     assert "the method of scaling is unknown" in page("changed.html").text
 
 
-def test_the_page_of_a_pushover_refuses_what_the_standards_do(folder: Path, tdint: Command) -> None:
+def test_the_page_of_a_pushover_reports_unmet_targets(folder: Path, tdint: Command) -> None:
     target = "ec8:type=1,soil=C,ag=0.35g"
     asked = ("pushover", CONFIGS / "collapse-prone-frame.yaml", "--target", target, "-o", "t.csv")
     tdint(*asked, "--report", "page.html", code=0)
@@ -458,7 +454,7 @@ def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
     assert srss == pytest.approx(float(peaks[0]["shear_srss_N"]))
 
 
-def test_the_page_of_modes_needs_no_target(folder: Path, tdint: Command) -> None:
+def test_the_page_of_modes_requires_no_target(folder: Path, tdint: Command) -> None:
     table = rows(tdint("modes", "shaken.yaml", "--report", "page.html", code=0).stdout)
     found = page("page.html")
     periods = [f"{float(row['period_s']):.4g}" for row in table]
@@ -470,7 +466,7 @@ def test_the_page_of_modes_needs_no_target(folder: Path, tdint: Command) -> None
     assert "Response spectrum of motion.mseed HNE" in found.text
 
 
-def test_the_page_of_a_comparison_says_what_was_required(folder: Path, tdint: Command) -> None:
+def test_the_page_of_a_comparison_states_the_requirements(folder: Path, tdint: Command) -> None:
     tdint("run", "shaken.yaml", "-o", "out", "--history", code=0)
     Path("recorded.yaml").write_text(
         "base: {file: out/history.csv, column: ground_acceleration_m_s2}\n"
@@ -623,7 +619,7 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
         ("ida", "collapse-prone-frame.yaml", RECORDS / "firm-soil.mseed"),
     ],
 )
-def test_no_page_but_the_last_is_more_than_a_quarter_white(
+def test_every_page_except_the_last_is_three_quarters_full(
     folder: Path, tdint: Command, drawn: None, asked: tuple[str, ...]
 ) -> None:
     """Printed on A4, the content of each page reaches the lowest quarter of the printable area, and
@@ -634,7 +630,7 @@ def test_no_page_but_the_last_is_more_than_a_quarter_white(
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium to print with")
-def test_a_page_prints_with_whole_numbers_inside_its_margins(
+def test_a_page_prints_complete_numbers_within_its_margins(
     folder: Path, tdint: Command, drawn: None
 ) -> None:
     """Every cell with a number is one piece of text in the PDF, and no text exceeds the paper."""

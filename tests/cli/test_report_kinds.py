@@ -147,7 +147,7 @@ WORDS = {
 @pytest.mark.parametrize(
     "name", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in KINDS]
 )
-def test_numbers_are_those_of_the_tables(
+def test_numbers_equal_the_numbers_of_the_tables(
     here: Path, tdint: Command, drawn_texts: list[str], name: str
 ) -> None:
     """Headline, verdict, sentences, tables and texts of figures within their printed digits.
@@ -172,7 +172,7 @@ def test_numbers_are_those_of_the_tables(
     assert unknown == []
 
 
-def test_a_number_that_is_in_no_table_is_found(here: Path) -> None:
+def test_a_number_that_is_in_no_table_is_detected(here: Path) -> None:
     Path("out").mkdir()
     Path("out/stories.csv").write_text("story,peak_shear_N,peak_drift_m\n1,8897123,0.54312\n")
     known = Known(Path("out").iterdir(), ())

@@ -78,7 +78,7 @@ def rerun(folder, tdint):
     ],
     ids=["files of all kinds", "sequence", "spectra"],
 )
-def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, words, table):
+def test_a_directory_is_reproduced_elsewhere_and_compared(folder, tdint, rerun, words, table):
     """All tables are compared, including tables in other directories. test_files.py tests a call of
     each command."""
     tdint(*words, "-o", "some/study/", code=0)
@@ -86,7 +86,7 @@ def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, 
     assert f"{table}: the same, byte for byte" in rerun(told, code=0).stderr
 
 
-def test_cells_that_differ_are_a_table(folder, tdint, rerun):
+def test_different_cells_are_reported_as_a_table(folder, tdint, rerun):
     tdint(*ONE_RUN, code=0)
     file = folder / "out" / "stories.csv"
     cells = [line.split(",") for line in file.read_text().splitlines()]
@@ -101,7 +101,7 @@ def test_cells_that_differ_are_a_table(folder, tdint, rerun):
     assert "the original file is missing" in rerun("out", code=5).stderr
 
 
-def test_what_is_written_now_stays_where_it_is_asked_for(folder, tdint, rerun):
+def test_reproduced_files_are_kept_in_a_requested_directory(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "modes.csv.gz", code=0)
     rerun("modes.json", "-o", "again/new", code=0)
     assert (folder / "again/new/modes.csv.gz").read_bytes() == (
@@ -111,7 +111,9 @@ def test_what_is_written_now_stays_where_it_is_asked_for(folder, tdint, rerun):
 
 
 @pytest.mark.parametrize("changed", ["motion.mseed", "shaken.yaml", "of_a_run.py"])
-def test_other_inputs_are_refused_unless_asked_for(folder, tdint, rerun, changed, make_record):
+def test_changed_inputs_are_refused_without_the_option_changed(
+    folder, tdint, rerun, changed, make_record
+):
     """Changed models, records and plug-ins are refused; with --changed they are listed and used."""
     plugin = (
         () if changed != "of_a_run.py" else ("--plugin", changed)
@@ -131,7 +133,7 @@ def test_other_inputs_are_refused_unless_asked_for(folder, tdint, rerun, changed
         assert bool(taken.stdout) == (changed == "motion.mseed")
 
 
-def test_standard_input_is_asked_for_again(folder, tdint):
+def test_standard_input_is_read_again(folder, tdint):
     model = (folder / "forced.yaml").read_bytes()
     tdint("modes", "-", "-o", "modes.csv", stdin=model, code=0)
     tdint("rerun", "modes.json", stdin=model, code=0)
@@ -140,7 +142,7 @@ def test_standard_input_is_asked_for_again(folder, tdint):
     tdint("rerun", "modes.json", "--changed", stdin=other, code=5)
 
 
-def test_an_input_that_is_not_there(folder, tdint, rerun):
+def test_a_missing_input_is_reported(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "out/modes.csv", code=0)
     (folder / "out").rename(folder / "elsewhere")
     rerun("elsewhere/modes.json", code=0)  # seen from the working directory
@@ -148,7 +150,7 @@ def test_an_input_that_is_not_there(folder, tdint, rerun):
     assert re.search(r"forced\.yaml: .*modes\.json.*found", rerun("modes.json", code=2).stderr)
 
 
-def test_versions_that_are_others_are_named(folder, tdint, rerun):
+def test_different_versions_are_reported(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "modes.csv", code=0)
     told = json.loads((folder / "modes.json").read_text())
     told["versions"]["numpy"] = "1.0"
@@ -188,19 +190,19 @@ def test_versions_that_are_others_are_named(folder, tdint, rerun):
         ("tdint x", ["modes", "-o", "a.csv"], {"versions": 1}, "must be a JSON file"),
     ],
 )
-def test_files_that_say_no_command_line(folder, tdint, schema, arguments, more, message):
+def test_files_without_a_command_line_are_refused(folder, tdint, schema, arguments, more, message):
     about = {"schema": {"name": schema}} | ({"arguments": arguments} if arguments else {}) | more
     (folder / "a.json").write_text(json.dumps(about))
     assert "Traceback" not in tdint.refused(message, "rerun", "a.json").stderr
 
 
-def test_files_that_are_none(folder, tdint):
+def test_empty_and_missing_files_are_refused(folder, tdint):
     (folder / "a.json").write_text("")
     tdint.refused("must be a JSON file that tdint wrote", "rerun", "a.json")
     tdint.refused("none.json", "rerun", "none.json")
 
 
-def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
+def test_a_campaign_of_several_calls_is_reproduced(folder, tdint, rerun):
     """A campaign of several calls with an export is repeated in one call. Merged shards are merged
     again."""
     pytest.importorskip("pyarrow")
@@ -230,7 +232,7 @@ def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
         rerun(name, code=0)
 
 
-def test_a_run_that_fails_fails_again(tdint, rerun):
+def test_a_failing_run_fails_again(tdint, rerun):
     """A failed run writes no table; its summary contains the status that is compared."""
     tdint("run", "forced.yaml", "--method", "central-difference", "--dt", "1", "-o", "out", code=5)
     assert re.search(r"status .*unstable-step, .*the same", rerun("out", code=0).stderr)
@@ -275,7 +277,7 @@ def test_measured_times_are_not_compared(folder, tdint, rerun):
     assert re.search(r"chart\.csv: the same.*not compared: ", rerun("chart.json", code=0).stderr)
 
 
-def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
+def test_plugins_are_executed_only_on_request(folder, tdint, rerun):
     """A plug-in that the recorded command used requires --trust; other plug-ins are not loaded."""
     (folder / "trusted.py").write_text("METHODS = ()\n")
     tdint(*ONE_RUN, "--plugin", "trusted.py", code=0)
@@ -301,7 +303,7 @@ def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
         "axes.prop_cycle: cycler('color', [().\t__class__])",
     ],
 )
-def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
+def test_style_sheets_are_used_only_on_request(folder, tdint, rerun, sheet):
     """A style sheet is accepted only with --trust, whatever it contains."""
     (folder / "a.mplstyle").write_text("lines.linewidth: 2\n")
     words = ["modes", "forced.yaml", "-o", "modes.csv", "--plot", "--style", "a.mplstyle"]
@@ -324,7 +326,7 @@ def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
     ],
     ids=lambda words: words[0].partition("=")[0],
 )
-def test_options_that_choose_where_a_command_runs_are_refused(folder, tdint, rerun, words):
+def test_options_that_select_hosts_or_jobs_are_refused(folder, tdint, rerun, words):
     """A forged command line contains an option that tdint never records; no connection is
     opened."""
     (folder / "campaign.yaml").write_text(CAMPAIGN)
@@ -346,7 +348,7 @@ def test_options_that_choose_where_a_command_runs_are_refused(folder, tdint, rer
             server.accept()
 
 
-def test_options_on_which_no_result_depends_are_not_recorded(folder, tdint):
+def test_options_that_do_not_affect_results_are_not_recorded(folder, tdint):
     """The list of these options is complete; a new option must be added to it deliberately."""
     group = click.Context(cli)
     unrecorded = {
@@ -366,7 +368,7 @@ def test_options_on_which_no_result_depends_are_not_recorded(folder, tdint):
     assert recorded == ["campaign", "campaign.yaml", "-o", "study"]
 
 
-def test_latex_that_is_not_there(folder, tdint, monkeypatch):
+def test_missing_latex_is_reported(folder, tdint, monkeypatch):
     (folder / "a.mplstyle").write_text("text.usetex: true\n")
     monkeypatch.setenv("PATH", str(folder))
     tdint.refused(
@@ -508,7 +510,7 @@ def test_numbers_of_the_json_file_are_compared(folder, tdint, rerun):
     assert len(result.stdout.splitlines()) == 2
 
 
-def test_an_export_into_a_folder_that_is_called_export(folder, tdint, rerun):
+def test_an_export_into_a_directory_named_export(folder, tdint, rerun):
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     tdint("campaign", "campaign.yaml", "-o", "export", code=0)
     tdint("campaign", "export", "export", "--simcenter", code=0)
@@ -518,7 +520,7 @@ def test_an_export_into_a_folder_that_is_called_export(folder, tdint, rerun):
     rerun("export", code=5)
 
 
-def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
+def test_a_failing_command_is_a_failure(folder, tdint, rerun):
     """Here the repeated export fails, and its files are not reported as equal."""
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
@@ -531,7 +533,7 @@ def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
     assert "simcenter.csv: not compared, " in said
 
 
-def test_a_plugin_that_is_missing(folder, tdint, rerun):
+def test_a_missing_plugin_is_reported(folder, tdint, rerun):
     (folder / "absent.py").write_text("METHODS = ()\n")
     tdint(*ONE_RUN, "--plugin", "absent.py", code=0)
     told = json.loads((folder / "out/summary.json").read_text())
@@ -583,7 +585,7 @@ def rows(text):
     return list(csv.DictReader(io.StringIO(text)))
 
 
-def test_a_key_that_is_missing_is_a_difference(folder, tdint, rerun):
+def test_a_missing_key_is_a_difference(folder, tdint, rerun):
     """Of results of the same version; another version may write other keys."""
     tdint(*ONE_RUN, code=0)
     file = folder / "out/summary.json"

@@ -46,7 +46,7 @@ def test_names_of_the_columns(folder, tdint):
         ("one.AT2", "other.AT2"),
     ],
 )
-def test_components_in_files_of_their_own(folder, tdint, names):
+def test_components_in_separate_files(folder, tdint, names):
     components = {"000": "0", "090": "90", "-UP": "UP"}
     for seed, name in enumerate(names):
         write_at2(folder / name, components.get(name[-7:-4], f"{90 * seed}"), seed)
@@ -55,7 +55,7 @@ def test_components_in_files_of_their_own(folder, tdint, names):
     assert {(row["record"], row["component"]) for row in table} == {(pair, "0+90")}
 
 
-def test_several_motions_go_to_files_of_their_own(folder, tdint):
+def test_several_motions_have_separate_output_files(folder, tdint):
     files = [f"{motion}{component}.AT2" for component in ("000", "090") for motion in "AB"]
     for seed, name in enumerate(files):
         write_at2(folder / name, str(int(name[1:4])), seed)
@@ -72,7 +72,7 @@ def test_several_motions_go_to_files_of_their_own(folder, tdint):
     assert rows(tdint(*ROTD, *files, "motion.mseed", "--jobs", "2").stdout) == parts
 
 
-def test_components_of_unequal_length_are_cut_and_it_is_said(folder, tdint):
+def test_components_of_unequal_length_are_cut_with_a_note(folder, tdint):
     write_at2(folder / "A000.AT2", "0", 1)
     write_at2(folder / "A090.AT2", "90", 2, samples=199)
     result = tdint(*ROTD, "A000.AT2", "A090.AT2", code=0)
@@ -94,7 +94,7 @@ def test_components_of_unequal_length_are_cut_and_it_is_said(folder, tdint):
         (("A000.AT2", "missing.AT2"), "A000.AT2: the file has only one horizontal component, 0"),
     ],
 )
-def test_what_is_no_pair(folder, tdint, names, message):
+def test_records_without_a_pair_are_refused(folder, tdint, names, message):
     write_at2(folder / "A000.AT2", "0", 1)
     write_at2(folder / "A030.AT2", "30", 2)
     tdint.refused(message, *ROTD, *names, code=4)

@@ -21,7 +21,7 @@ def summary_of(folder):
     return json.loads((folder / "out" / "summary.json").read_text())
 
 
-def test_the_table_is_on_stdout_and_the_words_on_stderr(folder, tdint):
+def test_the_table_is_written_to_stdout_and_messages_to_stderr(folder, tdint):
     before = files(folder)
     result = tdint("run", "shaken.yaml", code=0)
     table = rows(result.stdout)
@@ -145,7 +145,7 @@ def test_the_summary(folder, tdint):
     ]
 
 
-def test_scale_component_and_units_belong_to_the_models_record(folder, tdint):
+def test_scale_component_and_units_apply_to_the_record_of_the_model(folder, tdint):
     run = ("run", "shaken.yaml")
     plain = tdint(*run, "--scale", "2", code=0).stdout
     assert plain == tdint(*run, "--component", "HNN").stdout  # written with twice the amplitude
@@ -153,7 +153,7 @@ def test_scale_component_and_units_belong_to_the_models_record(folder, tdint):
     assert plain != tdint(*run).stdout
 
 
-def test_record_replaces_the_models_record_and_its_component(folder, tdint):
+def test_a_record_option_replaces_record_and_component_of_the_model(folder, tdint):
     scaled = tdint("run", "shaken.yaml", "--record", "other.mseed", "--scale", "3", code=0)
     assert "other.mseed HNE" in scaled.stderr
     assert scaled.stdout == tdint("run", "shaken.yaml").stdout
@@ -163,7 +163,7 @@ def test_record_replaces_the_models_record_and_its_component(folder, tdint):
     tdint.refused(message, "run", "shaken.yaml", "--record", "motion.mseed", code=4)
 
 
-def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder, tdint):
+def test_units_on_the_command_line_replace_the_inventory_of_the_model(folder, tdint):
     model = (
         (folder / "shaken.yaml")
         .read_text()
@@ -221,7 +221,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
         ),
     ],
 )
-def test_refusals(folder, tdint, arguments, code, message):
+def test_invalid_arguments_are_refused(folder, tdint, arguments, code, message):
     lines = tdint.refused(message, "run", *arguments, code=code).stderr.splitlines()
     # A run that fails begins with the warnings on its building: floors of 10 kg.
     if code == 5:
@@ -229,13 +229,13 @@ def test_refusals(folder, tdint, arguments, code, message):
     assert [line[:7] for line in lines if not line.startswith("note: ")] == ["Error: "]
 
 
-def test_all_faults_of_a_model_are_lines(folder, tdint):
+def test_all_errors_of_a_model_are_lines(folder, tdint):
     (folder / "bad.yaml").write_text("stories: [{mass: abc, stiffness: -1}]\n")
     lines = tdint("run", "bad.yaml", code=3).stderr.splitlines()
     assert [line.startswith("Error: bad.yaml:1:") for line in lines] == [True, True]
 
 
-def test_outputs_are_looked_at_before_the_work(folder, tdint):
+def test_outputs_are_checked_before_the_run(folder, tdint):
     """The outputs are checked before the model is read: the model file does not exist."""
     (folder / "out").mkdir()
     (folder / "out" / "history.csv").write_text("old")
@@ -249,7 +249,7 @@ def test_outputs_are_looked_at_before_the_work(folder, tdint):
     )
 
 
-def test_a_run_under_forces_and_one_that_failed_writes_its_summary_alone(folder, tdint):
+def test_a_run_under_forces_and_a_diverged_run_write_a_summary(folder, tdint):
     done = tdint("run", "forced.yaml", "--check", "-o", "out", "--history", code=0)
     assert "forced: 2 stories, no ground motion." in done.stderr
     (first, _) = rows(done.stdout)
@@ -269,7 +269,7 @@ def test_a_run_under_forces_and_one_that_failed_writes_its_summary_alone(folder,
 
 
 @pytest.mark.parametrize("method", ["newmark-average", "moment4"])
-def test_a_run_tells_its_errors(folder, tdint, method):
+def test_a_run_reports_estimated_errors(folder, tdint, method):
     """By default and with --check, the errors of any method are estimated by one run of impulse4.
     --no-check omits them and changes no other number."""
     call = ("run", "shaken.yaml", "--method", method)
@@ -310,7 +310,7 @@ def test_a_run_tells_its_errors(folder, tdint, method):
     assert ("In that run: maximum drift " in result.stderr) == (method == "newmark-average")
 
 
-def test_a_history_holds_the_errors_that_are_asked_for(folder, tdint):
+def test_a_history_contains_errors_on_request(folder, tdint):
     """Its maximum drifts, corrected by the errors at the time steps, do not exceed the corrected
     peaks. Without --check, it contains no errors."""
     run = ("run", "shaken.yaml", "--method", "moment4")
@@ -360,7 +360,7 @@ def test_until_rest(folder, tdint):
 @pytest.mark.parametrize(
     "command", ["run shaken.yaml", "run shaken.yaml --scale 1,2", IDA], ids=["run", "many", "ida"]
 )
-def test_a_run_that_ends_before_its_record_is_told(folder, tdint, command):
+def test_a_run_shorter_than_its_record_is_reported(folder, tdint, command):
     """A duration of a third of the record, from the option or from the model (possibly intended for
     another record), causes a note."""
     told = (
@@ -373,7 +373,7 @@ def test_a_run_that_ends_before_its_record_is_told(folder, tdint, command):
 
 
 @pytest.mark.parametrize("tolerance", ["0.1%", "0.001", " 0.1 %"])
-def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
+def test_a_tolerance_selects_the_time_step(folder, tdint, tolerance):
     result = tdint("run", "shaken.yaml", "--tolerance", tolerance, "-o", "out", code=0)
     summary = summary_of(folder)
     check, samples = summary["check"], summary["check"]["samples_in_the_step"]
@@ -388,7 +388,7 @@ def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
     assert tdint("run", "shaken.yaml", "--dt", summary["dt_s"]).stdout == result.stdout
 
 
-def test_a_tolerance_that_is_not_reached(folder, tdint):
+def test_an_unreachable_tolerance_is_an_error(folder, tdint):
     result = tdint(
         "run", "forced.yaml", "--method", "houbolt", "--tolerance", "1e-12", "-o", "out", code=5
     )
@@ -400,11 +400,11 @@ def test_a_tolerance_that_is_not_reached(folder, tdint):
 
 
 @pytest.mark.parametrize("tolerance", ["0", "1", "100%", "-1%", "much", "nan", "%"])
-def test_a_tolerance_is_a_part_or_a_percentage(folder, tdint, tolerance):
+def test_invalid_tolerances_are_refused(folder, tdint, tolerance):
     tdint.refused("Invalid value for '--tolerance'", "run", "forced.yaml", "--tolerance", tolerance)
 
 
-def test_a_collapse_is_told_and_is_no_error(folder, tdint):
+def test_a_collapse_is_reported_without_an_error(folder, tdint):
     result = tdint("run", "shaken.yaml", "--scale", "50", "-o", "out", "--history", code=0)
     collapse = summary_of(folder)["collapse"]
     assert summary_of(folder)["status"] == "collapsed" and collapse["run_ended"] is False
@@ -419,7 +419,7 @@ def test_a_collapse_is_told_and_is_no_error(folder, tdint):
     assert drift[at - 2] < 0.1 < drift[at + 1]
 
 
-def test_a_refused_step_writes_its_summary_alone(folder, tdint):
+def test_a_refused_step_writes_only_the_summary(folder, tdint):
     run = ("run", "forced.yaml", "--method", "central-difference", "--dt")
     assert "largest stable step" in tdint(*run, 0.5, "-o", "out", "--plot", code=5).stderr
     assert files(folder / "out") == ["summary.json"]
@@ -433,7 +433,7 @@ def test_a_refused_step_writes_its_summary_alone(folder, tdint):
 @pytest.mark.parametrize(
     ("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)]
 )
-def test_whatever_ends_the_writing_leaves_no_file(folder, tdint, monkeypatch, error, code):
+def test_interrupted_writing_leaves_no_file(folder, tdint, monkeypatch, error, code):
     def half_a_history(_, stream, units, **_kinds):
         stream.write(b"half a li")
         raise error
@@ -444,7 +444,7 @@ def test_whatever_ends_the_writing_leaves_no_file(folder, tdint, monkeypatch, er
     assert not (folder / "out").exists()
 
 
-def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
+def test_lost_energy_causes_a_warning_despite_quiet(folder, tdint):
     result = tdint(
         "run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5:gamma=0.9", "-o", "out", code=0
     )
@@ -455,7 +455,7 @@ def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
 
 
 @pytest.mark.parametrize(("file", "bytes_"), [("h.csv", 6.0), ("h.csv.gz", 2.0)])
-def test_a_history_that_the_disk_cannot_hold_is_refused_before_the_run(
+def test_a_history_larger_than_the_free_disk_space_is_refused_before_the_run(
     folder, tdint, monkeypatch, file, bytes_
 ):
     """The minimum size is computed from the bytes per number for 101 steps with time, ground
@@ -469,7 +469,7 @@ def test_a_history_that_the_disk_cannot_hold_is_refused_before_the_run(
     tdint.refused(message, "run", "forced.yaml", f"--history={file}", code=6)
 
 
-def test_a_picture_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
+def test_a_figure_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
     from tdint.output.figures import runs
 
     shown = []

@@ -75,6 +75,6 @@ def test_units_of_the_measures(study, tdint):
         ),
     ],
 )
-def test_what_makes_no_sense(study, tdint, words, said):
+def test_invalid_measures_are_refused(study, tdint, words, said):
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
     tdint.refused(said, *words)

@@ -16,7 +16,7 @@ PGA = ("--pga", "0.6g")
 TARGET = ("--target", CONFIGS / "design-spectrum.csv")
 
 
-def test_factors_to_a_value(folder, tdint):
+def test_factors_to_a_value_of_a_measure(folder, tdint):
     words = ("scale", "motion.mseed", "other.mseed", *UNITS, *PGA)
     assert tdint(*words, "-o", "f/factors.csv", "--plot", code=0).stdout == ""
     infos, found = (
@@ -41,7 +41,7 @@ def test_factors_to_a_value(folder, tdint):
     assert (folder / "f" / "factors.png").exists()
 
 
-def test_counts_and_others_in_one_call(folder, tdint, make_record):
+def test_records_with_different_units_in_one_call(folder, tdint, make_record):
     """Units by the end of the path, by a table and in a campaign give the same results as units for
     each file in a separate call."""
     make_record(folder / "counts.mseed", "HNE", integer=True)
@@ -73,7 +73,7 @@ def test_a_pair_has_one_factor(folder, tdint):
     assert "1 pair scaled to sa(0.5) = 2 m/s^2" in result.stderr
 
 
-def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
+def test_pairs_are_found_by_file_names(folder, tdint, make_record):
     """For unknown file names, one message states the option that is required; with this option, two
     motions are two pairs."""
     (folder / "named").mkdir()
@@ -103,7 +103,7 @@ def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
         tdint(*scale, bad, code=2)
 
 
-def test_a_record_that_fails_keeps_a_set_but_not_the_others(folder, tdint):
+def test_a_failing_record_stops_a_set_but_not_single_records(folder, tdint):
     words = ("scale", "motion.mseed", "none.mseed", *UNITS)
     result = tdint(*words, "--pgv", "10cm/s", code=4)
     assert len(rows(result.stdout)) == 2 and "none.mseed" in result.stderr
@@ -178,14 +178,14 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     assert curves == pytest.approx(np.vstack([scaled, scaled.mean(axis=0), target]), rel=1e-9)
 
 
-def test_factors_of_mistaken_units_are_told(folder, tdint):
+def test_factors_from_wrong_units_cause_a_warning(folder, tdint):
     told = tdint(
         "-q", "scale", "motion.mseed", "--units", "1e3 m/s^2", "--pga", "0.1g", code=0
     ).stderr
     assert "peak ground acceleration" in told and "factors outside 0.05 to 20" in told
 
 
-def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
+def test_large_factors_cause_a_warning_or_are_refused(folder, tdint):
     words = (
         "scale",
         "motion.mseed",
@@ -254,7 +254,7 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
         ),
     ],
 )
-def test_scaling_that_is_refused(folder, tdint, arguments, message):
+def test_invalid_arguments_are_refused(folder, tdint, arguments, message):
     result = tdint.refused(message, "scale", "motion.mseed", *UNITS, *arguments)
     assert result.stderr.startswith("Error: ")
 
@@ -303,7 +303,7 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
         ),
     ],
 )
-def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
+def test_invalid_factor_tables_are_refused(folder, tdint, arguments, code, said):
     Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
     Path("lost.csv").write_text("record,component,factor\ngone.mseed,HNE,2\n,HNN,2\n")
     Path("component.csv").write_text("record,component,factor\nother.mseed,HNZ,2\n")

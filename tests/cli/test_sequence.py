@@ -9,7 +9,7 @@ from csv_rows import rows
 SHOCKS = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--sequence", "--component", "HNE")
 
 
-def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
+def test_stories_have_rows_for_each_event_and_for_the_sequence(folder, tdint):
     result = tdint(*SHOCKS, code=0)
     table = rows(result.stdout)
     assert [(row["shock"], row["story"]) for row in table] == [
@@ -60,7 +60,7 @@ def test_the_files_of_a_sequence(folder, tdint):
     assert all(float(row["peak_drift_m_error"]) > 0.0 for row in rows(folder / "out/stories.csv"))
 
 
-def test_one_factor_is_for_all_shocks(folder, tdint):
+def test_a_single_factor_applies_to_all_events(folder, tdint):
     one, each = (rows(tdint(*SHOCKS, "--scale", scale).stdout) for scale in ("0.5", "0.5,0.5"))
     assert one == each
 
@@ -81,7 +81,7 @@ def test_refusals_of_a_sequence(folder, tdint, arguments, message):
     tdint.refused(message, *arguments)
 
 
-def test_a_shock_that_cannot_be_read(folder, tdint):
+def test_an_unreadable_event_is_refused(folder, tdint):
     words = (
         "run",
         "shaken.yaml",

@@ -62,7 +62,7 @@ def test_periods_component_and_method(folder, tdint):
     assert tdint(*words).stdout != result.stdout
 
 
-def test_a_choice_that_is_made_has_a_column(folder, tdint):
+def test_a_selected_option_has_a_column(folder, tdint):
     """A selected option adds a column and an entry in the JSON file."""
     plain = tdint("spectrum", "other.mseed", *PERIODS).stdout.splitlines()
     named = tdint(
@@ -96,13 +96,13 @@ def test_a_choice_that_is_made_has_a_column(folder, tdint):
         ),
     ],
 )
-def test_what_is_taken_for_the_motion_between_samples_is_said(folder, tdint, arguments, words):
+def test_the_assumed_motion_between_samples_is_reported(folder, tdint, arguments, words):
     told = tdint("spectrum", "other.mseed", "--period", "0.05", *arguments).stderr.splitlines()
     (line,) = (line for line in told if "below a period" in line)
     assert words in line
 
 
-def test_the_choices_are_those_of_the_library():
+def test_the_choices_equal_the_options_of_the_library():
     from tdint.analysis.spectra.elastic import MAXIMA
     from tdint.ground_motion.processing_steps import INTERPOLATIONS
     from tdint_cli.commands.spectrum import command
@@ -130,7 +130,7 @@ def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, more, drawn)
     assert (folder / "zero.png").stat().st_size > 1000
 
 
-def test_notes_are_told_once(folder, tdint):
+def test_notes_are_reported_once(folder, tdint):
     lines = tdint("spectrum", "motion.mseed", "other.mseed").stderr.splitlines()
     assert [line.split(": ")[:2] for line in lines[:2]] == [
         ["Warning", "motion.mseed"],
@@ -150,7 +150,7 @@ def test_notes_are_told_once(folder, tdint):
 
 
 @pytest.mark.parametrize("into", ["all.csv", "out/", "out"])
-def test_output_to_a_file_or_a_folder(folder, tdint, into):
+def test_output_to_a_file_or_a_directory(folder, tdint, into):
     if into == "out":
         (folder / "out").mkdir()
     before = files(folder)
@@ -173,7 +173,7 @@ def test_output_to_a_file_or_a_folder(folder, tdint, into):
         assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == whole
 
 
-def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
+def test_a_clash_of_names_is_found_before_the_computation(folder, tdint):
     message = (
         "Error: out/x.EW.csv: both a/x.EW and b/x.EW would be written to this file; use -o FILE "
         "for one table of all records, or separate calls with separate directories\n"
@@ -225,7 +225,7 @@ def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
         (("--damping", "2%", "--periods", "0.5:1:3"), False),
     ],
 )
-def test_peaks_between_the_periods_that_nobody_chose(folder, tdint, options, told):
+def test_a_coarse_default_spacing_of_periods_is_reported(folder, tdint, options, told):
     """The default periods have a spacing of 3.5 %, which exceeds half the width of a resonance with
     2 % damping."""
     said = "the spacing of the periods is 3.5 %: with 2 % damping the spectrum may be higher"
@@ -236,12 +236,12 @@ def test_peaks_between_the_periods_that_nobody_chose(folder, tdint, options, tol
     ("axes", "label"),
     [("tripartite", "pseudo-velocity PSV (m/s)"), ("adrs", "pseudo-acceleration PSA (g)")],
 )
-def test_axes_are_those_of_a_picture_of_elastic_spectra(folder, tdint, axes, label, drawn):
+def test_axes_of_a_figure_of_elastic_spectra(folder, tdint, axes, label, drawn):
     tdint("spectrum", "other.mseed", "--axes", axes, "--plot=a.svg", code=0)
     assert label in (folder / "a.svg").read_text(encoding="utf-8")
 
 
-def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
+def test_a_design_spectrum_is_written_and_read_as_a_target(folder, tdint):
     tdint("spectrum", "--target", EC8, "-o", "ec8.csv", "--plot", code=0)
     assert "ec8.png" in files(folder)
     read, named = (
@@ -273,11 +273,11 @@ def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
         (("--target", "ec8:type=1"), "ec8 requires soil, ag"),
     ],
 )
-def test_what_a_target_is_refused_with(folder, tdint, arguments, said):
+def test_invalid_arguments_with_a_target_are_refused(folder, tdint, arguments, said):
     tdint.refused(said, "spectrum", *arguments)
 
 
-def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
+def test_strengths_reproduce_the_computed_ductilities(folder, tdint):
     words = ("spectrum", "other.mseed", "--period", "0.7")
     (found,) = rows(tdint(*words, "--ductility", "2.5").stdout)
     (back,) = rows(tdint(*words, "--strength", found["yield_strength_ratio"]).stdout)
@@ -290,7 +290,7 @@ def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
 @pytest.mark.parametrize(
     "option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")]
 )
-def test_files_and_picture(folder, tdint, option):
+def test_files_and_figure(folder, tdint, option):
     tdint("spectrum", "other.mseed", *PERIODS, *option, "-o", "all.csv", "--plot", code=0)
     assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")
     settings = json.loads((folder / "all.json").read_text())["settings"]
@@ -343,5 +343,5 @@ def test_fourier_spectra(folder, tdint, drawn):
         (("--fourier",), "RECORD"),
     ],
 )
-def test_fourier_spectra_that_are_refused(folder, tdint, arguments, message):
+def test_invalid_fourier_spectra_are_refused(folder, tdint, arguments, message):
     tdint.refused(message, "spectrum", *arguments)

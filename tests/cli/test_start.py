@@ -206,7 +206,7 @@ def common(start):
     "command",
     [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in CALLS],
 )
-def test_a_command_loads_no_more_than_it_needs(start, common, command):
+def test_a_command_loads_only_required_modules(start, common, command):
     for line in BEFORE.get(command, ()):
         start(*line.split())
     line, most, names = CALLS[command]
@@ -228,7 +228,7 @@ def test_every_command_is_started():
     assert set(CALLS) == set(COMMANDS)
 
 
-def test_the_names_of_spared_modules_are_right():
+def test_names_of_unneeded_modules_exist():
     """A module that was renamed would be spared by nobody noticing."""
     ours = {name for names in MORE.values() for name in names if name.startswith("tdint")}
     assert [name for name in sorted(ours) if find_spec(name) is None] == []

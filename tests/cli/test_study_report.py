@@ -112,7 +112,7 @@ def test_the_page_of_fragility_functions_has_their_intervals(folder: Path, tdint
     assert len(table_with(found, "counted")) > 3
 
 
-def test_the_page_of_a_study_names_its_building_and_motions(
+def test_the_page_of_a_study_contains_its_building_and_motions(
     folder: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
     for samples in (60, 120):

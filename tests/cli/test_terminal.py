@@ -23,7 +23,7 @@ def shell(command: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=False)
 
 
-def test_a_reader_that_goes_early_is_no_error(folder):
+def test_a_closed_pipe_is_no_error(folder):
     """A closed pipe is no error for many rows and for a table that is also written to a file."""
     done = shell(
         "tdint law forced.yaml --drift 1% --points 2000 | head -n 2 && tdint run forced.yaml -o "
@@ -39,7 +39,7 @@ def test_a_reader_that_goes_early_is_no_error(folder):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_help_goes_where_data_go():
+def test_help_is_written_to_standard_output():
     """Help is written to standard output. tests/faults/test_outputs.py tests a full disk."""
     full, closed = shell("tdint run -h > /dev/full"), shell("tdint init - >&-")
     assert (full.returncode, closed.returncode) == (6, 6)
@@ -53,7 +53,7 @@ def test_closed_streams(folder):
     assert shell("tdint modes - <&-").returncode == 3
 
 
-def test_output_is_bytes_of_utf8_in_any_locale(folder):
+def test_output_is_utf8_in_any_locale(folder):
     (folder / "forced.yaml").rename(folder / "Köln.yaml")
     done = shell("LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0 tdint check Köln.yaml")
     assert done.returncode == 0, done.stderr
@@ -72,7 +72,7 @@ class _Trickle(io.RawIOBase):
         return len(part)
 
 
-def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
+def test_partial_writes_are_repeated_until_complete_or_refused(monkeypatch):
     data = bytes(range(256))
     monkeypatch.setattr(terminal, "_discard_further_output", lambda: None)
     whole, full = _Trickle(1000), _Trickle(100)
@@ -96,7 +96,7 @@ class Screen(io.StringIO):
         return True
 
 
-def test_a_word_in_the_middle_of_a_progress_bar_has_a_line_of_its_own(monkeypatch):
+def test_a_message_during_a_progress_bar_has_its_own_line(monkeypatch):
     screen = Screen()
     monkeypatch.setattr(sys, "stderr", screen)
     with click.Context(click.Command("some"), obj=Settings()):

@@ -39,7 +39,7 @@ def tables(folder):
     ("column", "names", "factor"),
     [((), ["Table", "Floor"], 1.0), (("--column", "floor"), ["Floor"], 3.0)],
 )
-def test_info_of_a_folder(tables, tdint, column, names, factor):
+def test_info_of_a_directory(tables, tdint, column, names, factor):
     result = tdint(
         "info", "tables", *SAYS, *(column or ("--column", "1,2")), "-o", "info.csv", code=0
     )
@@ -51,7 +51,7 @@ def test_info_of_a_folder(tables, tdint, column, names, factor):
     assert said == {"step": 0.01, "column": ["floor"] if column else ["1", "2"], "skip_lines": 2}
 
 
-def test_spectra_of_a_folder(tables, tdint):
+def test_spectra_of_a_directory(tables, tdint):
     for command in (("spectrum",), ("drift-spectrum", "--stories", "1")):
         words = (command[0], "tables", *command[1:], "--period", "0.5", *SAYS, "--column", "2")
         assert len(rows(tdint(*words, code=0).stdout)) == 2
@@ -104,7 +104,7 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         ("run forced.yaml --step 0.01", 2, "requires a record"),
     ],
 )
-def test_refused(tables, tdint, words, code, message):
+def test_invalid_options_are_refused(tables, tdint, words, code, message):
     (line,) = errors(tdint.refused(message, *words.split(), code=code))
     assert message in line
 
@@ -126,13 +126,13 @@ def test_refused(tables, tdint, words, code, message):
         ),
     ],
 )
-def test_a_table_of_a_spreadsheet_or_of_pandas_is_told_the_line(folder, tdint, change, message):
+def test_incomplete_rows_are_reported_with_their_line(folder, tdint, change, message):
     lines = ["time,acc", *(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}" for i in range(200))]
     (folder / "t.csv").write_text("\n".join(change(line, i) for i, line in enumerate(lines)) + "\n")
     assert message in tdint("info", "t.csv", "--units", "g", code=4).stderr
 
 
-def test_a_table_without_units_is_told_how_to_say_them(folder, tdint):
+def test_a_table_without_units_causes_a_note_about_the_option(folder, tdint):
     (folder / "t.csv").write_text(
         "time,acc\n" + "".join(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}\n" for i in range(200))
     )
@@ -140,7 +140,7 @@ def test_a_table_without_units_is_told_how_to_say_them(folder, tdint):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_that_reads_records_takes_them(name):
+def test_every_command_that_reads_records_has_the_options(name):
     command = cli.get_command(click.Context(cli), name)
     options = {option for parameter in command.params for option in parameter.opts}
     assert {"--step", "--column", "--skip-lines"} <= options or not {

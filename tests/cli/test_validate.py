@@ -11,7 +11,7 @@ from tdint import validation as cases
 from tdint.validation import compute_case
 
 
-def test_all_cases_hold_here(tdint):
+def test_all_cases_are_within_their_tolerances(tdint):
     result = tdint("validate")
     rows = list(csv.DictReader(io.StringIO(result.stdout)))
     assert len(rows) == len({row["case"] for row in rows}) >= 20
@@ -22,7 +22,7 @@ def test_all_cases_hold_here(tdint):
     )
 
 
-def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
+def test_a_failing_case_causes_exit_code_5(tdint, tmp_path, monkeypatch):
     right = cases.textbook_cases()[:2]
     wrong = dataclasses.replace(right[0], published=(1.0, *right[0].published[1:]))
     monkeypatch.setattr(cases, "textbook_cases", lambda: (wrong, right[1]))
@@ -34,7 +34,7 @@ def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("relative", "wanted"), [(False, (-0.2, 0.1)), (True, (-0.1, 0.02))])
-def test_differences_are_those_of_the_numbers_or_of_their_ratios(relative, wanted):
+def test_differences_are_absolute_or_relative(relative, wanted):
     case = cases.textbook_cases()[0]
     two = dataclasses.replace(
         case, published=(-2.0, 5.0), computed=lambda: (-2.2, 5.1), relative=relative

@@ -5,7 +5,7 @@ import json
 import dialect
 
 
-def test_the_rate_of_markers_in_no_layer_exceeds_its_stored_rate():
+def test_marker_rates_do_not_exceed_the_stored_rates():
     """After a rewrite, `python tests/dialect.py --store` lowers the stored rates."""
     stored = json.loads(dialect.STORED_RATES.read_text())
     rates = dialect.survey().rates()

@@ -236,7 +236,7 @@ def test_the_model_in_us_units():
     assert model.output_units.unit("m/s^2")[0] == "g"
 
 
-def test_one_more_method_is_one_line():
+def test_an_additional_method_is_defined_in_one_line():
     member = eval(readmes.block("member").strip("+, \n"), vars(single_step))
     integrator = Integrator(member)
     observed = observed_order(integrator, order_problem("harmonic", "linear"))

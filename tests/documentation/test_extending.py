@@ -164,7 +164,7 @@ def test_method_and_law_pass_the_tests_of_the_catalogue(extended, without_law):
     assert passed(without_law, "-k", "newmark-step", *named) > 15
 
 
-def test_method_and_law_compile_to_the_same(extended):
+def test_method_and_law_give_equal_results_compiled_and_interpreted(extended):
     """Only what this building needs is compiled."""
     folder, _ = extended
     (folder / "hyperbolic.yaml").write_text(MODEL)
@@ -189,7 +189,7 @@ def test_method_and_law_compile_to_the_same(extended):
     assert list((folder / "cache").rglob("*.object"))
 
 
-def test_a_quantity_of_a_story_is_wherever_they_are(without_law):
+def test_a_new_story_quantity_is_in_all_outputs(without_law):
     folder, _ = without_law
     name, mass = "peak_inertia_N", 2e5
     run = (
@@ -235,7 +235,7 @@ def test_a_quantity_of_a_story_is_wherever_they_are(without_law):
     )
 
 
-def test_a_format_is_read_as_all_are(extended):
+def test_a_new_format_is_read(extended):
     folder, _ = extended
     samples = np.round(100.0 * np.sin(0.3 * np.arange(400)), 3)
     lines = ["RECORDER N01E, dt 0.005 s, cm/s^2", *(f"{sample:.3f}" for sample in samples)]

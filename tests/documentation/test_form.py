@@ -31,7 +31,7 @@ def pages():
 
 
 @pytest.mark.parametrize("path", pages(), ids=named)
-def test_links_lead_somewhere(path):
+def test_links_have_existing_targets(path):
     for target in re.findall(r"\]\(([^)\s]+)\)", prose(path.read_text())):
         if re.match(r"\w+:", target):
             continue
@@ -44,7 +44,7 @@ def test_links_lead_somewhere(path):
 
 
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
-def test_no_heading_stands_twice(path):
+def test_headings_of_a_page_are_unique(path):
     assert len(anchors(path)) == len(set(anchors(path)))
 
 
@@ -87,12 +87,12 @@ def test_commands_and_options_exist(path):
 
 
 @pytest.mark.parametrize("path", readmes.files()[1:], ids=named)
-def test_the_first_page_leads_to_every_other(path):
+def test_the_first_page_links_to_every_other(path):
     assert f"]({named(path)}" in readmes.README.read_text()
 
 
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
-def test_files_folders_and_modules_that_are_named_exist(path):
+def test_named_files_directories_and_modules_exist(path):
     text = path.read_text()
     for name in re.findall(r"(?:pytest|python) (?:-\S+ )*((?:tests|records)/[\w/.]+)", text):
         assert (readmes.ROOT / name).exists(), name
@@ -108,7 +108,7 @@ def test_files_folders_and_modules_that_are_named_exist(path):
 
 
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
-def test_a_page_runs_from_top_to_bottom_in_one_folder(path):
+def test_commands_of_a_page_have_different_outputs(path):
     """No command of it would end with `the file exists`; a table, a record and the summary beside
     share their name."""
     blocks = re.findall(r"^```.*?^```$", path.read_text(), flags=re.DOTALL | re.MULTILINE)

@@ -24,7 +24,7 @@ def test_generated_parts_are_up_to_date(path):
     assert readmes.generated(text) == text, AGAIN
 
 
-def test_every_generated_part_stands_in_one_readme():
+def test_every_generated_part_is_in_one_readme():
     found = [
         name
         for path in readmes.files()
@@ -51,7 +51,7 @@ def run_here(line, folder, environment):
 
 @pytest.mark.usefixtures("not_laid_out")
 @pytest.mark.parametrize("path", sessions(), ids=named)
-def test_sessions_print_what_they_show(path, monkeypatch):
+def test_sessions_print_the_documented_output(path, monkeypatch):
     """Those of the first page in this process."""
     run = run_here if path == readmes.README else readmes.shell
     for session in readmes.sessions(path.read_text()):
@@ -63,7 +63,7 @@ def test_sessions_print_what_they_show(path, monkeypatch):
                 assert readmes.same(output + said, shown), f"{command}\n{output}{said}\n{AGAIN}"
 
 
-def test_the_comparison_of_sessions_sees_differences():
+def test_the_comparison_of_sessions_detects_differences():
     line = "impulse4: 4000 steps of 0.01 s, 4.47 us per step, energy error 1.0e-05.\n"
     assert readmes.same(line, line.replace("4.47 us", "0.5 us"))
     assert readmes.same("1,0.0121613414291\n", "1,0.0121613414200\n")
@@ -72,7 +72,7 @@ def test_the_comparison_of_sessions_sees_differences():
     assert not readmes.same(line, line.replace("steps", "halvings"))
 
 
-def test_the_advice_is_the_default():
+def test_the_recommended_method_is_the_default():
     """What the pages and `tdint methods` name for who is in doubt is taken where no method is
     named."""
     texts = [(readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text()]
@@ -83,7 +83,7 @@ def test_the_advice_is_the_default():
         assert re.findall(r"If in doubt: `?(\w+)", " ".join(text.split())) == [DEFAULT_METHOD]
 
 
-def test_the_ci_script_runs_the_readmes_test_command():
+def test_the_ci_script_runs_the_test_command_of_the_readme():
     commands = re.findall(r"^\$ (.*\.\[test\].*)$", readmes.README.read_text(), re.MULTILINE)
     assert len(commands) == 1
     assert commands[0].endswith("-m pytest -n auto")

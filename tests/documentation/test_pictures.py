@@ -86,7 +86,7 @@ def test_settings_of_a_command():
     assert settings("tdint run a.yaml --plot=a.png") != one
 
 
-def test_the_command_of_a_png_is_replaced_and_leaves_the_image(tmp_path):
+def test_the_command_of_a_png_is_replaced_without_changing_the_image(tmp_path):
     from PIL import Image
 
     file = tmp_path / "figure.png"
@@ -99,12 +99,12 @@ def test_the_command_of_a_png_is_replaced_and_leaves_the_image(tmp_path):
         assert image.getpixel((2, 1)) == (255, 0, 0)
 
 
-def test_no_picture_is_out_of_date():
+def test_no_figure_is_out_of_date():
     """Else: python tests/pictures.py."""
     assert pictures.out_of_date() == []
 
 
-def test_every_picture_of_configs_is_declared_and_shown():
+def test_every_figure_of_configs_is_declared_and_shown():
     shown = {
         name
         for file in readmes.files()
@@ -115,7 +115,7 @@ def test_every_picture_of_configs_is_declared_and_shown():
 
 
 @pytest.mark.parametrize("changed", ["style.py", "assessment.py"])
-def test_what_draws_a_picture_counts(tmp_path, monkeypatch, changed):
+def test_changed_figure_code_changes_the_digest(tmp_path, monkeypatch, changed):
     """Its own module, and what that imports."""
     before = pictures.digest(pictures.PICTURES["failures.png"])
     for file in pictures._FIGURES.glob("*.py"):
@@ -126,7 +126,7 @@ def test_what_draws_a_picture_counts(tmp_path, monkeypatch, changed):
     assert pictures.digest(pictures.PICTURES["failures.png"]) != before
 
 
-def test_a_new_method_and_another_input_count(monkeypatch):
+def test_a_new_method_or_input_changes_the_digest(monkeypatch):
     one = pictures.PICTURES["failures.png"]
     before = pictures.digest(one)
     monkeypatch.setattr(pictures, "catalogue", lambda: {"another": None})

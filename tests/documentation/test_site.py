@@ -66,7 +66,7 @@ def test_each_section_of_a_readme_is_on_one_page_of_the_site(maker, pages):
                 assert whole[found[0]].count(text) == 1, (name, text[:40])
 
 
-def test_tasks_are_listed_in_the_order_in_which_people_ask(maker, pages):
+def test_tasks_are_listed_in_the_order_of_use(maker, pages):
     guide = maker.settings(pages)["nav"][0]["Guide"]
     titles = [title for entry in guide for title in entry]
     tasks = ["Install", "First run", "Run your own record on your own building"]
@@ -76,14 +76,14 @@ def test_tasks_are_listed_in_the_order_in_which_people_ask(maker, pages):
     assert titles[-2:] == ["Benchmark", "Glossary"]
 
 
-def test_tutorials_start_with_a_picture(pages):
+def test_tutorials_start_with_a_figure(pages):
     tutorials = {page: text for page, text in pages.items() if page.startswith("tutorials/")}
     assert len(tutorials) == 4
     for text in tutorials.values():
         assert re.search(r"!\[.+\]\(.+\.png\)", text.partition("\n## ")[0])
 
 
-def test_pages_below_a_section_keep_its_subsections_and_change_its_links(maker):
+def test_pages_of_a_section_contain_its_subsections_with_changed_links(maker):
     texts = {
         "README.md": "# Top\n\n## One\n\n[there](sub/README.md#inner)\n",
         "sub/README.md": "# Sub\n\n## Outer\n\ntext [up](../README.md#one)\n\n### Inner\n\n"
@@ -122,14 +122,14 @@ def test_code_blocks_have_short_lines(pages):
 @pytest.mark.parametrize(
     "path", sorted((readmes.ROOT / "configs").glob("*.yaml")), ids=lambda path: path.stem
 )
-def test_short_lines_of_yaml_mean_the_same(maker, path):
+def test_wrapped_yaml_is_equivalent(maker, path):
     text = path.read_text("utf-8")
     narrow = maker.narrow_blocks(f"```yaml\n{text}```\n")[8:-4]
     assert yaml.safe_load(narrow) == yaml.safe_load(text)
     assert max(map(len, narrow.splitlines())) <= 85
 
 
-def test_short_lines_of_commands_mean_the_same(maker):
+def test_wrapped_commands_are_equivalent(maker):
     command = (
         "printf '%s|' 'a quoted text that is long, and has -- and | in it' " + "x " * 20 + "| cat"
     )
@@ -207,14 +207,14 @@ def test_the_reference_has_each_public_name_with_its_parameters(pages):
     assert "[`tdint.run`](" in "\n".join(pages.values())
 
 
-def test_links_lead_to_pages_and_pictures(maker, pages):
+def test_links_have_existing_pages_and_figures(maker, pages):
     drawn = {f"{maker.METHODS}/{maker.picture_of(name)}" for name in catalogue()}
     there = {*pages, *maker.pictures(), *drawn}
     for page, text in pages.items():
         assert set(maker.links(page, text)) <= there | {page, str(PurePosixPath(page).parent)}, page
 
 
-def test_the_list_of_pages_names_each_once(maker, pages):
+def test_the_navigation_lists_each_page_once(maker, pages):
     named = re.findall(r"[\w./-]+\.md", json.dumps(maker.settings(pages)["nav"]))
     assert len(named) == len(set(named))
     lead = {page for page in pages if not page.endswith(".md.md")}
@@ -229,7 +229,7 @@ def squeezed(text):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_command_s_page_says_what_help_all_says(pages, name):
+def test_the_page_of_a_command_contains_its_complete_help(pages, name):
     help_all = (
         CliRunner().invoke(cli, [name, "--help-all"], prog_name="tdint", terminal_width=100).stdout
     )
@@ -243,7 +243,7 @@ def test_a_command_s_page_says_what_help_all_says(pages, name):
 
 
 @pytest.mark.parametrize("name", catalogue())
-def test_a_method_s_page_has_equations_figure_and_publications(pages, name):
+def test_the_page_of_a_method_has_equations_figure_and_publications(pages, name):
     page = pages[f"src/tdint/methods/{name}.md"]
     equations = page.partition("## Equations")[2].partition("## Stability")[0]
     assert re.search(r"= .*[uv]", equations)
@@ -253,7 +253,7 @@ def test_a_method_s_page_has_equations_figure_and_publications(pages, name):
     )
 
 
-def test_the_table_of_methods_leads_to_their_pages(pages):
+def test_the_table_of_methods_links_to_their_pages(pages):
     rows = re.findall(
         r"^\| \[`([\w-]+)`\]\(\.\./src/tdint/methods/([\w-]+)\.md\) \|(.*)$",
         pages["guide/method-and-step.md"],
@@ -306,7 +306,7 @@ def site(maker, tmp_path_factory):
     return folder / "site"
 
 
-def test_the_site_s_links_lead_somewhere_and_it_loads_nothing_from_elsewhere(site):
+def test_links_of_the_site_have_targets_and_no_external_files_are_loaded(site):
     found = {
         file: Found(file.read_text("utf-8"))
         for file in site.rglob("*.html")
@@ -331,7 +331,7 @@ def test_the_site_s_links_lead_somewhere_and_it_loads_nothing_from_elsewhere(sit
             )
 
 
-def test_lists_are_lists_and_every_page_is_found(site, pages):
+def test_lists_are_rendered_and_every_page_is_in_the_search_index(site, pages):
     for file in site.rglob("*.html"):
         assert not re.search(r"<p>[^<]*\n[-*] ", file.read_text("utf-8")), file
     words = (site / "search.json").read_text("utf-8")
@@ -376,7 +376,7 @@ def test_the_search_finds_the_terms_of_the_field(site, term):
         ("columns", "cli/columns/"),
     ],
 )
-def test_a_heading_or_the_beginning_of_its_page_has_the_term(site, term, place):
+def test_a_heading_or_the_beginning_of_its_page_contains_the_term(site, term, place):
     """The search ranks titles first; the beginning of a page is an entry of its own."""
     items = json.loads((site / "search.json").read_text("utf-8"))["items"]
     found = [

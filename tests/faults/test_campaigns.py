@@ -72,7 +72,7 @@ def study(folder):
     return folder
 
 
-def test_forty_kills_leave_nothing_out_and_nothing_twice(study, start):
+def test_forty_kills_lose_and_repeat_no_run(study, start):
     assert start("campaign", "study.yaml", "-o", "whole").end(300.0)[0] == 0
     killer = subprocess.run(
         [sys.executable, "-c", KILLER, "17"], cwd=study, capture_output=True, text=True, timeout=600
@@ -85,7 +85,7 @@ def test_forty_kills_leave_nothing_out_and_nothing_twice(study, start):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_campaign_in_time_and_it_goes_on(study, start, number):
+def test_a_signal_ends_a_campaign_in_time_and_the_store_remains_valid(study, start, number):
     (study / "study.yaml").write_text(STUDY.replace("0.001", "0.00005") % SCALES)
     command = start("campaign", "study.yaml", "-o", "out")
     command.wait_for((study / "out" / FILE).exists)
@@ -172,7 +172,7 @@ def chunks_done(folder: Path) -> int:
     return 0
 
 
-def test_a_cluster_does_the_same_though_a_worker_is_killed(study, start, cluster):
+def test_a_cluster_gives_equal_results_if_a_worker_is_killed(study, start, cluster):
     (study / "study.yaml").write_text(STUDY.replace("0.001", "0.0001") % SCALES)
     far = cluster()
     far.add_worker()
@@ -223,7 +223,7 @@ def certificate(folder: Path, name: str, signed_by: str | None) -> None:
         subprocess.run(["openssl", *command], cwd=folder, check=True, capture_output=True)
 
 
-def test_certificates_are_asked_for_and_checked(study, start, cluster):
+def test_certificates_are_required_and_checked(study, start, cluster):
     if shutil.which("openssl") is None:
         pytest.skip("no openssl to make certificates with")
     certificate(study, "authority", None)

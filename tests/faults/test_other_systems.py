@@ -109,7 +109,7 @@ def printed_here(*arguments):
 @pytest.mark.parametrize(
     "commands", [COMMANDS, pytest.param(SLOW, marks=pytest.mark.slow)], ids=["few", "slow"]
 )
-def test_commands_need_nothing_that_only_posix_has(elsewhere, commands):
+def test_commands_run_without_posix_functions(elsewhere, commands):
     done = elsewhere("-c", ALL_OF.format(lines=[[*map(str, command)] for command in commands]))
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr.decode()
     assert done.stdout.endswith(
@@ -121,9 +121,9 @@ def test_commands_need_nothing_that_only_posix_has(elsewhere, commands):
 @pytest.mark.parametrize(
     ("command", "code"),
     [(("chart", "--help"), 0), (("check", "büro-β.yaml", "nö-β.yaml"), 3)],
-    ids=["words", "data and an error"],
+    ids=["help", "data and an error"],
 )
-def test_a_console_of_another_encoding_gets_words_and_data(elsewhere, command, code, encoding):
+def test_a_console_of_another_encoding_gets_messages_and_data(elsewhere, command, code, encoding):
     """Words are shown as far as it can; data are UTF-8 everywhere."""
     done = elsewhere("-m", "tdint", *command, PYTHONPATH="", PYTHONIOENCODING=encoding)
     assert (done.returncode, b"internal error" in done.stderr) == (code, False), done.stderr

@@ -28,7 +28,7 @@ def shell(command, folder):
         ("ulimit -f 1;", "out.csv", ""),
     ],
 )
-def test_no_room_behind_standard_output(folder, limit, target, message):
+def test_a_full_standard_output_is_reported(folder, limit, target, message):
     done = shell(f"{limit} {TDINT} init - > {target}", folder)
     assert done.returncode == 6
     assert f"Error: standard output: cannot be written: {message}" in done.stderr
@@ -38,7 +38,7 @@ def test_no_room_behind_standard_output(folder, limit, target, message):
 @pytest.mark.parametrize(
     "command", ["law model.yaml --drift 1% -o out.csv", "run model.yaml --history -o out"]
 )
-def test_a_size_limit_of_files(folder, command):
+def test_a_size_limit_of_files_is_reported(folder, command):
     done = shell(f"ulimit -f 1; {TDINT} {command} > /dev/null", folder)
     assert done.returncode == 6, done.stderr
     assert "cannot be written: File too large" in done.stderr

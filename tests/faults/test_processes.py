@@ -37,7 +37,7 @@ def temporary(folder):
         pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
     ],
 )
-def test_a_command_with_workers_that_is_ended(folder, start, number, code):
+def test_a_signal_ends_a_command_and_its_workers(folder, start, number, code):
     command = start(*JOBS)
     command.wait_for(lambda: len(command.children()) == 2 and len(tables(folder)) >= 1)
     # Ctrl-C at a terminal goes to all processes.
@@ -57,7 +57,7 @@ def test_a_command_with_workers_that_is_ended(folder, start, number, code):
     ("done", "which"),
     [(0, 0), *(pytest.param(done, 1, marks=pytest.mark.slow) for done in (1, 3, 5))],
 )
-def test_a_killed_worker(folder, start, done, which):
+def test_a_killed_worker_loses_one_record(folder, start, done, which):
     """A killed worker costs one record, which is named; the others are done."""
     command = start("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:500")
     command.wait_for(
@@ -89,7 +89,7 @@ def test_all_workers_killed_at_once(folder, start):
     assert len(tables(folder)) >= 6, words
 
 
-def test_a_run_that_is_ended_leaves_no_half_file(folder, start):
+def test_a_terminated_run_leaves_no_incomplete_file(folder, start):
     command = start("run", "model.yaml", "--history", "-o", "out", "--dt", "2e-5")
     command.wait_for(lambda: (folder / "out").is_dir() or command.process.poll() is not None)
     if command.process.poll() is None:

@@ -27,7 +27,7 @@ def hostile(folder):
     assert not (folder / "trapped").exists()
 
 
-def test_a_picture_in_a_hostile_working_directory(hostile, start):
+def test_a_figure_in_a_hostile_working_directory(hostile, start):
     """Its matplotlibrc changes nothing."""
     code, _, words = start("modes", "model.yaml", "-o", "b.csv", "--plot=b.png").end()
     assert code == 0, words
@@ -55,7 +55,7 @@ def test_a_long_command_in_a_hostile_working_directory(hostile, start):
     assert code == 0, words
 
 
-def test_without_a_home_in_a_hostile_working_directory(hostile, start):
+def test_a_command_without_a_home_in_a_hostile_working_directory(hostile, start):
     """No module of the directory is run. Kernels are taken from elsewhere: that they compile there
     is asked above."""
     nowhere = {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "TDINT_CACHE_DIR": None}
@@ -68,7 +68,7 @@ def test_without_a_home_in_a_hostile_working_directory(hostile, start):
 # Compiles; whose folder is trusted is asked in tests/kernels/test_compiling.py, too.
 @pytest.mark.slow
 @pytest.mark.parametrize("owner", ["everyone", "another user"])
-def test_a_cache_of_others_is_not_used(folder, start, owner):
+def test_a_cache_of_other_users_is_not_used(folder, start, owner):
     cache = folder.parent / "cache"
     cache.mkdir()
     if owner == "everyone":
@@ -84,7 +84,7 @@ def test_a_cache_of_others_is_not_used(folder, start, owner):
 
 
 @pytest.mark.parametrize("chosen", [None, "", "relative", "/somewhere/else"])
-def test_the_cache_is_where_the_platform_has_it(monkeypatch, chosen):
+def test_the_cache_is_in_the_directory_of_the_platform(monkeypatch, chosen):
     """On Linux without the import of platformdirs, which is to say the same."""
     monkeypatch.delenv("TDINT_CACHE_DIR", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)

@@ -64,7 +64,7 @@ def test_a_file_is_written_with_the_usual_permissions(tmp_path):
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("a bug"), MemoryError()])
-def test_a_writer_that_fails_leaves_all_as_it_was(tmp_path, error, overwrite):
+def test_a_failing_writer_changes_no_file(tmp_path, error, overwrite):
     first, second = tmp_path / "a.csv", tmp_path / "b.csv"
     if overwrite:
         second.write_bytes(b"old")
@@ -92,7 +92,7 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
 
 
 @pytest.mark.usefixtures("linkable")
-def test_a_file_that_comes_up_while_writing_is_kept(tmp_path):
+def test_a_file_created_during_writing_is_kept(tmp_path):
     file = tmp_path / "a.csv"
     with pytest.raises(OutputError, match="the file exists"):
         write_file(file, lambda stream: file.write_bytes(b"theirs"), overwrite=False)
@@ -110,7 +110,7 @@ def test_a_symbolic_link_is_followed(tmp_path):
     assert target.read_bytes() == b"new"
 
 
-def test_missing_folders_are_made_and_unmade(tmp_path):
+def test_missing_directories_are_created_and_removed_after_a_failure(tmp_path):
     file = tmp_path / "new" / "deep" / "a.csv"
     check_outputs([file], overwrite=False)
     assert names(tmp_path) == []
@@ -122,7 +122,7 @@ def test_missing_folders_are_made_and_unmade(tmp_path):
     assert names(tmp_path / "new") == ["b.csv", "deep"]
 
 
-def test_what_another_process_put_into_a_new_folder_stays(tmp_path):
+def test_files_of_another_process_in_a_new_directory_are_kept(tmp_path):
     folder = tmp_path / "new" / "deep"
 
     def write(stream):
@@ -134,7 +134,7 @@ def test_what_another_process_put_into_a_new_folder_stays(tmp_path):
     assert names(tmp_path / "new") == ["theirs"]
 
 
-def test_what_stands_in_the_way_is_named(tmp_path):
+def test_invalid_output_paths_are_reported(tmp_path):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_bytes(b"")
     os.mkfifo(tmp_path / "pipe")
@@ -152,14 +152,14 @@ def test_what_stands_in_the_way_is_named(tmp_path):
         check_outputs([tmp_path / "a.csv", tmp_path / "folder" / ".." / "a.csv"], overwrite=True)
 
 
-def test_a_folder_without_permission_is_named_before_the_work(tmp_path, monkeypatch):
+def test_a_directory_without_permission_is_reported_before_the_computation(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)  # root may write everywhere
     with pytest.raises(OutputError, match="no permission to write to the directory"):
         check_outputs([tmp_path / "a.csv"], overwrite=False)
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_stale_files_go_only_with_overwrite_and_as_they_were_written(tmp_path, overwrite):
+def test_stale_files_are_removed_only_with_overwrite_and_if_unchanged(tmp_path, overwrite):
     stale, other, link = tmp_path / "old.csv", tmp_path / "other.csv", tmp_path / "link.csv"
     stale.write_bytes(b"old")
     other.write_bytes(b"mine")
@@ -171,7 +171,7 @@ def test_stale_files_go_only_with_overwrite_and_as_they_were_written(tmp_path, o
     assert names(tmp_path) == (left if overwrite else sorted([*left, "old.csv"]))
 
 
-def test_the_last_file_is_made_of_the_digests_of_the_others(tmp_path):
+def test_the_last_file_contains_the_digests_of_the_others(tmp_path):
     first, packed, last = tmp_path / "a.csv", tmp_path / "b.csv.gz", tmp_path / "c.json"
     made = []
     write_files(
@@ -197,7 +197,7 @@ def reading():
 
 
 @pytest.mark.usefixtures("reading")
-def test_what_is_read_is_never_written_or_removed(tmp_path):
+def test_inputs_are_never_written_or_removed(tmp_path):
     model, link, hard, other = (tmp_path / name for name in ("m.yaml", "link", "hard", "other"))
     model.write_bytes(b"mine")
     link.symlink_to(model)
@@ -230,7 +230,7 @@ write_file(Path(sys.argv[1]), wait, overwrite=False)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
-def test_temporary_files_of_the_living_stay_and_of_others_are_told(tmp_path, caplog):
+def test_temporary_files_of_running_processes_are_kept_and_old_ones_reported(tmp_path, caplog):
     caplog.set_level(logging.INFO, logger="tdint.files")
     command = [sys.executable, "-c", WAITS, str(tmp_path / "a.csv")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
@@ -259,7 +259,7 @@ def test_temporary_files_of_the_living_stay_and_of_others_are_told(tmp_path, cap
 @pytest.mark.parametrize(
     ("error", "is_there"), [(PermissionError, True), (ProcessLookupError, False), (None, False)]
 )
-def test_the_processes_of_others_may_be_hidden(tmp_path, monkeypatch, error, is_there):
+def test_temporary_files_of_hidden_processes_are_kept(tmp_path, monkeypatch, error, is_there):
     """Of a live one of another user /proc, mounted with hidepid=2, tells nothing; one of ours would
     tell its start."""
 

@@ -42,7 +42,7 @@ def same_as_table(columns, table):
             )
 
 
-def test_columns_are_those_of_the_tables(response):
+def test_columns_equal_the_columns_of_the_tables(response):
     same_as_table(response.to_dict(), story_table(response.stories, response.check.errors))
     carried = tdint.run(response.model, response.record, method="moment4", check=True)
     told = carried.to_dict()
@@ -55,7 +55,7 @@ def test_columns_are_those_of_the_tables(response):
     assert modes.damping == pytest.approx([0.05, 0.05])
 
 
-def test_a_history_is_the_file_that_the_command_writes(response):
+def test_a_history_equals_the_file_of_the_command(response):
     stream = io.BytesIO()
     write_history(response.history, stream)
     header, *rows = csv.reader(io.StringIO(stream.getvalue().decode()))
@@ -95,7 +95,7 @@ def test_other_units(response):
         lambda run: tdint.stability("newmark-average", np.array([0.1, 0.2])),
     ],
 )
-def test_every_result_shows_itself(response, make):
+def test_every_result_has_text_table_and_pickle(response, make):
     result = make(response)
     assert len(repr(result)) < 200 and "\n" not in repr(result) and repr(result).startswith("<")
     columns = result.to_dict()
@@ -118,7 +118,7 @@ def traces():
     )
 
 
-def test_records_of_what_is_in_memory(traces):
+def test_records_from_arrays_traces_and_streams(traces):
     array = tdint.make_record(WAVE, dt=0.01, units="g", component="X", name="wave")
     np.testing.assert_allclose(array.acceleration, WAVE * STANDARD_GRAVITY, rtol=1e-15)
     assert (array.dt, array.source, array.component, array.units_from) == (
@@ -161,7 +161,7 @@ def test_records_of_what_is_in_memory(traces):
         ),
     ],
 )
-def test_records_that_cannot_be(given, error, message):
+def test_invalid_arrays_are_refused(given, error, message):
     with pytest.raises(error, match=message):
         tdint.make_record(**given)
 
@@ -180,7 +180,7 @@ def test_records_that_cannot_be(given, error, message):
         (slice(0), {"units": "g"}, RecordError, "the stream has no traces"),
     ],
 )
-def test_streams_that_say_too_little(traces, part, more, error, message):
+def test_incomplete_streams_are_refused(traces, part, more, error, message):
     with pytest.raises(error, match=message):
         tdint.make_record(traces[part], **more)
 

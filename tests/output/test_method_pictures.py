@@ -87,7 +87,7 @@ def all_looks(lines, highlight=""):
     return [looks(figure, lines) for figure in figures]
 
 
-def test_a_method_is_drawn_alike_in_all_pictures_and_like_no_other(of_plugins):
+def test_a_method_has_the_same_distinct_style_in_all_figures(of_plugins):
     of_plugins(LONG)
     every = all_looks(NAMES)
     for drawn in every:
@@ -104,7 +104,7 @@ def test_a_method_is_drawn_alike_in_all_pictures_and_like_no_other(of_plugins):
 @pytest.mark.parametrize(
     ("plugins", "asked"), [((), "newmark-average"), (("mine",), ""), (LONG, LONG[1])]
 )
-def test_a_method_of_mine_is_thick_and_in_front(of_plugins, plugins, asked):
+def test_highlighted_and_plugin_methods_are_thick_and_in_front(of_plugins, plugins, asked):
     of_plugins(plugins)
     lines = ["impulse4", "newmark-average", *plugins]
     front = asked or "mine"
@@ -114,7 +114,7 @@ def test_a_method_of_mine_is_thick_and_in_front(of_plugins, plugins, asked):
         assert len({look[2] for look in drawn.values()}) == 1  # impulse4 like all others
 
 
-def test_several_plugins_are_in_front_of_other_methods_and_alike(of_plugins):
+def test_several_plugins_are_in_front_of_other_methods_and_equally_thick(of_plugins):
     of_plugins(LONG)
     for drawn in all_looks(["impulse4", "newmark-average", *LONG]):
         others = [drawn.pop(name) for name in ("impulse4", "newmark-average")]
@@ -188,7 +188,7 @@ def matrix(names, width):
         (["impulse4", "hht", "bathe", "wilson"], 180, 1),
     ],
 )
-def test_no_word_of_the_matrix_touches_another_one(names, width, panels):
+def test_texts_of_the_matrix_do_not_overlap(names, width, panels):
     figure = matrix(names, width)
     assert len(figure.axes) == panels
     for axes in figure.axes:
@@ -207,7 +207,7 @@ def test_no_word_of_the_matrix_touches_another_one(names, width, panels):
             assert x0 <= box.x0 and box.x1 <= x1 and y0 <= box.y0 and box.y1 <= y1, text.get_text()
 
 
-def test_a_matrix_without_room_says_what_it_takes():
+def test_a_matrix_without_room_reports_the_required_width():
     with pytest.raises(UsageError, match=r"require a width of at least (\d+) mm") as caught:
         matrix(["impulse4", *LONG], 50)
     least = int(str(caught.value).split(" mm")[0].split()[-1])

@@ -79,7 +79,7 @@ CONVENTIONS = {
         ("", ""),
         ("", "H1", "H2"),
     ),
-    "words": (
+    "long and transverse": (
         ("a_long.txt", "a_trans.txt"),
         (".S..LONG", ".S..TRANS"),
         ("", ""),
@@ -110,7 +110,7 @@ def station(record):
 
 
 @pytest.mark.parametrize(("convention", "kind"), list(product(CONVENTIONS, FORMATS)))
-def test_a_pair_is_one_after_it_is_written(convention, kind, tmp_path):
+def test_a_written_pair_is_recognized_as_a_pair(convention, kind, tmp_path):
     """By file names alone, by a folder, and by its two files, with station, component, event."""
     first, second = components(convention)
     names, _ = write(tmp_path, [Horizontals(first, second)], kind)
@@ -134,7 +134,7 @@ def test_a_pair_is_one_after_it_is_written(convention, kind, tmp_path):
             assert record.component == (source.component or f"H{(source is second) + 1}")
             assert record.event == source.event
     # The names keep the source's, and with it PEER's name of the event.
-    if convention in ("no names", "words"):
+    if convention in ("no names", "long and transverse"):
         common = "left" if convention == "no names" else "a"
         assert names == [f"{common}-H1.{kind}", f"{common}-H2.{kind}"]
     elif not convention.startswith(("k", "one")):
@@ -149,7 +149,7 @@ def test_a_pair_is_one_after_it_is_written(convention, kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_suite_keeps_its_pairs_apart(kind, tmp_path):
+def test_pairs_of_a_suite_remain_separate(kind, tmp_path):
     """Also those of equal names, and of stations that are equal in five characters."""
     motions = []
     for number, convention in enumerate((*CONVENTIONS, "peer", "network")):
@@ -181,7 +181,7 @@ def test_a_suite_keeps_its_pairs_apart(kind, tmp_path):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_single_components_are_recognized_as_pairs_later(kind, tmp_path):
+def test_single_components_are_later_recognized_as_pairs(kind, tmp_path):
     records = [
         record for name in ("peer", "k-net", "network", "one file") for record in components(name)
     ]
@@ -191,7 +191,7 @@ def test_single_components_are_recognized_as_pairs_later(kind, tmp_path):
     assert len(suite.motions) == 4 and not suite.failures
 
 
-def test_directions_count_for_two_files_at_right_angles_alone():
+def test_directions_pair_only_two_files_at_right_angles():
     """Numbers of motions are no directions."""
     pair = ["x/GIL067.mseed", "x/GIL337.mseed"]
     assert motion_names(pair) == ["x/GIL?.mseed"] * 2

@@ -88,13 +88,13 @@ READ_BY_OPENQUAKE = (
         ("pga", "m/s^2", "PGA", 1.0 / 9.80665),
     ],
 )
-def test_measures_by_their_names_and_units_there(im, unit, imt, factor):
+def test_measures_have_the_names_and_units_of_openquake(im, unit, imt, factor):
     ((name, found),) = read(fragility_model([function(0.1, 2.0, im=im, unit=unit)], "x")).values()
     assert name == imt and re.fullmatch(READ_BY_OPENQUAKE, name)
     assert found["ds1"][0] == pytest.approx(2.0 * factor, rel=1e-6)
 
 
-def test_a_function_for_each_state_of_the_building():
+def test_each_damage_level_of_a_building_has_a_function():
     """With the model's dispersion beside that of the motions: 0.5 of 0.3 and 0.4."""
     both = [
         function(0.1, 1.0, damage=0.0, modeling_dispersion=0.3),
@@ -105,7 +105,7 @@ def test_a_function_for_each_state_of_the_building():
     assert found["x & y"][1]["ds1"] == pytest.approx((1.0, 0.5), rel=1e-7)
 
 
-def test_a_function_for_each_type_of_buildings():
+def test_each_building_type_has_a_function():
     """Under the type's name, by its thresholds, which are others in another type; each with its
     measure."""
     frame = [

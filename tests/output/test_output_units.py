@@ -48,7 +48,7 @@ def test_names_and_numbers(
     assert value / factor == pytest.approx(expected, rel=1e-13)
 
 
-def test_an_acceleration_without_a_unit_of_its_own_goes_by_the_length() -> None:
+def test_an_acceleration_without_its_own_unit_uses_the_unit_of_length() -> None:
     units = parse_output_units("kN, mm, t")
     assert units.unit("m/s^2") == ("mm/s^2", 0.001)
     assert units.column("mass_kg", "kg") == ("mass_t", 1000.0)
@@ -61,7 +61,7 @@ def test_an_acceleration_without_a_unit_of_its_own_goes_by_the_length() -> None:
     st.sampled_from(sorted(MASS)),
     st.sampled_from(["", *sorted(ACCELERATION)]),
 )
-def test_no_two_columns_get_one_name_and_the_way_back_is_the_inverse(
+def test_column_names_are_unique_and_the_conversion_is_invertible(
     length: str, force: str, mass: str, acceleration: str
 ) -> None:
     units = parse_output_units(",".join(filter(None, (force, length, mass, acceleration))))
@@ -75,7 +75,7 @@ def test_no_two_columns_get_one_name_and_the_way_back_is_the_inverse(
     assert units.unit("N")[1] * units.unit("m")[1] == pytest.approx(units.unit("J")[1], rel=1e-15)
 
 
-def test_what_is_no_number_stays() -> None:
+def test_empty_texts_and_booleans_are_unchanged() -> None:
     columns = [
         Column(name, unit, "x", "y")
         for name, unit in (("place", TEXT), ("start_m", "m"), ("at_m", "m"))
@@ -128,12 +128,12 @@ def test_a_summary() -> None:
         ("s", "unknown unit 's'; known: m, cm,"),
     ],
 )
-def test_units_that_are_none(text: str, message: str) -> None:
+def test_invalid_units_are_refused(text: str, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         parse_output_units(text)
 
 
-def test_spelling_is_free_where_it_is_plain() -> None:
+def test_units_can_be_spelled_in_any_case() -> None:
     assert parse_output_units("KIP, IN, G") == US
     assert parse_output_units("kN,m,cm/s2").acceleration == "cm/s^2"
     assert describe(responses.STORY_COLUMNS)["peak_shear_N"]["unit"] == "N"

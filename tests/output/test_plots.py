@@ -72,7 +72,7 @@ def shaken():
     return run(load_model(CONFIGS / "ten-story-bilinear.yaml"), motion(), history=True)
 
 
-def test_steps_of_several_samples_draw_the_record_and_tell_the_peaks_of_the_run():
+def test_long_steps_show_all_samples_of_the_record_and_the_peaks_of_the_table():
     """The figure shows all samples of the record, including samples between the time steps. The
     peak of the roof is the value in the table."""
     record = replace(motion(), acceleration=np.random.default_rng(1).standard_normal(401))
@@ -100,7 +100,7 @@ def of_suite(building, stood, fell, height=3.0):
     return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
-def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_measured_in():
+def test_a_building_with_collapses_only_does_not_determine_the_drift_unit():
     """Drifts of the other buildings remain in percent of the story height, or all drifts are
     lengths. The figure states the number of collapsed runs."""
     stood, fell, flat = (
@@ -123,7 +123,7 @@ def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_m
     } == {0.03}
 
 
-def test_the_panels_of_a_level_stand_at_the_same_height():
+def test_the_panels_of_a_level_have_equal_heights():
     """In all panels, a floor is at the top of the story below it."""
     drifts, accelerations, shears = profile_picture([of_suite("frame", 3, 0)]).axes
     assert drifts.get_ylim() == accelerations.get_ylim() == shears.get_ylim() == (0.5, 2.5)
@@ -131,7 +131,7 @@ def test_the_panels_of_a_level_stand_at_the_same_height():
     assert {tuple(line.get_ydata()) for line in accelerations.lines} == {(1.5, 2.5), ()}
 
 
-def test_no_bar_of_a_tornado_hides_behind_another():
+def test_the_shorter_bar_of_a_tornado_is_in_front():
     """If both values of a parameter change a peak in the same direction, the shorter bar is in
     front."""
     peaks = {one.name: one for one in PEAKS}
@@ -152,7 +152,7 @@ def test_no_bar_of_a_tornado_hides_behind_another():
                 assert abs(first.get_width()) >= abs(last.get_width())
 
 
-def test_all_buildings_of_floors_are_named():
+def test_all_buildings_of_floors_are_in_the_legend():
     """The legend contains all buildings, also if they have different numbers of floors and some are
     not in the first panel."""
     level = (1.0, np.nan, [[], []], 0, 0, 0, ("level", ""), "")
@@ -175,7 +175,7 @@ def test_a_legend_of_long_names_is_within_its_figure():
     assert len(legend.get_texts()) == 6 and box.x0 > 0.0 and box.x1 < figure.bbox.width
 
 
-def test_a_title_is_no_wider_than_its_figure():
+def test_a_title_is_not_wider_than_its_figure():
     """A long title with record names is wrapped and remains complete."""
     figure = Figure(figsize=(7.2, 3.0))
     what = "Incremental dynamic analysis, RSN763_LOMAP_GIL337.AT2 337, moment4, 5 % damping of Sa"
@@ -201,12 +201,12 @@ def test_formats(tmp_path, suffix):
     assert sorted(tmp_path.iterdir()) == sorted([file, again])
 
 
-def test_of_a_run_without_history_what_is_over_the_height_is_drawn(forced):
+def test_profiles_of_a_run_without_history_are_drawn(forced):
     labels = [axes.get_xlabel() for axes in run_picture(replace(forced, history=None)).axes]
     assert len(labels) == 3 and "story shear" in labels[2]
 
 
-def test_any_name_is_drawn_as_it_is(tmp_path, forced):
+def test_names_are_drawn_literally(tmp_path, forced):
     name = "_a $x_ 建物"
     draw_run(replace(forced, model=replace(forced.model, name=name)), tmp_path / "run.svg")
     spectra = [
@@ -219,7 +219,7 @@ def test_any_name_is_drawn_as_it_is(tmp_path, forced):
     drawn(run_picture(replace(forced, model=replace(forced.model, name=long))))
 
 
-def test_what_rests_is_drawn():
+def test_motions_at_rest_are_drawn():
     still = replace(motion(), acceleration=np.zeros(50))
     assert "roof displacement" in drawn(
         run_picture(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True))
@@ -238,7 +238,7 @@ def test_what_rests_is_drawn():
         ({"method": "newmark-average"}, "newmark-average"),
     ],
 )
-def test_a_spectrum_tells_how_it_was_computed(choices, told):
+def test_a_spectrum_states_its_method_of_computation(choices, told):
     computed = spectrum(motion(), np.array([0.5, 1.0]), **choices)
     assert f"5 % damping, {told}" in words(spectrum_picture([computed])).split("\n")
 
@@ -250,7 +250,7 @@ def test_a_spectrum_tells_how_it_was_computed(choices, told):
         ((0.5, 2.0), "ω₀ / ω, frequency of the load over natural frequency", ""),
     ],
 )
-def test_orders_are_drawn_over_the_frequency_ratio_where_there_are_several(ratios, axis, title):
+def test_orders_are_drawn_over_several_frequency_ratios(ratios, axis, title):
     said = words(
         order_picture([order("newmark-average", frequency_ratio=ratio) for ratio in ratios])
     ).split("\n")
@@ -258,7 +258,7 @@ def test_orders_are_drawn_over_the_frequency_ratio_where_there_are_several(ratio
     assert f"Observed order: harmonic load, linear law{title}" in said
 
 
-def test_a_processed_record_is_called_so():
+def test_a_processed_record_is_labeled():
     plain = Record(np.ones(3), 0.01, "", "", "", "x.mseed")
     assert changed([plain]) == ""
     assert changed([plain, process(plain, baseline="constant")]) == " (processed)"

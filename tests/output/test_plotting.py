@@ -72,7 +72,7 @@ ON_AXES = {
 
 
 @pytest.mark.usefixtures("laid_out")
-def test_each_is_drawn(results):
+def test_each_result_is_drawn(results):
     """Its panels find their places, too; those of NARROW do so below, those of two are in another
     one's figure."""
     for name, result in results.items():
@@ -82,7 +82,7 @@ def test_each_is_drawn(results):
             figure.draw_without_rendering()
 
 
-def test_the_main_panel_goes_onto_axes(results):
+def test_the_main_panel_is_drawn_on_axes_of_the_caller(results):
     for name, result in results.items():
         axes = Figure().subplots()
         if name not in ON_AXES:
@@ -93,7 +93,7 @@ def test_the_main_panel_goes_onto_axes(results):
         assert axes.has_data() and axes.get_xlabel() and axes.get_ylabel(), name
 
 
-def test_what_is_drawn_is_the_result(results):
+def test_drawn_values_equal_the_result(results):
     axes = Figure().subplots()
     spectrum = results["spectrum"]
     for _ in range(2):
@@ -115,7 +115,7 @@ def test_what_is_drawn_is_the_result(results):
     assert len(tdint.plot([spectrum, spectrum]).axes[0].lines) == 2
 
 
-def test_runs_have_a_row_for_each_scale_and_their_mean(results):
+def test_several_runs_have_a_row_for_each_scale_and_their_mean(results):
     """Runs without a result are counted in the title of the panel and are in no line."""
     runs = results["runs"]
     figure = runs.plot()
@@ -132,7 +132,7 @@ def test_runs_have_a_row_for_each_scale_and_their_mean(results):
     assert lost.axes[0].get_title("left").startswith("1 of 2")
 
 
-def test_derivatives_have_a_panel_for_each_parameter_with_errors(results):
+def test_derivatives_have_a_panel_with_errors_for_each_parameter(results):
     gradient = results["gradient"]
     figure = gradient.plot()
     assert len(figure.axes) == 2
@@ -222,7 +222,7 @@ def lines_of(results):
         yield (("order", 0, line), [results["order"].order(name)], [1.0])
 
 
-def test_the_numbers_of_each_picture_are_those_of_its_result(results):
+def test_the_values_of_each_figure_equal_its_result(results):
     figures = {name: tdint.plot(result) for name, result in results.items()}
     for (name, panel, line), across, along in lines_of(results):
         drawn = figures[name].axes[panel].lines[line]
@@ -284,7 +284,7 @@ def test_the_numbers_of_each_picture_are_those_of_its_result(results):
     )
 
 
-def test_print(results, tmp_path):
+def test_print_options(results, tmp_path):
     file = tmp_path / "a.pdf"
     figure = tdint.plot(results["modes"], file=file, width=0.09, title=False)
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(90.0)
@@ -297,7 +297,7 @@ def test_print(results, tmp_path):
         tdint.plot(results["stability"], font="No Such Font")
 
 
-def test_what_has_no_picture_is_refused(results, tmp_path):
+def test_results_without_a_figure_are_refused(results, tmp_path):
     with pytest.raises(UsageError, match="Record and Spectrum"):
         tdint.plot([results["record"], results["spectrum"]])
     with pytest.raises(UsageError, match="several of Response"):
@@ -312,7 +312,7 @@ def test_what_has_no_picture_is_refused(results, tmp_path):
 
 
 @pytest.mark.usefixtures("laid_out")
-def test_words_at_ticks_are_those_of_print(results):
+def test_tick_labels_follow_the_print_options(results):
     figure = tdint.plot(
         [results["order"], tdint.order("moment4")], width=0.09, label={"moment4": "present"}
     )
@@ -349,7 +349,7 @@ def test_a_notebook_shows_a_figure_without_pyplot():
     assert printed.stdout.split() == ["False", "True", "True", "True", "False"], printed.stderr
 
 
-def test_looks_are_said_as_on_the_command_line(results, tmp_path):
+def test_styles_are_specified_as_on_the_command_line(results, tmp_path):
     """`style` is a style sheet, or all words of --style; a keyword goes over it."""
     sheet = tmp_path / "own.mplstyle"
     sheet.write_text("lines.linewidth: 4.5\n")

@@ -84,7 +84,7 @@ def test_incremental_dynamic_analyses(curves, there, missing):
         (MotionIntensity("pgv"), "rotd50", "RotD50 PGV (m/s)"),
     ],
 )
-def test_axes_tell_measure_and_unit(measure, pair, label):
+def test_axes_state_measure_and_unit(measure, pair, label):
     text = words(ida_picture(replace(study(curve(0, *COLLAPSING), measure=measure), pair=pair)))
     assert label in text
     assert ("(g)" in text.splitlines()) == (measure.unit == "m/s^2")
@@ -167,7 +167,7 @@ def test_fragility_functions(functions, there):
 
 
 @pytest.mark.parametrize(("count", "panels"), [(1, 1), (2, 1), (4, 2)])
-def test_functions_with_the_models_dispersion_stand_beside_the_fitted_ones(count, panels):
+def test_functions_with_modeling_dispersion_have_their_own_panel(count, panels):
     """Where there are more than two: else each curve has two lines, a band and observations in one
     panel."""
     fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3)
@@ -184,5 +184,5 @@ def test_functions_with_the_models_dispersion_stand_beside_the_fitted_ones(count
 
 
 @pytest.mark.usefixtures("laid_out")
-def test_panels_find_their_places():
+def test_panels_are_laid_out():
     assert "1 record" in words(ida_picture(study(curve(0, *COLLAPSING))))

@@ -19,7 +19,7 @@ from tdint.output.figures.style import (
 from tdint.units import SI, parse_output_units
 
 
-def test_labels_stand_beside_their_points_and_over_nothing():
+def test_labels_are_next_to_their_points_without_overlap():
     """Neither over a mark, nor over each other, nor beyond the frame; the first ones come first,
     some find no room."""
     points = np.random.default_rng(3).uniform(size=(60, 2))
@@ -46,7 +46,7 @@ def test_labels_stand_beside_their_points_and_over_nothing():
         assert 3.5 * unit < away < 12.0 * unit
 
 
-def test_a_legend_names_some_lines_and_counts_the_others():
+def test_a_legend_lists_some_lines_and_counts_the_others():
     figure = Figure(figsize=(7.5, 4.0))
     axes = figure.subplots()
     lines = [axes.plot([0, 1], [i, i])[0] for i in range(30)]
@@ -81,14 +81,14 @@ def test_a_legend_names_some_lines_and_counts_the_others():
         (3e11, "N", "kN", 1e-9, "10⁶ kN"),
     ],
 )
-def test_units_make_short_numbers(largest, si, units, factor, label):
+def test_scaled_units_give_short_numbers(largest, si, units, factor, label):
     assert scaled_unit(largest, si, parse_output_units(units) if units else SI) == (
         pytest.approx(factor),
         label,
     )
 
 
-def test_ratios_to_a_height_stand_on_top():
+def test_a_ratio_axis_is_at_the_top():
     axes = Figure().subplots()
     axes.set_xlim(0.0, 0.06)
     add_ratio_axis(axes, 3.0, "drift ratio (%)")
@@ -99,7 +99,7 @@ def test_ratios_to_a_height_stand_on_top():
     assert axes.child_axes == [top]
 
 
-def test_a_method_looks_the_same_in_all_pictures_and_like_no_other():
+def test_each_method_has_a_unique_style_in_all_figures():
     """Parameters and other programs have what is left; a method that stands alone, or among others,
     is no other one."""
     lines = [*catalogue(), "wilson:theta=1.3", "impulse4:rho_inf=0", "openseespy/hht", "scipy/RK45"]

@@ -24,7 +24,7 @@ from tdint.output.run_summary import MEANINGS, failure_summary, peak_errors, run
 from tdint.output.summary import json_bytes
 
 
-def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
+def test_json_has_twelve_digits_null_and_ordered_keys():
     name = "Köln " + b"\xff".decode("utf-8", "surrogateescape")
     assert json.loads(json_bytes({"file": name})) == {"file": name}
     content = {
@@ -41,7 +41,7 @@ def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
     }  # fmt: skip
 
 
-def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
+def test_the_error_of_a_maximum_includes_all_stories_that_may_govern():
     nan = math.nan
     values = np.array([1.0, 3.0, 2.9])
     stories = StoryPeaks(
@@ -105,7 +105,7 @@ def test_every_number_of_a_summary_has_a_meaning(damping):
     assert json.loads(json_bytes(summary))["settings"] == {"dt_s": 0.01}
 
 
-def test_what_still_moves_at_the_end_is_the_story_that_moves_most():
+def test_the_residual_oscillation_at_the_end_is_the_maximum_of_the_stories():
     response = replace(
         run_case(prepare(ten_linear(), noise(samples=101))),
         residual_oscillation=np.array([0.1, 0.3, 0.2]),
@@ -132,7 +132,7 @@ def test_every_number_of_a_failure_has_a_meaning():
 @pytest.mark.parametrize(
     "damping", [None, RayleighRatio((0.05, 0.04), (1, 3)), ModalDamping((0.05,))]
 )
-def test_the_first_mode_is_that_of_all_modes(damping):
+def test_the_first_mode_equals_the_first_of_all_modes(damping):
     for stories in (1, 2, 10):
         one = ten_bilinear().stories[0]
         damped = damping if stories > 2 or not isinstance(damping, RayleighRatio) else None

@@ -72,7 +72,7 @@ def test_cells():
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_twelve_digits_survive(value):
+def test_twelve_digits_are_preserved(value):
     text = cell_text(value)
     assert float(text) == pytest.approx(value, rel=5.1e-12, abs=0.0)
     assert cell_text(float(text)) == text
@@ -108,7 +108,7 @@ def spectrum(rec: Record, damping: float) -> Spectrum:
     return Spectrum(record=rec, damping=damping, method="exact", periods=periods, **values)
 
 
-def test_components_of_one_name_are_told_apart_by_their_id():
+def test_components_with_equal_names_are_identified_by_their_id():
     one, other = record(id_="N.A..HNE"), record(id_="N.B..HNE")
     elsewhere = record(source="b.mseed")
     assert component_names([one, one, elsewhere]) == ["HNE", "HNE", "HNE"]
@@ -209,7 +209,7 @@ def declared():
     }
 
 
-def test_every_column_says_what_it_is_and_in_which_unit():
+def test_every_column_has_a_meaning_and_a_unit():
     for name, group in declared().items():
         names = [column.name for column in group if isinstance(column, Column)]
         assert len(set(names)) == len(names) > 0, name
@@ -233,7 +233,7 @@ def test_every_column_says_what_it_is_and_in_which_unit():
     assert all(one["meaning"] for one in table.meanings.values())
 
 
-def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
+def test_header_texts_cannot_control_a_terminal_or_be_formulas():
     for text, cell in (
         ("HNE", "HNE"),
         ("-", "-"),
@@ -309,7 +309,7 @@ def cell_of(text):
         ),
     ],
 )
-def test_a_law_is_told_as_its_model_file_has_it(law, units, words):
+def test_a_law_is_printed_as_in_its_model_file(law, units, words):
     """A side, a group and a parameter that the file may leave out are left out where they say
     nothing."""
     own = {} if {"coefficients", "backbone"} & law.keys() else {"stiffness": 1000}
@@ -317,7 +317,7 @@ def test_a_law_is_told_as_its_model_file_has_it(law, units, words):
     assert buildings.law_words(story, parse_output_units(units)) == f"{law['type']}: {words}"
 
 
-def test_dashpots_of_a_model_say_their_law():
+def test_dashpots_of_a_model_are_printed_with_their_law():
     power = {"coefficient": 8e3, "exponent": 0.5, "linear_below": 0.01}
     stories = [
         {"mass": 1.0, "stiffness": 1e6} | more
