@@ -104,7 +104,7 @@ def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
     name, told = "stories[2].law.yield_force", "frame: invalid variation of story 2: "
     with pytest.raises(UsageError, match=told):
         model.replace(**{name: 6e4})
-    with pytest.raises(UsageError, match=rf"{told}.* \(draw 2\)"):
+    with pytest.raises(UsageError, match=rf"{told}.* \(sample 2\)"):
         tdint.run_many(model, records[0], vary={name: [2e4, 6e4]})
 
 

@@ -29,7 +29,9 @@ FEW = (*UNITS, "--max-im", "1.2m/s^2", "--threshold", "0.2%")
 def test_unusual_buildings_cause_a_warning(folder, tdint, line):
     """A stiffness in kN/m that is read as N/m causes a warning: T = 2 pi sqrt(2e5 / 4e4) = 14 s."""
     (folder / "soft.yaml").write_text("stories: [{mass: 2e5, height: 3, stiffness: 4e4}]")
-    assert "Warning: fundamental period 14 s, usual: " in tdint(*line.split(), "-q", code=0).stderr
+    assert (
+        "Warning: unusual fundamental period: 14 s; " in tdint(*line.split(), "-q", code=0).stderr
+    )
 
 
 STUDY = (

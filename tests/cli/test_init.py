@@ -157,13 +157,13 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
     ("period", "force", "more", "rest", "told"),
     [
         (0.2, 1e5, "", STEP % (0.2 / 11.0), ""),
-        (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period, usual: at least 10"),
+        (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period; use at least 10"),
         (
             0.2,
             2e4,
             "",
             STEP % (0.2 / 11.0),
-            "base shear at yield over the weight 0.0204, usual: 0.03 to 3",
+            "base shear at yield to the weight: 0.0204; usual values are 0.03 to 3",
         ),
         (0.2, 2e4, ", isolator: true", STEP % (0.2 / 11.0), ""),
         # On the record's own samples the motion is straight, and the default needs fewer.
@@ -206,9 +206,9 @@ def test_all_analyses_report_the_warnings_of_check_first(folder: Path, tdint: Co
     (expected,) = [
         line.partition("plain.yaml: ")[2]
         for line in tdint("check", "plain.yaml", code=0).stderr.splitlines()
-        if "mass of a floor 200 kg" in line
+        if "mass of a floor: 200 kg" in line
     ]
-    assert expected.startswith("mass of a floor 200 kg in story 1, 200 kg in story 2, usual: ")
+    assert expected.startswith("unusual mass of a floor: 200 kg in story 1, 200 kg in story 2; ")
     (folder / "study.yaml").write_text(
         "name: study\nbuildings: {models: [plain.yaml]}\n"
         "records: {files: [motion.mseed], component: HNE, units: m/s^2}\n"
@@ -236,7 +236,7 @@ def test_a_failing_run_reports_the_warnings_of_check(folder: Path, tdint: Comman
     (folder / "plain.yaml").write_text(KN_AND_T)
     words = ("run", "plain.yaml", "--method", "central-difference", "--dt", "1")
     first, *_ = tdint(*words, code=5).stderr.splitlines()
-    assert "mass of a floor 200 kg" in first
+    assert "mass of a floor: 200 kg" in first
 
 
 def test_all_errors_of_all_files_are_reported(folder: Path, tdint: Command) -> None:
@@ -293,7 +293,7 @@ def test_an_unusual_peak_causes_one_warning_for_a_model_or_campaign(
 ) -> None:
     text = (folder / "shaken.yaml").read_text()
     (folder / "large.yaml").write_text(text.replace("component: HNE", "component: HNE, scale: 100"))
-    assert "large.yaml: peak ground acceleration " in tdint("check", "large.yaml", code=0).stderr
+    assert "large.yaml: unusual peak ground" in tdint("check", "large.yaml", code=0).stderr
     (folder / "harmed.yaml").write_text(text.replace("motion.mseed", "harmed.mseed"))
     (folder / "harmed.mseed").write_bytes(b"no record")
     tdint("check", "harmed.yaml", code=4)

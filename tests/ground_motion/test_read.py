@@ -49,8 +49,8 @@ class TestWhatARecordTells:
     @pytest.mark.parametrize(
         ("data", "note"),
         [
-            (wave(peak=319.0), "peak ground acceleration 325 g, usual: 0.0001 g to 5 g"),
-            (wave(peak=1e-6), "peak ground acceleration 1.02e-06 g, usual"),
+            (wave(peak=319.0), "peak ground acceleration: 325 g; usual values are 0.0001 g to 5 g"),
+            (wave(peak=1e-6), "peak ground acceleration: 1.02e-06 g; usual"),
             (np.zeros(10), "all samples are zero"),
             (0.1 * wave() + 0.1, "25% of the peak"),
         ],

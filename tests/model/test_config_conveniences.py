@@ -187,7 +187,7 @@ TOLD = {
     # c / (2 sqrt(k m)) = 0.21
     "damping ratio": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, dashpot: 1.2e+6}]",
     "story height": "stories: [{mass: 2e5, height: 3000, stiffness: 4e7}]",
-    "yield force": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, law: "
+    "ratio of the yield force": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, law: "
     "{type: bilinear, yield_force: 9e+3, hardening: 0}}]",  # 0.46 % of the weight
     "collapse_drift": "stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ncollapse_drift: 2",
 }
@@ -197,12 +197,12 @@ TOLD = {
 def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) -> None:
     model = load(TOLD[told])
     (line,) = plausibility_warnings(model, assemble(model))
-    assert line.startswith(told) and ", usual: " in line
+    assert line.startswith(f"unusual {told}") and "; usual values are " in line
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
     assert plausibility_warnings(usual, assemble(usual), 9.0) == ()
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")  # 0.44 s, as 200 t have it
     (line,) = plausibility_warnings(light, assemble(light))
-    assert line.startswith("mass of a floor 200 kg in story 1, usual: ")
+    assert line.startswith("unusual mass of a floor: 200 kg in story 1; usual values are ")
     bare = load("stories: [{mass: 200, stiffness: 4e4}]")
     assert plausibility_warnings(bare, assemble(bare)) == ()
     # c = 2 zeta sqrt(k m): 0.02 % warns, 0.51 % does not; without any damping there is no warning.
@@ -211,10 +211,10 @@ def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) ->
         slight = load(f"stories: [{{mass: 2e5, height: 3, stiffness: 4e7, dashpot: {dashpot!r}}}]")
         lines = plausibility_warnings(slight, assemble(slight))
         assert len(lines) == count
-        assert all("of the first mode 0.0002, usual: 0.005 to 0.2" in line for line in lines)
+        assert all("of the first mode: 0.0002; usual values are 0.005 to 0.2" in x for x in lines)
     for pga in (0.9e-4 * 9.80665, 5.1 * 9.80665):
         (line,) = plausibility_warnings(usual, assemble(usual), pga)
-        assert line.startswith("peak ground acceleration") and "0.0001 g to 5 g" in line
+        assert line.startswith("unusual peak ground acceleration") and "0.0001 g to 5 g" in line
 
 
 def test_the_warnings_of_a_study_are_one_line_for_the_same_of_several_models() -> None:
@@ -223,7 +223,7 @@ def test_the_warnings_of_a_study_are_one_line_for_the_same_of_several_models() -
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]\ndamping: 5%")
     models = [replace(light, source="a.yaml"), replace(light, source="b.yaml"), usual]
     (line,) = study_plausibility_warnings((model, assemble(model)) for model in models)
-    assert line.startswith("a.yaml and 1 more: mass of a floor 200 kg in story 1, usual: ")
+    assert line.startswith("a.yaml and 1 more: unusual mass of a floor: 200 kg in story 1; ")
     varied = [
         load(f"stories: [{{mass: {200 + n}, height: 3, stiffness: 4e4}}]\ndamping: 5%")
         for n in range(14)

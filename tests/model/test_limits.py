@@ -231,7 +231,7 @@ def test_an_undamped_building_under_a_ground_motion_is_a_warning():
     assert not any(text in warning for warning in tdint.run(frame("{modal: 1%}"), record).warnings)
     # A small ratio is below the usual range, and free vibration is often studied without damping.
     small = tdint.run(frame("{modal: 0.02%}"), record).warnings
-    assert any("damping ratio of the first mode 0.0002" in warning for warning in small)
+    assert any("damping ratio of the first mode: 0.0002" in warning for warning in small)
     free = FRAME % "none" + "initial: {velocity: [0.1, 0.2]}\nanalysis: {duration: 2, dt: 0.01}\n"
     assert not any(text in warning for warning in tdint.run(io.StringIO(free)).warnings)
     off = FRAME % "none" + "plausibility: off, textbook example\n"

@@ -52,9 +52,9 @@ def peak_warnings(peak: float, name: str = "peak ground acceleration") -> tuple[
     low, high = _USUAL_PEAKS
     if not 0.0 < peak < math.inf or low <= peak / STANDARD_GRAVITY <= high:
         return ()
-    usual_range = f"usual: {low:g} g to {high:g} g"
     return (
-        f"{name} {peak / STANDARD_GRAVITY:.3g} g, {usual_range}; check the units of the record",
+        f"unusual {name}: {peak / STANDARD_GRAVITY:.3g} g; usual values are {low:g} g to "
+        f"{high:g} g (check the units of the record)",
     )
 
 

@@ -440,7 +440,7 @@ class DrawnBuildings:
 
 
 def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) -> DrawnBuildings:
-    """Assemble the buildings of all samples at once.
+    """Assemble the buildings of all samples.
 
     The results are equal to the bit to those of `assemble` for each changed model.
 
@@ -507,7 +507,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         for draw, (stiffness, *parameters) in enumerate(law_parameters[:, table_rows, i].tolist()):
             if fault := law.fault(stiffness, parameters):
                 raise UsageError(
-                    f"{model.name}: invalid variation of story {i + 1}: {fault} (draw {draw + 1})"
+                    f"{model.name}: invalid variation of story {i + 1}: {fault} (sample {draw + 1})"
                 )
             yield_drift[draw, i] = law.yield_drift(stiffness, parameters)
 

@@ -38,7 +38,7 @@ class UsualRange:
     form : str
         Format string for a value with its unit.
     reason : str
-        Examples of values, and a question that helps the user to identify the error.
+        Examples of values, and what the user should check.
     """
 
     name: str
@@ -60,7 +60,7 @@ class UsualRange:
         example with their stories."""
         limits = f"{self.text(self.low)} to {self.text(self.high)}"
         usual = f"at most {self.text(self.high)}" if self.low <= 0.0 else limits
-        return f"{self.name} {values}, usual: {usual} ({self.reason})"
+        return f"unusual {self.name}: {values}; usual values are {usual} ({self.reason})"
 
 
 _SECONDS, _METERS = "{:.3g} s", "{:.3g} m"
@@ -70,16 +70,16 @@ PERIOD = UsualRange(
     0.03,
     12.0,
     _SECONDS,
-    "a one-story masonry house has 0.05 s, the tallest towers 10 s: are the units of mass and "
-    "stiffness right?",
+    "a one-story masonry house has 0.05 s, the tallest towers have 10 s; check the units of mass "
+    "and stiffness",
 )
 DAMPING = UsualRange(
     "damping ratio of the first mode",
     0.005,
     0.20,
     "{:.3g}",
-    "buildings have 0.01 to 0.07, with dampers up to 0.2: a percentage is written 5% or 0.05; does "
-    "the damping include the mode of the isolators?",
+    "buildings have 0.01 to 0.07, with dampers up to 0.2; write a percentage as 5% or 0.05, and "
+    "check that the damping includes the mode of the isolators",
 )
 """The lower bound is the smallest ratio that is measured in buildings, steel towers in weak wind.
 It detects damping that does not reach the first mode, such as a percentage of a percentage, or
@@ -90,44 +90,45 @@ HEIGHT = UsualRange(
     1.5,
     15.0,
     _METERS,
-    "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?",
+    "offices have 3 to 5 m, tall halls have 15 m; check the unit of length",
 )
 FLOOR = UsualRange(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
-    "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg: is the unit of mass right?",
+    "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg; check the unit of mass",
 )  # fmt: skip
 STRENGTH = UsualRange(
-    "yield force over the weight above:",
+    "ratio of the yield force to the weight above",
     0.005,
     3.0,
     "{:.3g}",
-    "smaller values would yield in wind, codes require 0.03 to 0.3, low walls have 2: are the "
-    "units of force and mass right?",
+    "with smaller values a building yields in wind, codes require 0.03 to 0.3, low walls have 2; "
+    "check the units of force and mass",
 )
 BASE_STRENGTH = UsualRange(
-    "base shear at yield over the weight",
+    "ratio of the base shear at yield to the weight",
     0.03,
     3.0,
     "{:.3g}",
-    "codes require 0.03 to 0.3: do the stiffness and the yield force fit this number of stories?",
+    "codes require 0.03 to 0.3; check that the stiffness and the yield force fit the number of "
+    "stories",
 )
 STEP = UsualRange(
-    "steps in a fundamental period",
+    "number of time steps in the fundamental period",
     10.0,
     math.inf,
     "{:.3g}",
-    "with a tenth of the period, peaks have errors of several percent: use a smaller analysis.dt",
+    "with ten steps, peaks have errors of several percent; use a smaller analysis.dt",
 )
 COLLAPSE = UsualRange(
     "collapse_drift",
     0.0,
     0.20,
     "{:.3g}",
-    "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1",
+    "tests of stories end at 0.03 to 0.15; write a percentage as 10% or 0.1",
 )
 DUCTILITY = UsualRange(
     "ductility", 0.0, 50.0, "{:.3g}",
-    "tests end below 20: is the yield force, or the unit of the record, right?",
+    "tests of stories end below 20; check the yield force and the units of the record",
 )  # fmt: skip
 """The ranges are wide enough for usual buildings and records, and narrow enough to detect a unit
 that is wrong by a factor of 1000."""
@@ -282,8 +283,8 @@ def long_step(building: Building, dt: float | None, interval: float | None) -> l
     if interval is not None and step <= interval and period / step >= _MIN_SAMPLES:
         return []
     return [
-        f"time step {step:.4g} s: {STEP.text(period / step)} steps in the fundamental period, "
-        f"usual: at least {STEP.text(STEP.low)} ({STEP.reason})"
+        f"the time step {step:.4g} s is long: {STEP.text(period / step)} steps in the fundamental "
+        f"period; use at least {STEP.text(STEP.low)} ({STEP.reason})"
     ]
 
 
