@@ -1,7 +1,7 @@
 """Shear buildings from capacity curves (spectral acceleration over spectral displacement), which
 global models provide for classes of buildings.
 
-The rules are the rules of the vulnerability modellers' toolkit of GEM (oq-vmtk 1.1). The floors have
+The rules agree with the vulnerability modellers' toolkit of GEM (oq-vmtk 1.1). The floors have
 equal masses, except for a lighter roof. The stiffness decreases after every two stories. The curves
 of the stories are derived from the capacity curve with the first mode. The toolkit also multiplies
 forces and stiffness by a factor that is intended to keep the period, but changes it. This factor is
